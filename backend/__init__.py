@@ -1,0 +1,1 @@
+"""Sinew's service, control loop and method."""

@@ -1,0 +1,1 @@
+"""HTTP and websocket: a route validates, calls one function, returns a schema."""

@@ -1,0 +1,1 @@
+"""Plans of experiments, their metrics, and the runner shared by browser and command line."""

@@ -1,0 +1,1 @@
+"""Offline estimation of the motor, spring and actuator models: pure, no clock, file or socket."""

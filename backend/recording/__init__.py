@@ -1,0 +1,1 @@
+"""From the ring to stored one-second chunks, and back."""

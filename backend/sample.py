@@ -1,0 +1,60 @@
+"""The sample: one row per tick, defined once.
+
+The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
+from ``FIELDS``. A new signal is a new row here.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column of a sample.
+
+    ``name`` is the spelling everywhere (Python, SQL, JSON, TypeScript, CSV); ``symbol`` is what a person reads;
+    ``unit`` is SI, "1" for counts and codes. Columns that ``derived`` marks follow from the index of the row, so
+    that recording and wire leave them out and rebuild them.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    derived: bool = False
+
+
+FIELDS: tuple[Field, ...] = (
+    Field("tick", "k", "1", "index of the sample since the loop started", derived=True),
+    Field("t", "t", "s", "tick times the sampling period", derived=True),
+    Field("mode", "mode", "1", "position of the mode in backend.loop.mode.Mode"),
+    Field("run", "run", "1", "identifier of the stored run this sample belongs to, 0 for none"),
+    Field("q", "q", "rad", "joint position, measured"),
+    Field("q_ref", "q_ref", "rad", "joint position reference as commanded"),
+    Field("q_ref_gov", "q_ref,gov", "rad", "joint position reference after the reference governor"),
+    Field("q_dot", "dq/dt", "rad/s", "joint velocity, estimated from the encoder"),
+    Field("S", "S", "N·m/rad", "joint stiffness, estimated from measured angles and the identified spring"),
+    Field("S_ref", "S_ref", "N·m/rad", "joint stiffness reference as commanded"),
+    Field("S_ref_gov", "S_ref,gov", "N·m/rad", "joint stiffness reference after the reference governor"),
+    Field("S_true", "S_true", "N·m/rad", "joint stiffness of the simulator, nan on the rig"),
+    Field("theta_A", "θ_A", "rad", "motor A position at the gearbox outlet, measured"),
+    Field("theta_A_ref", "θ_A,ref", "rad", "motor A position reference"),
+    Field("theta_B", "θ_B", "rad", "motor B position at the gearbox outlet, measured"),
+    Field("theta_B_ref", "θ_B,ref", "rad", "motor B position reference"),
+    Field("F_A", "F_A", "N", "tension of tendon A, load cell"),
+    Field("F_B", "F_B", "N", "tension of tendon B, load cell"),
+    Field("u_A", "u_A", "V", "motor A voltage, after limits"),
+    Field("u_B", "u_B", "V", "motor B voltage, after limits"),
+    Field("F_push", "F_push", "N", "external push applied by the simulator, tangential at r_j"),
+    Field("lam_q", "λ_q", "s", "tuning parameter of the position loop in use"),
+    Field("lam_S", "λ_S", "s", "tuning parameter of the stiffness loop in use"),
+    Field("bank_entry", "entry", "1", "active entry of the controller bank, fractional while interpolating"),
+    Field("limits", "limits", "1", "bits of backend.faults.Limit that acted in this tick"),
+    Field("fault", "fault", "1", "position of the latched fault in backend.faults.Fault, 0 for none"),
+    Field("lateness_s", "late", "s", "how late the tick began against its deadline"),
+    Field("overruns", "overruns", "1", "deadlines missed since the loop started"),
+)
+
+NAMES: tuple[str, ...] = tuple(field.name for field in FIELDS)
+INDEX: dict[str, int] = {name: position for position, name in enumerate(NAMES)}
+STORED: tuple[Field, ...] = tuple(field for field in FIELDS if not field.derived)
+STORED_NAMES: tuple[str, ...] = tuple(field.name for field in STORED)

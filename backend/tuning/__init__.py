@@ -1,0 +1,1 @@
+"""From identified models and one parameter λ to gains, margins and previews: pure and offline."""

@@ -1,0 +1,72 @@
+"""What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
+
+from typing import NamedTuple, Protocol
+
+T_s = 1e-3
+"""Sampling period of everything [s] (method section 1)."""
+
+
+class Measurement(NamedTuple):
+    """One reading of the plant. SI units: rad, N, N·m/rad.
+
+    ``S_true`` and ``F_push`` are known to the simulator only; the rig reports nan and 0.
+    ``safety_trip`` is 1.0 once the independent safety module has cut the motors, else 0.0.
+    """
+
+    q: float
+    theta_A: float
+    theta_B: float
+    F_A: float
+    F_B: float
+    S_true: float
+    F_push: float
+    safety_trip: float
+
+
+class MotorCommand(NamedTuple):
+    """Voltages at the two analog outputs [V], each within ±10 V."""
+
+    u_A: float
+    u_B: float
+
+
+ZERO_VOLTS = MotorCommand(0.0, 0.0)
+
+
+class PlantError(Exception):
+    """The plant cannot be opened, read or written; the message says what to do."""
+
+
+class Plant(Protocol):
+    """The one road between the loop and what it controls.
+
+    A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
+    motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
+    sample is due (a hardware clock), False where the loop keeps the time.
+    """
+
+    paces_loop: bool
+
+    def open(self) -> None:
+        """Connect, outputs at zero volts. Raises PlantError."""
+        ...
+
+    def read(self) -> Measurement:
+        """Return the newest measurement. Raises PlantError."""
+        ...
+
+    def write(self, command: MotorCommand) -> None:
+        """Put the voltages on the outputs until the next write. Raises PlantError."""
+        ...
+
+    def push(self, F_push: float) -> None:
+        """Apply an external force [N], tangential at r_j, positive towards +q. PlantError where nothing can push."""
+        ...
+
+    def acknowledge(self) -> None:
+        """Re-arm the safety module after its cause is gone. Raises PlantError while it is not."""
+        ...
+
+    def close(self) -> None:
+        """Zero volts, then let go of the hardware. Safe to call twice."""
+        ...
