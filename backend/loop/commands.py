@@ -1,0 +1,158 @@
+"""What may be asked of the loop (imperatives) and what it tells (past tense), as plain data.
+
+Both travel as JSON between the service and the loop process; ``backend.loop.channel`` writes and reads them.
+"""
+
+from dataclasses import dataclass
+
+from backend.faults import Fault
+from backend.loop.mode import Mode
+from backend.loop.program import Program
+
+
+@dataclass(frozen=True)
+class SetMode:
+    """Move to a mode; ``run`` is the stored run that the samples from there on belong to, 0 for none."""
+
+    mode: Mode
+    run: int = 0
+
+
+@dataclass(frozen=True)
+class SetReferences:
+    """New references of the cascade, both at once."""
+
+    q_ref: float
+    S_ref: float
+
+
+@dataclass(frozen=True)
+class EntryGains:
+    """Gains of the two outer loops at one point of the bank, scaled for the decoupler (erratum E3)."""
+
+    S_nominal: float
+    k_p_q: float
+    k_i_q: float
+    k_r_q: float
+    k_p_S: float
+    k_i_S: float
+    k_r_S: float
+
+
+@dataclass(frozen=True)
+class MotorGains:
+    """Gains of the inner I-PD loops (table 2)."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+    t_f: float
+
+
+@dataclass(frozen=True)
+class SetTuning:
+    """Replace all gains at once, bumpless: the motor voltages do not jump.
+
+    The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
+    scheduling and switching with hysteresis when there is more than one entry.
+    """
+
+    lam_q: float
+    lam_S: float
+    motor_A: MotorGains
+    motor_B: MotorGains
+    entries: tuple[EntryGains, ...]
+    interpolate: bool = False
+
+
+@dataclass(frozen=True)
+class RunProgram:
+    """Play a program in IDENTIFY (law FORCE_HOLD) or EXPERIMENT; back to PRETENSION or RUN when it has ended."""
+
+    program: Program
+    run: int = 0
+
+
+@dataclass(frozen=True)
+class Push:
+    """Apply an external force [N] where the plant can (the simulator)."""
+
+    F_push: float
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts)."""
+
+    fault: Fault = Fault.STOP_PRESSED
+    hard: bool = True
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Clear the latched fault, if its cause is gone."""
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """The service is alive."""
+
+
+@dataclass(frozen=True)
+class Shutdown:
+    """Zero volts, close the plant, end the process."""
+
+
+Command = SetMode | SetReferences | SetTuning | RunProgram | Push | Stop | Reset | Heartbeat | Shutdown
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """The command numbered ``sequence`` was carried out in ``tick``."""
+
+    sequence: int
+    tick: int
+
+
+@dataclass(frozen=True)
+class Refused:
+    """The command numbered ``sequence`` was not carried out; nothing changed."""
+
+    sequence: int
+    tick: int
+    reason: str
+    legal: tuple[Mode, ...] = ()
+
+
+@dataclass(frozen=True)
+class ModeChanged:
+    """The loop moved between modes."""
+
+    tick: int
+    before: Mode
+    after: Mode
+    cause: str
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """The proof of a stop: the tick it arrived, the tick the outputs were zero, and the time between."""
+
+    fault: Fault
+    hard: bool
+    arrived_tick: int
+    zero_tick: int
+    milliseconds: float
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class ProgramEnded:
+    """A program ended, by itself (``completed``) or before its end."""
+
+    tick: int
+    run: int
+    completed: bool
+
+
+Event = Accepted | Refused | ModeChanged | Stopped | ProgramEnded
