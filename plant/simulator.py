@@ -1,0 +1,80 @@
+"""The simulated rig: dynamics, sensors and safety module behind the Plant interface."""
+
+import numpy as np
+
+from plant.compiled import compiled
+from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
+from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
+from plant.parameters import PlantParameters
+from plant.safety import SafetyBounds, exceeded
+from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
+
+_NOISE_BLOCK = 4096
+"""Ticks of load cell noise drawn at a time: drawing in the tick would cost more than the physics."""
+
+
+@compiled
+def actuate(
+    plant: Dynamics, sensors: SensorModel, u_max: float, x: PlantState, command: MotorCommand, F_push: float
+) -> PlantState:
+    """State one period later, under the command as the converter puts it out and a push F_push [N] at r_j."""
+    u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
+    u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
+    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS)
+
+
+class Simulator:
+    """A plant that advances one period at each write; the same seed gives the same run to the last bit."""
+
+    paces_loop = False
+
+    def __init__(self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST) -> None:
+        self.x = x
+        self._plant = parameters.dynamics()
+        self._u_max = parameters.motor.u_max
+        self._sensors = sensor_model(parameters.sensors, parameters.safety.F_max, self._u_max)
+        self._bounds = SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max)
+        self._noise_N = parameters.sensors.force_noise
+        self._random = np.random.default_rng(seed)
+        self._noise = np.zeros((_NOISE_BLOCK, 2))
+        self._line = np.zeros((2, DELAY_SLOTS))
+        self._tick = 0
+        self._F_push = 0.0
+        self._tripped = False
+
+    def open(self) -> None:
+        """Nothing to connect: run the compiled functions once, so that the first tick is as fast as the rest."""
+        sense(self._plant, self._sensors, self.x, self._line.copy(), 0, 0.0, 0.0, 0.0, 0.0)
+        actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0)
+        exceeded(self._plant, self._bounds, self.x)
+
+    def read(self) -> Measurement:
+        """Return the sensors' view of the present state."""
+        row = self._tick % _NOISE_BLOCK
+        if row == 0 and self._noise_N > 0.0:
+            self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
+        noise_A, noise_B = self._noise[row]
+        trip = 1.0 if self._tripped else 0.0
+        return sense(
+            self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip
+        )
+
+    def write(self, command: MotorCommand) -> None:
+        """Advance the physics by one period; the safety module passes the command on only while it has not tripped."""
+        driven = ZERO_VOLTS if self._tripped else command
+        self.x = actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push)
+        self._tripped = self._tripped or exceeded(self._plant, self._bounds, self.x)
+        self._tick += 1
+
+    def push(self, F_push: float) -> None:
+        """Apply an external force [N] from the next period on."""
+        self._F_push = F_push
+
+    def acknowledge(self) -> None:
+        """Re-arm the safety module. PlantError while force or joint position is still beyond its bound."""
+        if exceeded(self._plant, self._bounds, self.x):
+            raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
+        self._tripped = False
+
+    def close(self) -> None:
+        """Nothing to let go of: the physics stands still without writes."""
