@@ -1,0 +1,135 @@
+"""Turns exceptions into the one error body of the interface."""
+
+import logging
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from backend.api.schemas.base import UNITS, Problem, Refusal
+from backend.refusal import OutOfRangeError
+
+_log = logging.getLogger(__name__)
+
+_CODES = {
+    400: "bad_request",
+    401: "not_signed_in",
+    403: "not_allowed",
+    404: "not_found",
+    405: "method_not_allowed",
+    409: "conflict",
+    413: "too_large",
+    422: "bad_value",
+    429: "too_many_attempts",
+    500: "internal_error",
+    503: "unavailable",
+}
+
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    status: {"model": Refusal, "description": description}
+    for status, description in {
+        401: "not signed in",
+        403: "the role, the host or the origin does not allow it",
+        404: "no such thing",
+        409: "not possible in the present state",
+        422: "a value is refused",
+        503: "the loop process does not answer",
+    }.items()
+}
+"""The refusals that any route may answer with, for the documentation."""
+
+
+class ApiError(Exception):
+    """A refusal with its HTTP status; ``legal`` lists what would be accepted."""
+
+    def __init__(
+        self,
+        status: int,
+        message: str,
+        *,
+        code: str | None = None,
+        legal: list[str] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.status = status
+        self.problem = Problem(code=code or _CODES[status], message=message, legal=legal)
+        self.headers = dict(headers or {})
+
+
+def install(app: FastAPI) -> None:
+    """Register the handlers on ``app``."""
+
+    @app.exception_handler(ApiError)
+    async def refused(_request: Request, error: ApiError) -> JSONResponse:
+        return _answer(error.status, error.problem, error.headers)
+
+    @app.exception_handler(OutOfRangeError)
+    async def out_of_range(_request: Request, error: OutOfRangeError) -> JSONResponse:
+        return _answer(422, problem_of(error))
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
+        return _answer(422, _first_problem(error))
+
+    @app.exception_handler(HTTPException)
+    async def http(_request: Request, error: HTTPException) -> JSONResponse:
+        problem = Problem(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
+        return _answer(error.status_code, problem, error.headers)
+
+    @app.exception_handler(Exception)
+    async def unexpected(request: Request, error: Exception) -> JSONResponse:
+        _log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+        return _answer(500, Problem(code="internal_error", message="the service failed on this request; see its log"))
+
+
+def problem_of(error: OutOfRangeError) -> Problem:
+    """Return the error body of a refused number."""
+    return Problem(
+        code="out_of_range",
+        message=str(error),
+        quantity=error.quantity,
+        value=_plain(error.value),
+        minimum=error.minimum,
+        maximum=error.maximum,
+        unit=error.unit,
+    )
+
+
+def _first_problem(error: RequestValidationError) -> Problem:
+    first = error.errors()[0]
+    path = [str(part) for part in first["loc"] if part not in ("body", "query", "path")]
+    name = path[-1] if path else "body"
+    bounds = first.get("ctx", {})
+    minimum = bounds.get("ge", bounds.get("gt"))
+    maximum = bounds.get("le", bounds.get("lt"))
+    sentence = first["msg"][:1].lower() + first["msg"][1:]
+    unit = UNITS.get(name)
+    shown_unit = f" [{unit}]" if unit else ""
+    return Problem(
+        code=str(first["type"]),
+        message=f"{'.'.join(path) or 'body'}{shown_unit}: {sentence}",
+        quantity=name,
+        value=_plain(first.get("input")),
+        minimum=minimum if isinstance(minimum, int | float) else None,
+        maximum=maximum if isinstance(maximum, int | float) else None,
+        unit=unit,
+    )
+
+
+def _plain(value: object) -> object:
+    """Return what JSON can show of a refused value; a token or a large body is not repeated."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, int | float) or value is None:
+        return value
+    return value[:40] if isinstance(value, str) else None
+
+
+def _answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    body = Refusal(error=problem).model_dump(exclude_none=True)
+    return JSONResponse(body, status_code=status, headers=dict(headers or {}))

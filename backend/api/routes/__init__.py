@@ -1,0 +1,1 @@
+"""The routes by subject: each validates, calls one function, returns a schema."""

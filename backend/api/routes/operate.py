@@ -1,0 +1,45 @@
+"""State, STOP, reset, mode, references, push."""
+
+from fastapi import APIRouter
+
+from backend.api.auth import Operator, SignedIn
+from backend.api.schemas.state import ModeRequest, Push, References, State, StopProof
+from backend.api.service import ServiceInUse
+
+router = APIRouter(prefix="/api", tags=["operate"])
+
+
+@router.get("/state")
+async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
+    """Return everything the status line and the controls show."""
+    return service.bench.state()
+
+
+@router.post("/stop")
+async def stop(service: ServiceInUse, person: SignedIn) -> StopProof:
+    """Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode."""
+    return await service.bench.stop(person.name)
+
+
+@router.post("/reset")
+async def reset(service: ServiceInUse, person: Operator) -> State:
+    """Clear the latched fault after its cause is gone."""
+    return await service.bench.reset(person.name)
+
+
+@router.post("/mode")
+async def set_mode(body: ModeRequest, service: ServiceInUse, person: Operator) -> State:
+    """Move to another mode; an illegal move is refused with the legal ones."""
+    return await service.bench.set_mode(body.mode, person.name)
+
+
+@router.put("/references")
+async def set_references(body: References, service: ServiceInUse, person: Operator) -> References:
+    """Set the references of the cascade; values beyond the limits are refused."""
+    return await service.bench.set_references(body.q_ref, body.S_ref, person.name)
+
+
+@router.post("/push")
+async def push(body: Push, service: ServiceInUse, person: Operator) -> Push:
+    """Push the joint of the simulator from outside."""
+    return await service.bench.push(body.F_push, person.name)

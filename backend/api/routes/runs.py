@@ -1,0 +1,96 @@
+"""Stored runs: search, notes, samples, reports, downloads."""
+
+from enum import StrEnum
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from backend.api.auth import Operator, SignedIn
+from backend.api.schemas.base import Finite
+from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
+from backend.api.service import RowId, ServiceInUse
+
+router = APIRouter(prefix="/api/runs", tags=["runs"])
+
+PDF = "application/pdf"
+
+
+class DataFormat(StrEnum):
+    """Formats a recording can be downloaded in."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    MAT = "mat"
+
+
+MEDIA_TYPES = {
+    DataFormat.CSV: "text/csv; charset=utf-8",
+    DataFormat.PARQUET: "application/vnd.apache.parquet",
+    DataFormat.MAT: "application/x-matlab-data",
+}
+
+
+@router.get("")
+async def list_runs(
+    service: ServiceInUse,
+    _person: SignedIn,
+    kind: Annotated[str | None, Query(max_length=40, description="only runs of this kind")] = None,
+    search: Annotated[str, Query(max_length=100, description="words in kind, note, person or settings")] = "",
+    limit: Annotated[int, Query(ge=1, le=500)] = 100,
+    offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
+) -> RunList:
+    """List stored runs, newest first."""
+    return await service.library.runs(kind, search, limit, offset)
+
+
+@router.get("/{id}")
+async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
+    """Return one run."""
+    return await service.library.run(id)
+
+
+@router.patch("/{id}")
+async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
+    """Write the note of a run."""
+    return await service.library.set_note(id, body.note)
+
+
+@router.get("/{id}/samples")
+async def get_samples(
+    id: RowId,
+    service: ServiceInUse,
+    _person: SignedIn,
+    from_s: Annotated[Finite, Query(alias="from", ge=0.0, description="begin, from the run's first sample [s]")] = 0.0,
+    to_s: Annotated[Finite | None, Query(alias="to", gt=0.0, description="end [s]; the run's end if left out")] = None,
+    points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
+    signals: Annotated[str, Query(max_length=400, description="names separated by commas")] = "q,q_ref,S,S_ref",
+) -> SamplesView:
+    """Return samples of a run: raw where they are few enough, else their min/max envelope."""
+    return await service.library.samples(id, from_s, to_s, points, signals.split(","))
+
+
+@router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
+async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return the report of a run as one self-contained page."""
+    report = await service.library.report_html(id)
+    return Response(report, media_type="text/html; charset=utf-8")
+
+
+@router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
+async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return the report of a run as PDF."""
+    return _download(await service.library.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
+
+
+@router.get(
+    "/{id}/data.{format}",
+    response_class=Response,
+    responses={200: {"content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()}}},
+)
+async def get_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return all samples of a run as CSV, Parquet or MATLAB file; SI units, columns named as in the notation."""
+    return _download(await service.library.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+
+
+def _download(content: bytes, media_type: str, name: str) -> Response:
+    return Response(content, media_type=media_type, headers={"Content-Disposition": f'attachment; filename="{name}"'})

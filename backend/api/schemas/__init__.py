@@ -1,0 +1,1 @@
+"""The shapes of everything the HTTP interface takes and gives, by subject."""

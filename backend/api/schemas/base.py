@@ -1,0 +1,48 @@
+"""What all schemas share: no unknown fields, finite numbers, a unit on each quantity."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+"""A number that is neither nan nor infinite."""
+
+UNITS: dict[str, str] = {}
+"""Unit of each quantity by its name, for refusals; a name has one unit everywhere."""
+
+
+class Schema(BaseModel):
+    """A body that refuses unknown fields and numbers that are not finite."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, ser_json_inf_nan="null")
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        for name, field in cls.model_fields.items():
+            if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
+                UNITS[name] = str(field.json_schema_extra["unit"])
+
+
+def quantity(unit: str, meaning: str, **constraints: Any) -> Any:
+    """Return a pydantic field that carries its SI unit into the schema and into refusals."""
+    return Field(description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit}, **constraints)
+
+
+class Problem(Schema):
+    """Why a request was refused, and what would be accepted."""
+
+    code: str
+    message: str
+    quantity: str | None = None
+    value: Any = None
+    minimum: float | None = None
+    maximum: float | None = None
+    unit: str | None = None
+    legal: list[str] | None = None
+
+
+class Refusal(Schema):
+    """Body of every answer that is not a success."""
+
+    error: Problem

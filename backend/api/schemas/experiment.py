@@ -1,0 +1,79 @@
+"""Experiments: which there are, their settings, and how they went."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.api.schemas.base import Finite, Schema, quantity
+
+SettingValue = bool | Finite | str
+
+
+class SettingView(Schema):
+    """One setting of an experiment."""
+
+    name: str
+    meaning: str
+    unit: str
+    default: SettingValue | None
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: list[str] | None = None
+
+
+class ExperimentKind(Schema):
+    """A kind of experiment that can be started."""
+
+    name: str
+    title: str
+    description: str
+    duration_s: float = quantity("s", "length with the settings at their defaults")
+    settings: list[SettingView]
+
+
+class ExperimentKindList(Schema):
+    """The kinds of experiments there are."""
+
+    experiments: list[ExperimentKind]
+
+
+class ExperimentRequest(Schema):
+    """Which experiment to start, with settings that differ from the defaults."""
+
+    name: str = Field(min_length=1, max_length=40)
+    settings: dict[str, SettingValue] = Field(default_factory=dict, max_length=50)
+
+
+class Metric(Schema):
+    """One number of the result."""
+
+    name: str
+    label: str
+    value: float | None
+    unit: str
+
+
+class Criterion(Schema):
+    """A bound that a metric had to keep."""
+
+    name: str
+    label: str
+    value: float | None
+    bound: float
+    relation: str = Field(description="'<=' or '>='")
+    unit: str
+    passed: bool
+
+
+class ExperimentView(Schema):
+    """One experiment run and, once it has ended, its result."""
+
+    id: int
+    name: str
+    status: str
+    created: datetime
+    progress: float = Field(ge=0.0, le=1.0)
+    settings: dict[str, SettingValue | None]
+    metrics: list[Metric]
+    criteria: list[Criterion]
+    message: str

@@ -1,0 +1,56 @@
+"""Stored runs and their samples."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.api.schemas.base import Schema, quantity
+
+
+class RunView(Schema):
+    """One stored run."""
+
+    id: int
+    kind: str
+    plant: str
+    parameters: str
+    who: str
+    started: datetime
+    ended: datetime | None
+    end_state: str
+    end_reason: str
+    duration_s: float = quantity("s", "length of what was recorded")
+    samples: int
+    missing_samples: int = Field(description="ticks that the recording lacks; more than 0 is an error of the run")
+    settings: dict[str, object]
+    note: str
+
+
+class RunList(Schema):
+    """Runs, newest first, one page of them."""
+
+    runs: list[RunView]
+    total: int
+
+
+class NoteRequest(Schema):
+    """What a person wants to remember about a run."""
+
+    note: str = Field(max_length=4000)
+
+
+class Envelope(Schema):
+    """One signal over the times of the answer. Raw: minimum and maximum are the same values."""
+
+    unit: str
+    minimum: list[float | None]
+    maximum: list[float | None]
+
+
+class SamplesView(Schema):
+    """Samples of a run between two times, raw when few enough, else the min/max envelope."""
+
+    run: int
+    raw: bool
+    t: list[float] = quantity("s", "time since the run's first sample")
+    signals: dict[str, Envelope]

@@ -1,0 +1,39 @@
+"""Who is signed in, and whether the service is well."""
+
+from enum import StrEnum
+
+from pydantic import Field
+
+from backend.api.schemas.base import Schema, quantity
+from backend.loop.mode import Mode
+
+
+class Role(StrEnum):
+    """What a signed-in person may do: an operator commands, a viewer watches (and may stop)."""
+
+    OPERATOR = "operator"
+    VIEWER = "viewer"
+
+
+class SignIn(Schema):
+    """A token from the data folder, exchanged for a session cookie."""
+
+    token: str = Field(min_length=1, max_length=200)
+    name: str = Field(default="", max_length=40, description="name shown to others; the role when left out")
+
+
+class SessionView(Schema):
+    """The signed-in person."""
+
+    name: str
+    role: Role
+
+
+class Health(Schema):
+    """Whether the service and its loop are alive; open to all, without secrets."""
+
+    alive: bool
+    mode: Mode | None
+    rate_Hz: float = quantity("Hz", "ticks per second over the last second")
+    overruns: int = Field(description="deadlines missed since the loop started")
+    version: str

@@ -1,0 +1,114 @@
+"""The state of the session at the bench: mode, references, tuning, limits, faults."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.tuning import TuningView
+from backend.faults import Fault
+from backend.loop.mode import Mode
+
+
+class LinkView(Schema):
+    """The road to the loop process."""
+
+    alive: bool
+    silent_s: float = quantity("s", "time since the loop's newest sample was seen")
+    starts: int = Field(description="how many times the loop process has been started by this service")
+
+
+class TimingView(Schema):
+    """How well the loop keeps its period."""
+
+    period_s: float = quantity("s", "sampling period")
+    rate_Hz: float = quantity("Hz", "ticks per second over the last second")
+    lateness_p50_ms: float = quantity("ms", "median lateness of the last second's ticks")
+    lateness_p99_ms: float = quantity("ms", "99th percentile of lateness of the last second's ticks")
+    overruns: int = Field(description="deadlines missed since the loop started")
+
+
+class References(Schema):
+    """What the cascade is asked to follow, as in force."""
+
+    q_ref: float = quantity("rad", "joint position reference")
+    S_ref: float = quantity("N·m/rad", "joint stiffness reference")
+
+
+class Push(Schema):
+    """An external force on the joint; the simulator only."""
+
+    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q")
+
+
+class LimitsView(Schema):
+    """Where the operator's inputs end, and the lines the charts draw."""
+
+    q_min: float = quantity("rad", "smallest joint position reference")
+    q_max: float = quantity("rad", "largest joint position reference")
+    S_min: float = quantity("N·m/rad", "smallest stiffness reference")
+    S_max: float = quantity("N·m/rad", "largest stiffness reference")
+    F_min: float = quantity("N", "slack line: least tendon tension wanted")
+    F_max: float = quantity("N", "tendon tension at which the spring is solid")
+    F_push_max: float = quantity("N", "largest external push, either way; 0 where nothing can push")
+    u_max: float = quantity("V", "largest motor voltage, either way")
+
+
+class FaultView(Schema):
+    """The latched fault."""
+
+    code: Fault
+    message: str
+    remedy: str
+    tick: int
+
+
+class StopProof(Schema):
+    """What a stop took: when it arrived in the loop and when the outputs were at zero."""
+
+    arrived_tick: int
+    zero_tick: int
+    milliseconds: float = quantity("ms", "from arrival in the loop to zero volts")
+
+
+class HolderView(Schema):
+    """Who holds control."""
+
+    name: str
+
+
+class TaskView(Schema):
+    """The identification or experiment that is running."""
+
+    kind: str
+    run: int
+    elapsed_s: float = quantity("s", "time since the task began")
+    duration_s: float = quantity("s", "expected length of the task")
+    phase: str
+
+
+class ModeRequest(Schema):
+    """The mode wanted."""
+
+    mode: Mode
+
+
+class State(Schema):
+    """Everything the status line and the controls show."""
+
+    mode: Mode
+    legal_modes: list[Mode]
+    plant: Literal["simulator", "rig"]
+    parameters: str
+    tick: int
+    link: LinkView
+    timing: TimingView
+    references: References
+    tuning: TuningView
+    limits: LimitsView
+    fault: FaultView | None
+    pretension_done: bool
+    stop_proof: StopProof | None
+    holder: HolderView | None
+    task: TaskView | None
+    recording_run: int | None = Field(description="run that the samples belong to at present")

@@ -1,0 +1,60 @@
+"""λ of the three loops, what they would do, and where their ranges end."""
+
+from pydantic import Field
+
+from backend.api.schemas.base import Schema, quantity
+
+
+class BankReference(Schema):
+    """The bank in use."""
+
+    id: int
+    name: str
+    version: int
+
+
+class TuningView(Schema):
+    """The tuning in force."""
+
+    lam_q: float = quantity("s", "tuning parameter of the position loop")
+    lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
+    lam_motor: float = quantity("s", "tuning parameter of the motor loops")
+    lam_q_min: float = quantity("s", "smallest λ_q offered (M_s = 1.7 on the high-order model)")
+    lam_q_max: float = quantity("s", "largest λ_q offered")
+    lam_S_min: float = quantity("s", "smallest λ_S offered (M_s = 1.7 on the high-order model)")
+    lam_S_max: float = quantity("s", "largest λ_S offered")
+    lam_motor_min: float = quantity("s", "smallest λ_motor offered")
+    lam_motor_max: float = quantity("s", "largest λ_motor offered")
+    bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
+    entry: float = Field(description="active entry of the bank, fractional while interpolating")
+    interpolate: bool = Field(description="gain scheduling between entries instead of switching")
+
+
+class TuningRequest(Schema):
+    """The tuning wanted; what is left out stays as it is."""
+
+    lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None)
+    lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None)
+    lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None)
+    interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
+
+
+class LoopPreview(Schema):
+    """What one outer loop would do at a λ, on the high-order model of the active entry."""
+
+    lam: float = quantity("s", "λ previewed")
+    lam_min: float = quantity("s", "where the safe range begins")
+    lam_max: float = quantity("s", "where the offered range ends")
+    stable: bool
+    M_s: float | None = Field(description="maximum of the sensitivity function; None when unstable")
+    gain_margin: float | None = Field(description="factor of gain left before instability; None when unstable")
+    phase_margin_deg: float | None = quantity("deg", "phase left before instability; None when unstable")
+    t: list[float] = quantity("s", "time of the predicted unit step")
+    y: list[float] = Field(description="predicted response to a unit reference step [1]")
+
+
+class TuningPreview(Schema):
+    """What both outer loops would do."""
+
+    position: LoopPreview
+    stiffness: LoopPreview
