@@ -1,0 +1,202 @@
+"""Plans of experiments: settings in, a ``Program`` for the loop out. Pure: the same plan gives the same program.
+
+Angles in rad, stiffness in N·m/rad, tensions and pushes in N, times in s.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+from backend.experiments.settings import SettingError, integer, number
+from backend.loop.program import Excitation, Law, Program, Segment, Shape
+
+Q_REF_MAX = 1.4
+S_REF_MIN, S_REF_MAX = 8.0, 15.0
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A named stretch of a program [s from its start]; the report draws one set of panels for each."""
+
+    name: str
+    title: str
+    start_s: float
+    end_s: float
+
+
+class Plan(Protocol):
+    """What the runner asks of every plan."""
+
+    kind: ClassVar[str]
+
+    def program(self) -> Program:
+        """Return what the loop plays."""
+        ...
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return the named stretches of the program, in order, without a gap."""
+        ...
+
+
+@dataclass(frozen=True)
+class TrackingPlan:
+    """Experiment 1 of the paper (figure 7; method section 7).
+
+    A lead-in brings joint and stiffness to where the steps begin. Then q steps between plus and minus the amplitude
+    at constant stiffness, S pulses at constant position, and both at once. Where both move, a reference is held for
+    the longer of the two times, so that both are at rest before the next change.
+    """
+
+    kind: ClassVar[str] = "tracking"
+
+    q_amplitude: float = number(math.pi / 3, 0.01, Q_REF_MAX, "rad", "q_max", "joint position steps between ±q_max")
+    q_hold: float = number(0.0, -Q_REF_MAX, Q_REF_MAX, "rad", "q_0", "joint position held during the stiffness pulses")
+    S_hold: float = number(10.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_0", "stiffness held during the position steps")
+    S_low: float = number(8.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_low", "lower level of the stiffness pulses")
+    S_high: float = number(14.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_high", "upper level of the stiffness pulses")
+    q_duration_s: float = number(8.0, 0.5, 60.0, "s", "t_q", "time each position reference is held")
+    S_duration_s: float = number(6.0, 0.5, 60.0, "s", "t_S", "time each stiffness reference is held")
+
+    def __post_init__(self) -> None:
+        if self.S_low >= self.S_high:
+            raise SettingError(
+                "S_low",
+                self.S_low,
+                f"must lie below S_high = {self.S_high:g} N·m/rad",
+                maximum=self.S_high,
+                unit="N·m/rad",
+            )
+
+    def program(self) -> Program:
+        """Return the whole experiment as one program of steps."""
+        return Program(Law.CASCADE, tuple(segment for part in self._parts() for segment in part[2]))
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return lead-in, position, stiffness and both."""
+        phases: list[Phase] = []
+        start = 0.0
+        for name, title, segments in self._parts():
+            end = start + sum(segment.duration_s for segment in segments)
+            phases.append(Phase(name, title, start, end))
+            start = end
+        return tuple(phases)
+
+    def _parts(self) -> tuple[tuple[str, str, tuple[Segment, ...]], ...]:
+        q_max, q_0, S_0 = self.q_amplitude, self.q_hold, self.S_hold
+        both_s = max(self.q_duration_s, self.S_duration_s)
+        return (
+            ("lead_in", "Lead-in to the first reference", _steps(both_s, [(0.0, S_0)])),
+            (
+                "position",
+                "Position steps at constant stiffness",
+                _steps(self.q_duration_s, [(q_max, S_0), (-q_max, S_0), (q_max, S_0), (q_0, S_0)]),
+            ),
+            (
+                "stiffness",
+                "Stiffness pulses at constant position",
+                _steps(
+                    self.S_duration_s,
+                    [(q_0, self.S_high), (q_0, self.S_low), (q_0, self.S_high), (q_0, self.S_low), (q_0, S_0)],
+                ),
+            ),
+            (
+                "both",
+                "Position and stiffness at once",
+                _steps(both_s, [(q_max, self.S_high), (-q_max, self.S_low), (q_max, self.S_high), (0.0, S_0)]),
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class ActuatorIdentificationPlan:
+    """Closed-loop identification of G_q and G_S at one tendon tension (method section 4, figures 4 and 5).
+
+    theta_B_ref is 0, a slow force loop holds the tension, and a maximum-length sequence moves theta_A_ref.
+    """
+
+    kind: ClassVar[str] = "actuator_identification"
+
+    tension_N: float = number(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while theta_A is excited")
+    amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on theta_A_ref")
+    chip_s: float = number(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
+    bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
+    periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last one is kept for validation")
+    settle_s: float = number(8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts")
+
+    def program(self) -> Program:
+        """Return the force hold with its excitation."""
+        excitation = Excitation(self.amplitude_rad, self.chip_s, self.bits, self.periods)
+        if excitation.duration_s > MAX_EXCITATION_S:
+            raise SettingError(
+                "chip_s",
+                self.chip_s,
+                f"periods x (2^bits - 1) x chip_s = {excitation.duration_s:g} s is longer than {MAX_EXCITATION_S:g} s; "
+                "take a shorter chip, fewer bits or fewer periods",
+                unit="s",
+            )
+        return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=excitation)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return settling and excitation."""
+        end = self.program().duration_s
+        return (
+            Phase("settle", "Tension held, no excitation", 0.0, self.settle_s),
+            Phase("excitation", "Excitation", self.settle_s, end),
+        )
+
+
+MAX_EXCITATION_S = 600.0
+
+
+@dataclass(frozen=True)
+class SequencePlan:
+    """An own sequence of steps, ramps and sines of q_ref and S_ref, at most one hour long."""
+
+    kind: ClassVar[str] = "sequence"
+
+    segments: tuple[Segment, ...]
+
+    def __post_init__(self) -> None:
+        if not self.segments:
+            raise SettingError("segments", self.segments, "needs at least one segment")
+        for position, segment in enumerate(self.segments, start=1):
+            _check_segment(position, segment)
+        duration = sum(segment.duration_s for segment in self.segments)
+        if duration > 3600.0:
+            raise SettingError(
+                "segments", duration, "all segments together last at most 3600 s", maximum=3600.0, unit="s"
+            )
+
+    def program(self) -> Program:
+        """Return the segments as a program."""
+        return Program(Law.CASCADE, self.segments)
+
+    def phases(self) -> tuple[Phase, ...]:
+        """Return one phase: the sequence."""
+        return (Phase("sequence", "Own sequence", 0.0, self.program().duration_s),)
+
+
+def _steps(duration_s: float, references: Iterable[tuple[float, float]]) -> tuple[Segment, ...]:
+    return tuple(Segment(duration_s, q_ref, S_ref) for q_ref, S_ref in references)
+
+
+def _check_segment(position: int, segment: Segment) -> None:
+    bounds = [
+        ("duration_s", segment.duration_s, 0.01, 600.0, "s"),
+        ("q_ref", segment.q_ref, -Q_REF_MAX, Q_REF_MAX, "rad"),
+        ("S_ref", segment.S_ref, S_REF_MIN, S_REF_MAX, "N·m/rad"),
+        ("F_push", segment.F_push, -30.0, 30.0, "N"),
+    ]
+    if segment.shape is Shape.SINE:
+        bounds.append(("period_s", segment.period_s, 0.05, 600.0, "s"))
+    for name, value, minimum, maximum, unit in bounds:
+        if not minimum <= value <= maximum:  # false for nan too
+            raise SettingError(
+                f"segments[{position}].{name}",
+                value,
+                f"must lie between {minimum:g} and {maximum:g} {unit}",
+                minimum=minimum,
+                maximum=maximum,
+                unit=unit,
+            )

@@ -1,0 +1,169 @@
+"""Metrics against closed forms of step responses."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from backend.experiments.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
+from backend.experiments.metrics import NoSamplesError, Step, step_metrics, steps_of, tracking_metrics
+from backend.experiments.plans import SequencePlan, TrackingPlan
+from backend.loop.program import Segment, Shape
+
+T_s = 1e-3
+Array = NDArray[np.float64]
+
+
+def double_lag(t: Array, lam: float) -> Array:
+    """Step response of 1/(lam s + 1)^2."""
+    return np.where(t > 0, 1 - (1 + t / lam) * np.exp(-t / lam), 0.0)
+
+
+def second_order(t: Array, zeta: float, omega: float) -> Array:
+    """Step response of omega²/(s² + 2 zeta omega s + omega²), zeta < 1."""
+    damped = omega * math.sqrt(1 - zeta**2)
+    return 1 - np.exp(-zeta * omega * t) * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t))
+
+
+def step(before: float = 0.0, after: float = 1.0, end_s: float = 8.0) -> Step:
+    return Step("q", "position", 0.0, end_s, before, after, alone=True)
+
+
+@pytest.mark.parametrize("lam", [0.25, 0.5, 0.9])
+@pytest.mark.parametrize(("before", "after"), [(0.0, 1.0), (1.0, -1.0), (14.0, 8.0)])
+def test_double_lag_gives_its_rise_and_settling_times(lam: float, before: float, after: float) -> None:
+    t = np.arange(0, 8, T_s)
+    result = step_metrics(t, before + (after - before) * double_lag(t, lam), step(before, after))
+
+    def remaining(x: float) -> float:
+        return (1 + x) * math.exp(-x)
+
+    x_10, x_90, x_98 = (brentq(lambda x, r=r: remaining(x) - r, 1e-9, 50) for r in (0.9, 0.1, 0.02))
+    assert result.rise_s == pytest.approx(lam * (x_90 - x_10), abs=1e-5)
+    assert result.settling_s == pytest.approx(lam * x_98, abs=T_s)
+    assert result.overshoot_percent == pytest.approx(0.0, abs=1e-9)
+    assert result.steady_error == pytest.approx(0.0, abs=abs(after - before) * remaining(7.5 / lam))
+
+
+@pytest.mark.parametrize("zeta", [0.3, 0.5, 0.7])
+def test_second_order_gives_its_overshoot(zeta: float) -> None:
+    t = np.arange(0, 8, T_s)
+    result = step_metrics(t, -2 * second_order(t, zeta, 6.0), step(0.0, -2.0))
+    assert result.overshoot_percent == pytest.approx(100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=1e-3)
+
+
+def test_settling_is_the_last_exit_not_the_first_entry() -> None:
+    t = np.arange(0, 8, T_s)
+    response = second_order(t, 0.3, 6.0)
+    result = step_metrics(t, response, step())
+    assert result.settling_s is not None
+    after = t > result.settling_s
+    assert np.all(np.abs(response[after] - 1) <= 0.02)
+    assert abs(response[np.searchsorted(t, result.settling_s) - 1] - 1) > 0.02
+    assert result.settling_s > float(t[np.flatnonzero(response > 0.98)[0]]) + 0.5
+
+
+def test_what_never_happened_has_no_figure() -> None:
+    t = np.arange(0, 1, T_s)
+    result = step_metrics(t, double_lag(t, 1.0), step(end_s=1.0))
+    assert result.rise_s is None
+    assert result.settling_s is None
+
+
+def tracked(plan: TrackingPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0) -> dict[str, Array]:
+    """Samples of a loop that is exactly 1/(λs+1)² in both signals, plus a deviation of S proportional to dq/dt."""
+    program = plan.program()
+    t = np.arange(round(program.duration_s / T_s)) * T_s
+    columns = {"t": t, "F_A": np.full_like(t, 20.0), "F_B": np.full_like(t, 21.0)}
+    columns |= {"u_A": np.full_like(t, -3.0), "u_B": np.full_like(t, 2.0)}
+    for name, lam in (("q", lam_q), ("S", lam_S)):
+        old = {"q": 0.0, "S": 10.0}[name]
+        start, y, y_ref = 0.0, np.full_like(t, old), np.empty_like(t)
+        for segment in program.segments:
+            new = getattr(segment, f"{name}_ref")
+            y_ref[t >= start - 1e-9] = new
+            y += (new - old) * double_lag(t - start, lam)
+            start, old = start + segment.duration_s, new
+        columns |= {name: y, f"{name}_ref": y_ref}
+    columns["S"] = columns["S"] + coupling * np.gradient(columns["q"], T_s)
+    return columns
+
+
+def test_steps_of_tracking_follow_the_references() -> None:
+    plan = TrackingPlan()
+    steps = steps_of(plan.program(), plan.phases())
+    assert [(s.signal, s.alone) for s in steps if s.phase == "position"] == [("q", True)] * 4
+    assert [(s.signal, s.alone) for s in steps if s.phase == "stiffness"] == [("S", True)] * 5
+    assert {s.signal for s in steps if s.phase == "both"} == {"q", "S"}
+    assert not any(s.alone for s in steps if s.phase == "both")
+    assert steps[0].start_s == 8.0
+    assert steps[0].before == 0.0
+    assert steps[0].after == math.pi / 3
+
+
+def test_ramps_and_sines_are_not_steps() -> None:
+    segments = (
+        Segment(1.0, 0.0, 10.0),
+        Segment(1.0, 0.5, 10.0, shape=Shape.RAMP),
+        Segment(1.0, 0.8, 10.0, shape=Shape.SINE),
+        Segment(1.0, 0.2, 10.0),
+        Segment(1.0, 0.2, 12.0),
+    )
+    plan = SequencePlan(segments)
+    assert [(s.signal, s.start_s) for s in steps_of(plan.program(), plan.phases())] == [("S", 4.0)]
+
+
+def test_tracking_metrics_of_a_known_loop() -> None:
+    plan = TrackingPlan()
+    coupling = 0.02
+    columns = tracked(plan, coupling=coupling)
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    assert metrics.complete
+    assert len(metrics.steps) == 17
+    # largest slope of 1/(λs+1)² is 1/(λe), on the largest step of q that moves alone
+    assert metrics.overall.deviation_S == pytest.approx(coupling * (2 * math.pi / 3) / (0.5 * math.e), rel=0.01)
+    assert metrics.overall.deviation_q == pytest.approx(0.0, abs=1e-4)
+    assert (metrics.overall.min_tension_N, metrics.overall.max_tension_N) == (20.0, 21.0)
+    assert metrics.overall.peak_voltage_V == 3.0
+    assert metrics.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
+    expected = math.sqrt(np.mean((columns["q"] - columns["q_ref"]) ** 2))
+    assert metrics.overall.rmse_q == pytest.approx(expected)
+
+
+def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
+    plan = TrackingPlan()
+    columns = {name: column[:20_500] for name, column in tracked(plan).items()}
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    assert not metrics.complete
+    assert metrics.played_s == pytest.approx(20.5)
+    assert [item.step.end_s for item in metrics.steps] == [16.0]
+    verdicts = {item.name: item.passed for item in tracking_criteria(metrics, BOUNDS_IDEAL)}
+    assert verdicts == {"overshoot_q": None, "overshoot_S": None, "deviation_S": None, "min_tension": None}
+    with pytest.raises(NoSamplesError):
+        tracking_metrics({name: column[:0] for name, column in columns.items()}, plan.program(), plan.phases())
+
+
+def test_criteria_judge_each_figure_against_its_own_bound() -> None:
+    plan = TrackingPlan()
+    columns = tracked(plan, coupling=0.1)  # deviates by about 0.15 N·m/rad: too much for ideal, fine for lab
+    columns["F_A"] = columns["F_A"].copy()
+    columns["F_A"][40_000] = 4.5
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    ideal = {item.name: item.passed for item in tracking_criteria(metrics, bounds_for("ideal"))}
+    lab = {item.name: item.passed for item in tracking_criteria(metrics, bounds_for("lab"))}
+    assert ideal == {
+        "overshoot_q": True,
+        "overshoot_S": False,
+        "deviation_S": False,
+        "min_tension": False,
+    } or ideal == {
+        "overshoot_q": True,
+        "overshoot_S": True,
+        "deviation_S": False,
+        "min_tension": False,
+    }
+    assert lab["deviation_S"]
+    assert lab["min_tension"]
+    assert bounds_for("our_rig") == BOUNDS_LAB
