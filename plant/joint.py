@@ -29,7 +29,7 @@ def elongation_B(joint: Joint, theta_B: float, q: float) -> float:
 
 @compiled
 def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_ext: float) -> float:
-    """q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext (equations 5, 13)."""
+    """Q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext (equations 5, 13)."""
     return (joint.r_j * (F_A - F_B) + tau_ext - joint.B_j * q_dot) / joint.J_j
 
 

@@ -22,11 +22,11 @@ class Motor(NamedTuple):
 
 @compiled
 def motor_torque_rate(motor: Motor, tau: float, u: float) -> float:
-    """d tau_m/dt [N·m/s]: tau_m = K_t/(L/R s + 1) u (equations 8, 9)."""
+    """D tau_m/dt [N·m/s]: tau_m = K_t/(L/R s + 1) u (equations 8, 9)."""
     return (motor.K_t * u - tau) / motor.tau_e
 
 
 @compiled
 def motor_acceleration(motor: Motor, omega: float, tau: float, load: float) -> float:
-    """theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7)."""
+    """Theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7)."""
     return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load)) / motor.J_m

@@ -165,7 +165,9 @@ def _section(file: str, section: str, kind: type, table: dict[str, Any], sources
     for name, entry in known.items():
         label = f"{file}: {section}.{name}"
         if not isinstance(table.get(name), dict) or set(table[name]) != {"value", "unit", "source"}:
-            raise ParameterError(f'{label} must read {{ value = ..., unit = "{entry.metadata["unit"]}", source = "..." }}')
+            raise ParameterError(
+                f'{label} must read {{ value = ..., unit = "{entry.metadata["unit"]}", source = "..." }}'
+            )
         given = table[name]
         if given["unit"] != entry.metadata["unit"]:
             raise ParameterError(f"{label} is in {given['unit']!r}: give it in {entry.metadata['unit']!r}")

@@ -20,4 +20,4 @@ def exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
     """Tell whether a tendon force or the joint position is beyond its bound, by the module's own sensors."""
     F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
-    return F_A > bounds.F_max or F_B > bounds.F_max or abs(x.q) > bounds.q_max
+    return bounds.F_max < F_A or bounds.F_max < F_B or abs(x.q) > bounds.q_max

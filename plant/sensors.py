@@ -66,9 +66,7 @@ def sense(
     """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
     x_A = elongation_A(plant.joint, x.theta_A, x.q)
     x_B = elongation_B(plant.joint, x.theta_B, x.q)
-    F_A, F_B = delayed(
-        line, tick, sensors.delay_ticks, tension(plant.spring_A, x_A), tension(plant.spring_B, x_B)
-    )
+    F_A, F_B = delayed(line, tick, sensors.delay_ticks, tension(plant.spring_A, x_A), tension(plant.spring_B, x_B))
     return Measurement(
         quantise(x.q, sensors.joint_step),
         quantise(x.theta_A, sensors.motor_step),

@@ -55,9 +55,7 @@ class Simulator:
             self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
         noise_A, noise_B = self._noise[row]
         trip = 1.0 if self._tripped else 0.0
-        return sense(
-            self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip
-        )
+        return sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip)
 
     def write(self, command: MotorCommand) -> None:
         """Advance the physics by one period; the safety module passes the command on only while it has not tripped."""

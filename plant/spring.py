@@ -92,7 +92,9 @@ def tabulated_spring(x: NDArray[np.float64], F: NDArray[np.float64], k_solid: fl
     that do not rise.
     """
     if x.ndim != 1 or x.shape != F.shape or x.size < 3:
-        raise ValueError(f"a spring table needs two columns of equal length, 3 rows or more; got {x.shape} and {F.shape}")
+        raise ValueError(
+            f"a spring table needs two columns of equal length, 3 rows or more; got {x.shape} and {F.shape}"
+        )
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(F))):
         raise ValueError("the spring table holds values that are not finite: remove those rows")
     if np.any(np.diff(x) <= 0.0) or np.any(np.diff(F) <= 0.0):

@@ -1,0 +1,69 @@
+"""Inner loop: I-PD on motor position with a filter on the whole control signal (table 2)."""
+
+import math
+from typing import NamedTuple
+
+from plant.compiled import compiled
+from plant.interface import T_s
+
+TRACKING_TIME_S = 0.030
+"""Time constant with which the clipped voltage bleeds the integrator (method section 5)."""
+
+
+class Gains(NamedTuple):
+    """``k_p`` [V/rad], ``k_i`` [V/(rad·s)], ``k_d`` [V·s/rad], ``t_f`` [s]."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+    t_f: float
+
+
+class State(NamedTuple):
+    """``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad], both behind the filter 1/(t_f s + 1)."""
+
+    integral: float
+    integral_f: float
+    y_f: float
+
+
+@compiled
+def _filtered(gains: Gains, state: State, y: float) -> tuple[float, float, float]:
+    """Return u [V] before its limit, and the filtered integral and measurement it is made of.
+
+    u = (k_i ∫(r − y) dt − k_p y − k_d dy/dt) / (t_f s + 1), with the derivative taken from the filter itself:
+    s y/(t_f s + 1) = (y − y_f)/t_f.
+    """
+    pass_through = 1.0 - math.exp(-T_s / gains.t_f)
+    integral_f = state.integral_f + pass_through * (state.integral - state.integral_f)
+    y_f = state.y_f + pass_through * (y - state.y_f)
+    u = integral_f - gains.k_p * y_f - gains.k_d / gains.t_f * (y - y_f)
+    return u, integral_f, y_f
+
+
+@compiled
+def step(gains: Gains, state: State, r: float, y: float, u_max: float) -> tuple[float, float, State]:
+    """One tick. Returns u [V] within ±u_max, the excess that was clipped off [V], and the new state.
+
+    r, y: reference and measured motor position [rad]. The integral takes up this tick's error for the next tick, so
+    that u depends on the past of the error only and a change of gains cannot show in the tick it arrives.
+    """
+    u, integral_f, y_f = _filtered(gains, state, y)
+    u_limited = min(max(u, -u_max), u_max)
+    integral = state.integral + T_s * (gains.k_i * (r - y) + (u_limited - u) / TRACKING_TIME_S)
+    return u_limited, u - u_limited, State(integral, integral_f, y_f)
+
+
+@compiled
+def bumpless(before: Gains, after: Gains, state: State, y: float) -> State:
+    """State with which ``after`` gives the voltage that ``before`` would have given in this tick."""
+    u_before, _, _ = _filtered(before, state, y)
+    u_after, _, _ = _filtered(after, state, y)
+    offset = u_before - u_after
+    return State(state.integral + offset, state.integral_f + offset, state.y_f)
+
+
+@compiled
+def at_rest(gains: Gains, y: float, u: float) -> State:
+    """State that holds the voltage u [V] at the standing position y [rad]."""
+    return State(u + gains.k_p * y, u + gains.k_p * y, y)

@@ -1,0 +1,147 @@
+"""The closed loop offline: the compiled functions of the live tick in one compiled loop over all ticks."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.controllers import cascade, decoupler, motors
+from plant.compiled import compiled
+from plant.dynamics import Dynamics, PlantState
+from plant.interface import Measurement, MotorCommand
+from plant.joint import elongation_A, elongation_B
+from plant.parameters import PlantParameters
+from plant.safety import SafetyBounds, exceeded
+from plant.sensors import DELAY_SLOTS, SensorModel, sense, sensor_model
+from plant.simulator import actuate
+from plant.spring import tension
+
+Array = NDArray[np.float64]
+
+COLUMNS = (
+    "q", "S", "S_true", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B",
+    "theta_A_ref", "theta_B_ref", "q_ref_gov", "S_ref_gov",
+)  # fmt: skip
+"""Columns of the array that ``simulate`` fills; SI units as in backend.sample."""
+
+
+class Rig(NamedTuple):
+    """The simulated plant with its sensors and bounds."""
+
+    plant: Dynamics
+    sensors: SensorModel
+    bounds: SafetyBounds
+    u_max: float
+
+
+@compiled
+def simulate(
+    rig: Rig,
+    tuning: cascade.Tuning,
+    x: PlantState,
+    controller: cascade.State,
+    q_ref: Array,
+    S_ref: Array,
+    F_push: Array,
+    noise: Array,
+    out: Array,
+) -> tuple[PlantState, cascade.State, int]:
+    """Run the cascade on the simulated plant for len(q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
+
+    ``noise`` (ticks, 2) [N]. Returns the final states and the tick at which the safety module tripped (−1: never),
+    where the run ends.
+    """
+    line = np.zeros((2, DELAY_SLOTS))
+    for slot in range(DELAY_SLOTS):
+        sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
+    for k in range(q_ref.shape[0]):
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[k, 0], noise[k, 1], F_push[k], 0.0)
+        y, controller = cascade.step(tuning, controller, q_ref[k], S_ref[k], m)
+        row = out[k]
+        row[0], row[1], row[2] = m.q, y.S, m.S_true
+        row[3], row[4] = m.theta_A, m.theta_B
+        row[5], row[6] = m.F_A, m.F_B
+        row[7], row[8] = y.u_A, y.u_B
+        row[9], row[10] = y.theta_A_ref, y.theta_B_ref
+        row[11], row[12] = y.q_ref_gov, y.S_ref_gov
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push[k])
+        if exceeded(rig.plant, rig.bounds, x):
+            return x, controller, k
+    return x, controller, -1
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Result of a simulated run: one array (ticks,) per column, SI units; ``tripped_at`` is a tick or −1."""
+
+    q: Array
+    S: Array
+    S_true: Array
+    theta_A: Array
+    theta_B: Array
+    F_A: Array
+    F_B: Array
+    u_A: Array
+    u_B: Array
+    theta_A_ref: Array
+    theta_B_ref: Array
+    q_ref_gov: Array
+    S_ref_gov: Array
+    tripped_at: int
+
+
+def rig_of(parameters: PlantParameters) -> Rig:
+    """Compile-ready constants of a parameter set."""
+    return Rig(
+        parameters.dynamics(),
+        sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
+        SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max),
+        parameters.motor.u_max,
+    )
+
+
+def rest_state(rig: Rig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
+    """Plant standing with the motors at theta_A, theta_B [rad], and the voltages [V] that hold it there."""
+    plant = rig.plant
+    r_m = plant.joint.r_m
+
+    def forces(q: float) -> tuple[float, float]:
+        return (
+            tension(plant.spring_A, elongation_A(plant.joint, theta_A, q)),
+            tension(plant.spring_B, elongation_B(plant.joint, theta_B, q)),
+        )
+
+    low, high = -rig.bounds.q_max, rig.bounds.q_max
+    while low < (q := 0.5 * (low + high)) < high:
+        F_A, F_B = forces(q)
+        low, high = (q, high) if F_A > F_B else (low, q)
+    F_A, F_B = forces(q)
+    load_A, load_B = r_m * F_A, r_m * F_B
+    x = PlantState(q, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B)
+    return x, load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
+
+
+def run(
+    parameters: PlantParameters,
+    tuning: cascade.Tuning,
+    q_ref: Array,
+    S_ref: Array,
+    F_push: Array | None = None,
+    seed: int = 0,
+) -> Trajectory:
+    """Simulate the cascade from rest at (q_ref[0], S_ref[0]) under references (ticks,) [rad, N·m/rad].
+
+    ``F_push`` (ticks,) [N] defaults to none. The same arguments give the same trajectory to the last bit.
+    """
+    rig = rig_of(parameters)
+    theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
+    x, u_A, u_B = rest_state(rig, theta_A, theta_B)
+    m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
+    inner = motors.at_rest(tuning.motors, theta_A, theta_B, u_A, u_B)
+    controller = cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m)
+    noise = parameters.sensors.force_noise * np.random.default_rng(seed).standard_normal((q_ref.size, 2))
+    out = np.full((q_ref.size, len(COLUMNS)), np.nan)
+    push = np.zeros(q_ref.size) if F_push is None else F_push
+    _, _, tripped_at = simulate(rig, tuning, x, controller, q_ref, S_ref, push, noise, out)
+    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
