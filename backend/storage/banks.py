@@ -1,0 +1,73 @@
+"""Controller banks in versions, each entry with the identification it came from."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import require, to_record
+from backend.storage.schema import BankEntryRow, BankRow, Document
+
+
+@dataclass(frozen=True)
+class BankEntry:
+    """One nominal point [N·m/rad] with its models of G_q and G_S; gains follow from these and λ."""
+
+    S_nominal: float
+    model: Document
+    identification_id: int | None = None
+
+
+@dataclass(frozen=True)
+class Bank:
+    """One version of a bank, entries in order of stiffness."""
+
+    id: int
+    name: str
+    version: int
+    note: str
+    who: str
+    created_at: datetime
+    entries: tuple[BankEntry, ...]
+
+
+def add(session: Session, name: str, entries: Sequence[BankEntry], who: str, note: str = "") -> Bank:
+    """Store the next version of the bank of this name; earlier versions stay."""
+    if not entries:
+        raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
+    newest = session.scalar(select(func.max(BankRow.version)).where(BankRow.name == name)) or 0
+    row = BankRow(name=name, version=newest + 1, note=note, who=who, created_at=datetime.now(UTC))
+    session.add(row)
+    session.flush()
+    ordered = sorted(entries, key=lambda entry: entry.S_nominal)
+    session.add_all(BankEntryRow(bank_id=row.id, position=i, **asdict(entry)) for i, entry in enumerate(ordered))
+    session.flush()
+    return _with_entries(session, row)
+
+
+def get(session: Session, bank_id: int) -> Bank:
+    """Return one version of a bank. Raises UnknownRecordError."""
+    return _with_entries(session, require(session, BankRow, bank_id, "bank"))
+
+
+def find(session: Session, *, name: str | None = None) -> list[Bank]:
+    """Return all versions of all banks or of one name, newest first."""
+    query = select(BankRow).order_by(BankRow.id.desc())
+    if name is not None:
+        query = query.where(BankRow.name == name)
+    return [_with_entries(session, row) for row in session.scalars(query)]
+
+
+def _with_entries(session: Session, row: BankRow) -> Bank:
+    query = select(BankEntryRow).where(BankEntryRow.bank_id == row.id).order_by(BankEntryRow.position)
+    return Bank(
+        id=row.id,
+        name=row.name,
+        version=row.version,
+        note=row.note,
+        who=row.who,
+        created_at=row.created_at,
+        entries=tuple(to_record(BankEntry, entry) for entry in session.scalars(query)),
+    )

@@ -1,0 +1,88 @@
+"""One database: SQLite in the data folder, or whatever SQLAlchemy URL is given."""
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.orm import Session
+
+from backend.storage.migrate import upgrade
+
+FILE_NAME = "sinew.db"
+
+
+class Database:
+    """An engine and its transactions. Functions of this package take the ``Session`` that these hand out."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self._reading_engine = engine.execution_options(sinew_reading=True)
+
+    @contextmanager
+    def session(self) -> Iterator[Session]:
+        """One writing transaction: committed at the end of the block, rolled back whole on any exception.
+
+        On SQLite it takes the write lock at once (waiting up to 5 s): a transaction that first reads and then writes
+        would otherwise fail without waiting when another one wrote in between.
+        """
+        with Session(self.engine, expire_on_commit=False) as session, session.begin():
+            yield session
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """One consistent snapshot to read from; waits for no writer and delays none."""
+        with Session(self._reading_engine) as session:
+            yield session
+
+    def close(self) -> None:
+        """Close all connections."""
+        self.engine.dispose()
+
+
+def open_database(data_dir: Path, url: str | None = None) -> Database:
+    """Create the data folder and the database where missing, migrate to the newest schema, and open it.
+
+    ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``. Raises ``SchemaError`` when the database was
+    written by a newer version, sqlalchemy.exc.OperationalError when it cannot be reached.
+    """
+    data_dir.mkdir(parents=True, exist_ok=True)
+    engine = connect(url or sqlite_url(data_dir))
+    try:
+        upgrade(engine)
+    except BaseException:
+        engine.dispose()
+        raise
+    return Database(engine)
+
+
+def sqlite_url(data_dir: Path) -> str:
+    """SQLAlchemy URL of the database file in a data folder."""
+    return f"sqlite:///{(data_dir / FILE_NAME).resolve()}"
+
+
+def connect(url: str) -> Engine:
+    """Engine for ``url``; documents with nan or infinity are refused, as JSON has no such numbers."""
+    engine = create_engine(url, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _prepare_sqlite(connection: sqlite3.Connection, _record: Any) -> None:
+    # Transactions begin where _begin_sqlite says so: the driver on its own begins them late and commits before DDL.
+    connection.isolation_level = None
+    connection.execute("PRAGMA busy_timeout=5000")
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("PRAGMA synchronous=FULL")
+    connection.execute("PRAGMA foreign_keys=ON")
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    reading = connection.get_execution_options().get("sinew_reading", False)
+    connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")

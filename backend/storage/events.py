@@ -1,0 +1,51 @@
+"""Events: what happened and who asked for it, in order, never changed."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import to_record
+from backend.storage.schema import Document, EventRow
+
+
+@dataclass(frozen=True)
+class Event:
+    """A stored event. ``run_id`` and ``tick`` are None where it belongs to no run or to no sample."""
+
+    id: int
+    at: datetime
+    kind: str
+    who: str
+    text: str
+    run_id: int | None
+    tick: int | None
+    detail: Document
+
+
+def add(
+    session: Session,
+    kind: str,
+    text: str,
+    *,
+    who: str = "",
+    run_id: int | None = None,
+    tick: int | None = None,
+    detail: Document | None = None,
+) -> Event:
+    """Store an event that happened now; ``who`` is empty when nobody asked for it."""
+    row = EventRow(at=datetime.now(UTC), kind=kind, who=who, text=text, run_id=run_id, tick=tick, detail=detail or {})
+    session.add(row)
+    session.flush()
+    return to_record(Event, row)
+
+
+def find(session: Session, *, run_id: int | None = None, kind: str | None = None, limit: int = 500) -> list[Event]:
+    """Return events, newest first."""
+    query = select(EventRow).order_by(EventRow.id.desc()).limit(limit)
+    if run_id is not None:
+        query = query.where(EventRow.run_id == run_id)
+    if kind is not None:
+        query = query.where(EventRow.kind == kind)
+    return [to_record(Event, row) for row in session.scalars(query)]

@@ -1,0 +1,68 @@
+"""What was computed from a run: metrics with pass or fail per criterion, and the reports handed out."""
+
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import to_record
+from backend.storage.schema import Document, ReportRow, ResultRow
+
+
+@dataclass(frozen=True)
+class NewResult:
+    """Metrics (SI, None where a metric does not exist) and criteria of a run."""
+
+    run_id: int
+    metrics: Document
+    criteria: list[Document]
+    software: str
+
+
+@dataclass(frozen=True)
+class Result(NewResult):
+    """A stored result."""
+
+    id: int
+    created_at: datetime
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report as handed out; ``format`` is html or pdf."""
+
+    id: int
+    run_id: int
+    format: str
+    created_at: datetime
+    content: bytes
+
+
+def add(session: Session, new: NewResult) -> Result:
+    """Store a result beside all earlier ones of the run."""
+    row = ResultRow(**asdict(new), created_at=datetime.now(UTC))
+    session.add(row)
+    session.flush()
+    return to_record(Result, row)
+
+
+def newest(session: Session, run_id: int) -> Result | None:
+    """Return the newest result of a run, None when there is none yet."""
+    row = session.scalar(select(ResultRow).where(ResultRow.run_id == run_id).order_by(ResultRow.id.desc()).limit(1))
+    return None if row is None else to_record(Result, row)
+
+
+def add_report(session: Session, run_id: int, report_format: str, content: bytes) -> Report:
+    """Keep a report as it was handed out."""
+    row = ReportRow(run_id=run_id, format=report_format, created_at=datetime.now(UTC), content=content)
+    session.add(row)
+    session.flush()
+    return to_record(Report, row)
+
+
+def newest_report(session: Session, run_id: int, report_format: str) -> Report | None:
+    """Return the newest report of a run in a format, None when there is none yet."""
+    query = select(ReportRow).where(ReportRow.run_id == run_id, ReportRow.format == report_format)
+    row = session.scalar(query.order_by(ReportRow.id.desc()).limit(1))
+    return None if row is None else to_record(Report, row)

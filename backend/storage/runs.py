@@ -1,0 +1,145 @@
+"""Runs: who asked for what, on which plant and parameters, and how it ended."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+
+from sqlalchemy import ColumnElement, String, cast, or_, select, update
+from sqlalchemy.orm import Session
+
+from backend.storage.records import require, to_record
+from backend.storage.schema import Document, RunRow
+
+
+class RunKind(StrEnum):
+    """What a run was for."""
+
+    SESSION = "session"
+    MOTOR_IDENTIFICATION = "motor_identification"
+    SPRING_IDENTIFICATION = "spring_identification"
+    ACTUATOR_IDENTIFICATION = "actuator_identification"
+    TRACKING = "tracking"
+    COMPLIANCE = "compliance"
+
+
+class EndState(StrEnum):
+    """Why a run is over; RUNNING while it is not."""
+
+    RUNNING = "running"
+    COMPLETED = "completed"
+    STOPPED = "stopped"
+    TRIPPED = "tripped"
+    LINK_LOST = "link_lost"
+    SERVICE_DIED = "service_died"
+
+
+@dataclass(frozen=True)
+class NewRun:
+    """What is known when a run starts.
+
+    ``parameters`` is the whole parameter document in use, so that the run can be understood after the file has changed;
+    ``settings`` are those of the experiment and the loop (tuning, seed, program); ``bank_id`` the bank in use.
+    """
+
+    kind: RunKind
+    plant: str
+    parameters_name: str
+    parameters: Document
+    who: str
+    software: str
+    settings: Document = field(default_factory=dict)
+    bank_id: int | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A stored run. ``end_state`` is an ``EndState`` value; ``ended_at`` is None while it runs."""
+
+    id: int
+    kind: str
+    plant: str
+    parameters_name: str
+    parameters: Document
+    settings: Document
+    bank_id: int | None
+    who: str
+    software: str
+    started_at: datetime
+    ended_at: datetime | None
+    end_state: str
+    end_detail: str
+    note: str
+
+
+def create(session: Session, new: NewRun) -> Run:
+    """Store a run as running from now."""
+    row = RunRow(
+        **asdict(new), started_at=datetime.now(UTC), ended_at=None, end_state=EndState.RUNNING.value, end_detail=""
+    )
+    row.kind = new.kind.value
+    session.add(row)
+    session.flush()
+    return to_record(Run, row)
+
+
+def get(session: Session, run_id: int) -> Run:
+    """Return one run. Raises UnknownRecordError."""
+    return to_record(Run, require(session, RunRow, run_id, "run"))
+
+
+def find(
+    session: Session, *, kinds: Sequence[RunKind] = (), search: str = "", limit: int = 200, before_id: int | None = None
+) -> list[Run]:
+    """Return runs, newest first; ``search`` looks into number, kind, who, note, parameters' name and end state."""
+    query = select(RunRow).order_by(RunRow.id.desc()).limit(limit)
+    if kinds:
+        query = query.where(RunRow.kind.in_([kind.value for kind in kinds]))
+    if before_id is not None:
+        query = query.where(RunRow.id < before_id)
+    for word in search.split():
+        query = query.where(_contains(word))
+    return [to_record(Run, row) for row in session.scalars(query)]
+
+
+def _contains(word: str) -> ColumnElement[bool]:
+    looked_into = (RunRow.kind, RunRow.who, RunRow.note, RunRow.parameters_name, RunRow.end_state, RunRow.plant)
+    return or_(
+        cast(RunRow.id, String) == word,
+        *(column.icontains(word, autoescape=True) for column in looked_into),
+    )
+
+
+def set_note(session: Session, run_id: int, note: str) -> Run:
+    """Replace the note, the one part of a run that a person may edit. Raises UnknownRecordError."""
+    row = require(session, RunRow, run_id, "run")
+    row.note = note
+    session.flush()
+    return to_record(Run, row)
+
+
+def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
+    """Close a run that is still open; the first reason stays. Raises UnknownRecordError."""
+    row = require(session, RunRow, run_id, "run")
+    if row.end_state == EndState.RUNNING:
+        row.end_state = end_state.value
+        row.end_detail = detail
+        row.ended_at = datetime.now(UTC)
+        session.flush()
+    return to_record(Run, row)
+
+
+def close_interrupted(session: Session) -> list[int]:
+    """Close all runs that a crash left open as service_died; return their numbers. For the start of the service."""
+    ended = session.scalars(
+        update(RunRow)
+        .where(RunRow.end_state == EndState.RUNNING.value)
+        .values(
+            end_state=EndState.SERVICE_DIED.value,
+            end_detail="the service ended while this run was open; found at its next start",
+            ended_at=datetime.now(UTC),
+        )
+        .returning(RunRow.id)
+    )
+    return sorted(ended)

@@ -1,0 +1,1 @@
+"""Alembic migrations of the database, in order of their numbers."""

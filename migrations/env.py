@@ -1,0 +1,24 @@
+"""How Alembic reaches the database: over the connection it is handed, or the URL of alembic.ini for developers."""
+
+from alembic import context
+from sqlalchemy import Connection
+
+from backend.storage.database import connect
+from backend.storage.schema import Base
+
+
+def _migrate(connection: Connection) -> None:
+    context.configure(connection=connection, target_metadata=Base.metadata, render_as_batch=True, compare_type=True)
+    with context.begin_transaction():
+        context.run_migrations()
+
+
+handed_over: Connection | None = context.config.attributes.get("connection")
+if handed_over is not None:
+    _migrate(handed_over)
+else:
+    url = context.config.get_main_option("sqlalchemy.url")
+    if url is None:
+        raise RuntimeError("alembic.ini names no sqlalchemy.url")
+    with connect(url).begin() as opened:
+        _migrate(opened)
