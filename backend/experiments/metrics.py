@@ -5,7 +5,8 @@ Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,23 +51,27 @@ class StepMetrics:
     cross_coupling: float | None
 
 
+def _figure(unit: str, label: str, definition: str) -> Any:
+    return field(metadata={"unit": unit, "label": label, "definition": definition})
+
+
 @dataclass(frozen=True)
 class Overall:
-    """Figures over all samples of the program; a maximum over steps is None when there was no such step."""
+    """Figures over all samples of the program; a maximum over steps is None when not every step has a figure."""
 
-    rise_q_s: float | None
-    rise_S_s: float | None
-    settling_q_s: float | None
-    settling_S_s: float | None
-    overshoot_q_percent: float | None
-    overshoot_S_percent: float | None
-    deviation_S: float | None
-    deviation_q: float | None
-    rmse_q: float
-    rmse_S: float
-    min_tension_N: float
-    max_tension_N: float
-    peak_voltage_V: float
+    rise_q_s: float | None = _figure("s", "Rise time of q", "longest 10-90 % time of all q steps")
+    rise_S_s: float | None = _figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
+    settling_q_s: float | None = _figure("s", "Settling time of q", "latest last exit from ±2 % of the step, q steps")
+    settling_S_s: float | None = _figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
+    overshoot_q_percent: float | None = _figure("%", "Overshoot of q", "largest, in per cent of its step")
+    overshoot_S_percent: float | None = _figure("%", "Overshoot of S", "largest, in per cent of its step")
+    deviation_S: float | None = _figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
+    deviation_q: float | None = _figure("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
+    rmse_q: float = _figure("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
+    rmse_S: float = _figure("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
+    min_tension_N: float = _figure("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = _figure("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = _figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
 
 
 @dataclass(frozen=True)

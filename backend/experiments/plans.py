@@ -10,9 +10,12 @@ from typing import ClassVar, Protocol
 
 from backend.experiments.settings import SettingError, integer, number
 from backend.loop.program import Excitation, Law, Program, Segment, Shape
+from backend.refusal import OutOfRangeError, require_within
 
 Q_REF_MAX = 1.4
 S_REF_MIN, S_REF_MAX = 8.0, 15.0
+MAX_EXCITATION_S = 600.0
+MAX_SEQUENCE_S = 3600.0
 
 
 @dataclass(frozen=True)
@@ -60,13 +63,7 @@ class TrackingPlan:
 
     def __post_init__(self) -> None:
         if self.S_low >= self.S_high:
-            raise SettingError(
-                "S_low",
-                self.S_low,
-                f"must lie below S_high = {self.S_high:g} N·m/rad",
-                maximum=self.S_high,
-                unit="N·m/rad",
-            )
+            raise OutOfRangeError("S_low", self.S_low, None, self.S_high, "N·m/rad", "keep it below S_high")
 
     def program(self) -> Program:
         """Return the whole experiment as one program of steps."""
@@ -127,14 +124,14 @@ class ActuatorIdentificationPlan:
     def program(self) -> Program:
         """Return the force hold with its excitation."""
         excitation = Excitation(self.amplitude_rad, self.chip_s, self.bits, self.periods)
-        if excitation.duration_s > MAX_EXCITATION_S:
-            raise SettingError(
-                "chip_s",
-                self.chip_s,
-                f"periods x (2^bits - 1) x chip_s = {excitation.duration_s:g} s is longer than {MAX_EXCITATION_S:g} s; "
-                "take a shorter chip, fewer bits or fewer periods",
-                unit="s",
-            )
+        require_within(
+            "periods x (2^bits - 1) x chip_s",
+            excitation.duration_s,
+            None,
+            MAX_EXCITATION_S,
+            "s",
+            "take a shorter chip, fewer bits or fewer periods",
+        )
         return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=excitation)
 
     def phases(self) -> tuple[Phase, ...]:
@@ -144,9 +141,6 @@ class ActuatorIdentificationPlan:
             Phase("settle", "Tension held, no excitation", 0.0, self.settle_s),
             Phase("excitation", "Excitation", self.settle_s, end),
         )
-
-
-MAX_EXCITATION_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -163,10 +157,7 @@ class SequencePlan:
         for position, segment in enumerate(self.segments, start=1):
             _check_segment(position, segment)
         duration = sum(segment.duration_s for segment in self.segments)
-        if duration > 3600.0:
-            raise SettingError(
-                "segments", duration, "all segments together last at most 3600 s", maximum=3600.0, unit="s"
-            )
+        require_within("duration of all segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out")
 
     def program(self) -> Program:
         """Return the segments as a program."""
@@ -191,12 +182,4 @@ def _check_segment(position: int, segment: Segment) -> None:
     if segment.shape is Shape.SINE:
         bounds.append(("period_s", segment.period_s, 0.05, 600.0, "s"))
     for name, value, minimum, maximum, unit in bounds:
-        if not minimum <= value <= maximum:  # false for nan too
-            raise SettingError(
-                f"segments[{position}].{name}",
-                value,
-                f"must lie between {minimum:g} and {maximum:g} {unit}",
-                minimum=minimum,
-                maximum=maximum,
-                unit=unit,
-            )
+        require_within(f"segments[{position}].{name}", value, minimum, maximum, unit)

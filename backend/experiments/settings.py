@@ -4,34 +4,28 @@ A plan is a frozen dataclass whose fields are made by ``number``, ``integer`` an
 interface and the page read the same declaration through ``describe``; ``from_values`` is the only way in from outside.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
+
+from backend.refusal import require_within
 
 _KEY = "setting"
 _T = TypeVar("_T")
 
 
 class SettingError(ValueError):
-    """A setting is refused: which one, what came, what is allowed, in which unit."""
+    """A setting that is not even of the right kind: unknown, no number, not among the choices.
+
+    A number outside its bounds raises ``backend.refusal.OutOfRangeError`` instead.
+    """
 
     def __init__(
-        self,
-        quantity: str,
-        value: object,
-        reason: str,
-        *,
-        minimum: float | None = None,
-        maximum: float | None = None,
-        unit: str = "",
-        legal: tuple[str, ...] = (),
+        self, quantity: str, value: object, reason: str, *, unit: str = "", legal: tuple[str, ...] = ()
     ) -> None:
         super().__init__(f"{quantity} = {value!r} refused: {reason}")
         self.quantity = quantity
         self.value = value
-        self.minimum = minimum
-        self.maximum = maximum
         self.unit = unit
         self.legal = legal
 
@@ -51,45 +45,28 @@ class Setting:
     choices: tuple[str, ...] = ()
 
     def parse(self, value: object) -> float | int | str:
-        """Turn a JSON value or a command-line word into the setting's type, inside its bounds. Raises SettingError."""
+        """Turn a JSON value or a command-line word into the setting's type, inside its bounds.
+
+        Raises SettingError or OutOfRangeError.
+        """
         if self.kind == "choice":
             if value not in self.choices:
-                raise SettingError(
-                    self.name, value, f"choose one of {', '.join(self.choices)}", legal=self.choices, unit=self.unit
-                )
+                raise SettingError(self.name, value, f"choose one of {', '.join(self.choices)}", legal=self.choices)
             return str(value)
         number = self._number(value)
+        require_within(self.name, number, self.minimum, self.maximum, self.unit)
         if self.kind == "integer" and number != int(number):
-            raise self._refusal(value, "needs a whole number")
-        if not self._low <= number <= self._high:
-            raise self._refusal(value, f"must lie between {self._low:g} and {self._high:g} {self._shown_unit}".rstrip())
+            raise SettingError(self.name, value, "needs a whole number", unit=self.unit)
         return int(number) if self.kind == "integer" else number
 
     def _number(self, value: object) -> float:
+        wanted = "needs a number" if self.unit == "1" else f"needs a number in {self.unit}"
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise self._refusal(value, f"needs a number in {self._shown_unit or 'counts'}")
+            raise SettingError(self.name, value, wanted, unit=self.unit)
         try:
-            number = float(value)
+            return float(value)
         except (ValueError, OverflowError):
-            raise self._refusal(value, f"is not a number (in {self._shown_unit or 'counts'})") from None
-        if not math.isfinite(number):
-            raise self._refusal(value, "must be finite")
-        return number
-
-    def _refusal(self, value: object, reason: str) -> SettingError:
-        return SettingError(self.name, value, reason, minimum=self.minimum, maximum=self.maximum, unit=self.unit)
-
-    @property
-    def _low(self) -> float:
-        return -math.inf if self.minimum is None else self.minimum
-
-    @property
-    def _high(self) -> float:
-        return math.inf if self.maximum is None else self.maximum
-
-    @property
-    def _shown_unit(self) -> str:
-        return "" if self.unit == "1" else self.unit
+            raise SettingError(self.name, value, wanted, unit=self.unit) from None
 
 
 def number(default: float, minimum: float, maximum: float, unit: str, symbol: str, meaning: str) -> Any:
@@ -115,7 +92,7 @@ def describe(plan: type[Any]) -> tuple[Setting, ...]:
 
 
 def from_values(plan: type[_T], values: Mapping[str, object]) -> _T:
-    """Build a plan from named values; what is left out keeps its default. Raises SettingError."""
+    """Build a plan from named values; what is left out keeps its default. Raises SettingError, OutOfRangeError."""
     known = {setting.name: setting for setting in describe(plan)}
     for name, value in values.items():
         if name not in known:
