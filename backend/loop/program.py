@@ -52,7 +52,7 @@ class Excitation:
     @property
     def duration_s(self) -> float:
         """Length of the whole excitation [s]."""
-        return self.periods * (2**self.bits - 1) * self.chip_s
+        return self.periods * ((1 << self.bits) - 1) * self.chip_s
 
 
 @dataclass(frozen=True)
