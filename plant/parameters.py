@@ -105,6 +105,23 @@ class PlantParameters:
         """The spring as identified: what the controller knows, the same for both sides."""
         return polynomial_spring(self.spring.k, self.spring.x_solid, self.spring.k_solid)
 
+    def document(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """Return all numbers by section and entry, each {value, unit, source}, as JSON can hold them."""
+        sections = {
+            part.name: getattr(self, part.name) for part in fields(self) if part.name not in ("name", "sources")
+        }
+        return {
+            section: {
+                entry.name: {
+                    "value": list(value) if isinstance(value := getattr(part, entry.name), tuple) else value,
+                    "unit": entry.metadata["unit"],
+                    "source": self.sources.get(f"{section}.{entry.name}", ""),
+                }
+                for entry in fields(part)
+            }
+            for section, part in sections.items()
+        }
+
     def dynamics(self) -> Dynamics:
         """Constants of the simulated plant, asymmetry included. Source: method section 1."""
         g = self.geometry
