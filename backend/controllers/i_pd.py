@@ -67,3 +67,11 @@ def bumpless(before: Gains, after: Gains, state: State, y: float) -> State:
 def at_rest(gains: Gains, y: float, u: float) -> State:
     """State that holds the voltage u [V] at the standing position y [rad]."""
     return State(u + gains.k_p * y, u + gains.k_p * y, y)
+
+
+@compiled
+def shift(gains: Gains, state: State, offset: float) -> State:
+    """State after the zero of y moved by ``offset`` [rad] (new reading minus old): the voltage goes on unchanged."""
+    return State(
+        state.integral + gains.k_p * offset, state.integral_f + gains.k_p * offset, state.y_f + offset
+    )

@@ -52,3 +52,9 @@ def bumpless(before: Gains, after: Gains, state: State, theta_A: float, theta_B:
 def at_rest(gains: Gains, theta_A: float, theta_B: float, u_A: float, u_B: float) -> State:
     """State that holds the voltages u_A, u_B [V] at standing motors."""
     return State(i_pd.at_rest(gains.A, theta_A, u_A), i_pd.at_rest(gains.B, theta_B, u_B))
+
+
+@compiled
+def shift(gains: Gains, state: State, offset_A: float, offset_B: float) -> State:
+    """State after the encoders' zeros moved by offset_A, offset_B [rad]: the voltages go on unchanged."""
+    return State(i_pd.shift(gains.A, state.A, offset_A), i_pd.shift(gains.B, state.B, offset_B))

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
+from scipy.signal import max_len_seq
+
 from backend.experiments.settings import SettingError, integer, number
 from backend.loop.program import Excitation, Law, Program, Segment, Shape
 from backend.refusal import OutOfRangeError, require_within
@@ -123,7 +125,9 @@ class ActuatorIdentificationPlan:
 
     def program(self) -> Program:
         """Return the force hold with its excitation."""
-        excitation = Excitation(self.amplitude_rad, self.chip_s, self.bits, self.periods)
+        register, _ = max_len_seq(self.bits)
+        levels = "".join("+" if chip else "-" for chip in register)
+        excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)
         require_within(
             "periods x (2^bits - 1) x chip_s",
             excitation.duration_s,

@@ -42,17 +42,21 @@ class Segment:
 
 @dataclass(frozen=True)
 class Excitation:
-    """Maximum-length binary sequence added to theta_A_ref (method section 4)."""
+    """Binary sequence added to theta_A_ref (method section 4).
 
-    amplitude_rad: float = 1.0
-    chip_s: float = 0.080
-    bits: int = 7
-    periods: int = 2
+    ``levels`` is one period, a character per chip: "+" adds the amplitude, "-" subtracts it. It is repeated
+    ``periods`` times.
+    """
+
+    amplitude_rad: float
+    chip_s: float
+    levels: str
+    periods: int
 
     @property
     def duration_s(self) -> float:
         """Length of the whole excitation [s]."""
-        return self.periods * ((1 << self.bits) - 1) * self.chip_s
+        return self.periods * len(self.levels) * self.chip_s
 
 
 @dataclass(frozen=True)
