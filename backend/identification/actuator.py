@@ -1,0 +1,116 @@
+"""From the recorded columns of the closed-loop experiment to G_q and G_S (method section 4, figures 4 and 5)."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from backend.identification.estimate import estimate
+from backend.identification.record import Record, Signal
+from backend.identification.result import Estimate, Grade, Verdict
+
+Q_STRUCTURE = "lags4"
+S_STRUCTURE = "order:4"
+
+
+@dataclass(frozen=True)
+class ActuatorGeometry:
+    """What is known before the experiment: radii [m], k2 of the spring [N/m²] and counts per turn of the encoders."""
+
+    r_m: float
+    r_j: float
+    k2: float
+    q_counts_per_turn: int = 4000
+    theta_counts_per_turn: int = 8000
+
+    @property
+    def gain_q(self) -> float:
+        """Static gain from theta_A to q at rest, r_m / (2 r_j)."""
+        return self.r_m / (2.0 * self.r_j)
+
+    @property
+    def gain_S(self) -> float:
+        """Static gain from theta_A to S, 2 r_j² k2 r_m [N·m/rad per rad]."""
+        return 2.0 * self.r_j**2 * self.k2 * self.r_m
+
+    @property
+    def q_resolution(self) -> float:
+        """One count of the joint encoder [rad]."""
+        return 2.0 * pi / self.q_counts_per_turn
+
+    @property
+    def S_resolution(self) -> float:
+        """What one count of a motor encoder does to the stiffness estimate [N·m/rad]."""
+        return self.gain_S * 2.0 * pi / self.theta_counts_per_turn
+
+
+@dataclass(frozen=True)
+class ActuatorIdentification:
+    """G_q and G_S at one nominal point; ``S_nominal`` and ``q_nominal`` are where the actuator rested before."""
+
+    G_q: Estimate
+    G_S: Estimate
+    S_nominal: float
+    q_nominal: float
+    motion_counts: float
+    verdict: Verdict
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionaries, lists and numbers."""
+        return {
+            "G_q": self.G_q.to_json(),
+            "G_S": self.G_S.to_json(),
+            "S_nominal": self.S_nominal,
+            "q_nominal": self.q_nominal,
+            "motion_counts": self.motion_counts,
+            "verdict": {**asdict(self.verdict), "sentence": self.verdict.sentence},
+        }
+
+
+def identify_actuator(
+    samples: Mapping[str, Signal],
+    period_s: float,
+    geometry: ActuatorGeometry,
+    start: int,
+    *,
+    q_structure: str = Q_STRUCTURE,
+    S_structure: str = S_STRUCTURE,
+) -> ActuatorIdentification:
+    """Identify theta_A_ref -> q and theta_A_ref -> S from the samples of one run.
+
+    ``samples`` holds the columns theta_A_ref, q and S, shape (n,) each; ``start`` is the index at which the
+    excitation begins, the samples before it show the point at rest. Raises RecordError and the errors of
+    :func:`backend.identification.estimate.estimate`.
+    """
+    u = np.asarray(samples["theta_A_ref"], dtype=np.float64)
+    q = np.asarray(samples["q"], dtype=np.float64)
+    S = np.asarray(samples["S"], dtype=np.float64)
+    rest = slice(max(0, start - int(0.5 / period_s)), max(start, 1))
+    G_q = estimate(
+        Record(period_s, u[start:], q[start:]),
+        q_structure,
+        gain_geometry=geometry.gain_q,
+        y_resolution=geometry.q_resolution,
+    )
+    G_S = estimate(
+        Record(period_s, u[start:], S[start:]),
+        S_structure,
+        gain_geometry=geometry.gain_S,
+        y_resolution=geometry.S_resolution,
+    )
+    return ActuatorIdentification(
+        G_q=G_q,
+        G_S=G_S,
+        S_nominal=float(np.mean(S[rest])),
+        q_nominal=float(np.mean(q[rest])),
+        motion_counts=float(np.ptp(q[start:])) / geometry.q_resolution,
+        verdict=_joint_verdict(G_q.verdict, G_S.verdict),
+    )
+
+
+def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
+    worst = max((G_q.grade, G_S.grade), key=list(Grade).index)
+    named = [f"G_q: {reason}" for reason in G_q.reasons] + [f"G_S: {reason}" for reason in G_S.reasons]
+    return Verdict(worst, tuple(named))

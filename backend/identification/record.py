@@ -1,0 +1,172 @@
+"""The data object that every estimator takes: one input, one output, sampled evenly."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Signal = NDArray[np.float64]
+
+MIN_SAMPLES = 200
+MIN_LEVELS = 2
+MAX_SATURATED_FRACTION = 0.02
+
+
+class RecordError(ValueError):
+    """A record from which nothing can be identified: which quantity, its value, the bound, the unit, what to do.
+
+    ``minimum`` or ``maximum`` is None where that side has no bound.
+    """
+
+    def __init__(
+        self,
+        quantity: str,
+        value: float,
+        minimum: float | None,
+        maximum: float | None,
+        unit: str,
+        remedy: str,
+    ) -> None:
+        bounds = [f"at least {minimum:.6g}"] if minimum is not None else []
+        bounds += [f"at most {maximum:.6g}"] if maximum is not None else []
+        shown_unit = "" if unit == "1" else f" {unit}"
+        super().__init__(f"{quantity} is {value:.6g}{shown_unit}, must be {' and '.join(bounds)}{shown_unit}: {remedy}")
+        self.quantity = quantity
+        self.value = value
+        self.minimum = minimum
+        self.maximum = maximum
+        self.unit = unit
+        self.remedy = remedy
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Proportional-integral feedback u = k_p (r - y) + k_i integral of (r - y), whatever else is added to u."""
+
+    k_p: float
+    k_i: float
+
+
+@dataclass(frozen=True)
+class Record:
+    """One identification record; refused by RecordError where nothing can be learnt from it.
+
+    ``u`` and ``y``, shape (n,), any units: sample k of ``y`` is taken at the instant at which sample k of ``u``
+    is applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is a signal from outside the loop, set
+    point or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. Either one
+    lets the estimators build instruments that are valid in closed loop. ``t`` [s], where given, is checked against
+    ``period_s``. ``u_limits`` are the bounds at which the input saturates, if any.
+    """
+
+    period_s: float
+    u: Signal
+    y: Signal
+    r: Signal | None = None
+    controller: Controller | None = None
+    t: Signal | None = None
+    u_limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("u", "y", "r", "t"):
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, _signal(name, values))
+        _check_period(self.period_s, self.t)
+        for name in ("y", "r", "t"):
+            values = getattr(self, name)
+            if values is not None and values.size != self.u.size:
+                raise RecordError(
+                    f"length of {name}", values.size, self.u.size, self.u.size, "samples", "give columns of one length"
+                )
+        _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
+        for name in ("u", "y"):
+            _check_moves(name, getattr(self, name))
+        _check_saturation(self.u, self.u_limits)
+
+    @property
+    def time(self) -> Signal:
+        """Time since the first sample [s], shape (n,)."""
+        return np.asarray(np.arange(self.u.size) * self.period_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the record [s]."""
+        return self.u.size * self.period_s
+
+    def part(self, start: int, stop: int) -> "Record":
+        """Return the samples start..stop-1 as a record of their own."""
+        window = slice(start, stop)
+        return replace(
+            self,
+            u=self.u[window],
+            y=self.y[window],
+            r=None if self.r is None else self.r[window],
+            t=None if self.t is None else self.t[window],
+        )
+
+
+def _signal(name: str, values: ArrayLike) -> Signal:
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 1:
+        raise RecordError(f"number of dimensions of {name}", array.ndim, 1, 1, "1", "give one column per signal")
+    bad = int(array.size - np.count_nonzero(np.isfinite(array)))
+    if bad:
+        first = int(np.argmin(np.isfinite(array)))
+        raise RecordError(
+            f"number of samples of {name} that are not finite (first at index {first})",
+            bad, None, 0, "1", "cut the record before or after them",
+        )  # fmt: skip
+    array.setflags(write=False)
+    return array
+
+
+def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str) -> None:
+    if not value >= minimum:
+        raise RecordError(quantity, value, minimum, None, unit, remedy)
+
+
+def _check_period(period_s: float, t: Signal | None) -> None:
+    if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
+        raise RecordError("sample time", period_s, 1e-7, 1e3, "s", "give the sample time in seconds")
+    if t is None or t.size < 2:
+        return
+    steps = np.diff(t)
+    if float(np.min(steps)) <= 0.0:
+        at = int(np.argmin(steps))
+        raise RecordError(
+            f"time step after sample {at}", float(steps[at]), 0.5 * period_s, 1.5 * period_s, "s",
+            "the time column must rise from row to row",
+        )  # fmt: skip
+    typical = float(np.median(steps))
+    if abs(typical - period_s) > 0.01 * period_s:
+        raise RecordError(
+            "sample time of the time column", typical, 0.99 * period_s, 1.01 * period_s, "s",
+            "give the sample time the record was taken with",
+        )  # fmt: skip
+    largest = float(np.max(steps))
+    if largest > 1.5 * period_s:
+        raise RecordError(
+            f"gap after sample {int(np.argmax(steps))}", largest, None, 1.5 * period_s, "s",
+            "samples are missing: use the part before or after the gap",
+        )  # fmt: skip
+
+
+def _check_moves(name: str, values: Signal) -> None:
+    spread = float(np.ptp(values))
+    if spread <= 1e-12 * max(1.0, float(np.max(np.abs(values)))):
+        raise RecordError(
+            f"peak-to-peak of {name}", spread, 1e-12, None, f"(unit of {name})",
+            "a constant signal identifies nothing: excite the input and record again",
+        )  # fmt: skip
+
+
+def _check_saturation(u: Signal, limits: tuple[float, float] | None) -> None:
+    if limits is None:
+        return
+    margin = 1e-9 * (limits[1] - limits[0])
+    saturated = float(np.mean((u <= limits[0] + margin) | (u >= limits[1] - margin)))
+    if saturated > MAX_SATURATED_FRACTION:
+        raise RecordError(
+            "part of the record with the input at its limit", 100.0 * saturated, None, 100.0 * MAX_SATURATED_FRACTION,
+            "%", "excite with a smaller amplitude",
+        )  # fmt: skip

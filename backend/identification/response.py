@@ -1,0 +1,113 @@
+"""Exact responses of the structures to an input that is held between samples (zero-order hold).
+
+Nothing is approximated: the state equations are integrated by the matrix exponential and run as second-order
+sections, which keep several poles near z = 1 apart where one long polynomial would not.
+"""
+
+import numpy as np
+from scipy.linalg import block_diag, expm
+from scipy.signal import lfilter, sosfilt
+
+from backend.identification.record import Signal
+
+Poles = np.ndarray[tuple[int], np.dtype[np.complex128]]
+
+
+class UnstableModelError(ValueError):
+    """The parameters describe no stable system with finite poles."""
+
+
+def split_poles(poles: Poles) -> tuple[Signal, Poles]:
+    """Real poles, and of each complex pair the one above the axis."""
+    real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
+    return poles[real].real, poles[poles.imag > 1e-9 * np.abs(poles)]
+
+
+def state_space(poles: Poles) -> tuple[Signal, Signal, Signal]:
+    """Cascade of lags and oscillators with static gain 1: A (n, n) [1/s], B (n,) [1/s], C (n,).
+
+    Every state is of the size of the input, so that the matrix exponential is accurate.
+    """
+    lags, pairs = split_poles(poles)
+    order = lags.size + 2 * pairs.size
+    blocks = [np.array([[lag]]) for lag in lags]
+    for pole in pairs:
+        omega = abs(pole)
+        blocks.append(np.array([[0.0, omega], [-omega, 2.0 * pole.real]]))
+    A = np.asarray(block_diag(*blocks))
+    B = np.zeros(order)
+    entries = list(range(lags.size)) + [lags.size + 2 * i + 1 for i in range(pairs.size)]
+    exits = list(range(lags.size)) + [lags.size + 2 * i for i in range(pairs.size)]
+    rates = [-float(lag) for lag in lags] + [float(abs(pole)) for pole in pairs]
+    B[entries[0]] = rates[0]
+    for entry, rate, previous in zip(entries[1:], rates[1:], exits[:-1], strict=True):
+        A[entry, previous] += rate
+    C = np.zeros(order)
+    C[exits[-1]] = 1.0
+    return A, B, C
+
+
+def sections(poles: Poles, period_s: float) -> Signal:
+    """All-pole second-order sections of the sampled system, static gain 1, shape (m, 6)."""
+    lags, pairs = split_poles(poles)
+    rows = []
+    for pole in pairs:
+        a1, a2 = -2.0 * np.exp(pole.real * period_s) * np.cos(pole.imag * period_s), np.exp(2.0 * pole.real * period_s)
+        gain = abs(np.expm1(pole * period_s)) ** 2
+        rows.append([gain, 0.0, 0.0, 1.0, a1, a2])
+    decay, loss = np.exp(lags * period_s), -np.expm1(lags * period_s)
+    for i in range(0, lags.size - 1, 2):
+        rows.append([loss[i] * loss[i + 1], 0.0, 0.0, 1.0, -decay[i] - decay[i + 1], decay[i] * decay[i + 1]])
+    if lags.size % 2:
+        rows.append([loss[-1], 0.0, 0.0, 1.0, -decay[-1], 0.0])
+    return np.array(rows)
+
+
+def moving_average(poles: Poles, period_s: float) -> Signal:
+    """Numerator of the sampled system, ascending powers of z^-1 from z^-1 on, sum 1, shape (n,)."""
+    A, B, C = state_space(poles)
+    order = B.size
+    joint = np.zeros((order + 1, order + 1))
+    joint[:order, :order], joint[:order, order] = A * period_s, B * period_s
+    transition = expm(joint)
+    step, x = transition[:order, :order], transition[:order, order]
+    impulse = np.empty(order)
+    for k in range(order):
+        impulse[k] = C @ x
+        x = step @ x
+    taps = np.convolve(np.real(np.poly(np.exp(poles * period_s))), impulse)[:order]
+    return np.asarray(taps / taps.sum())
+
+
+def simulate(poles: Poles, period_s: float, u: Signal) -> Signal:
+    """Response of the system with these poles and static gain 1, at rest before the first sample; shape of ``u``.
+
+    The output at sample k has seen the input up to sample k - 1. Raises UnstableModelError.
+    """
+    check_stable(poles, period_s)
+    taps = np.concatenate(([0.0], moving_average(poles, period_s)))
+    return np.asarray(sosfilt(sections(poles, period_s), lfilter(taps, [1.0], u)))
+
+
+def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
+    """Responses to ``order`` independent initial states, no input; shape (count, order), columns of size about 1."""
+    order = poles.size
+    columns = np.zeros((order, count))
+    kernel = np.array([1.0])
+    for column in columns:
+        column[: kernel.size] = kernel
+        kernel = np.convolve(kernel, [1.0, -1.0])
+    responses = sosfilt(sections(poles, period_s), columns, axis=1)
+    size = np.linalg.norm(responses, axis=1, keepdims=True) / np.sqrt(count)
+    return np.asarray((responses / size).T)
+
+
+def check_stable(poles: Poles, period_s: float) -> None:
+    """Raise UnstableModelError unless all poles lie in the left half plane, between 1e-9 and 50 per sample."""
+    rates = np.abs(poles) * period_s
+    if not (np.all(np.isfinite(poles)) and np.all(poles.real < 0.0)):
+        raise UnstableModelError(
+            f"poles {np.array2string(poles, precision=4)} rad/s are not all in the left half plane"
+        )
+    if not (np.all(rates > 1e-9) and np.all(rates < 50.0)):
+        raise UnstableModelError(f"poles {np.array2string(poles, precision=4)} rad/s are outside the sampled band")

@@ -1,0 +1,138 @@
+"""What identification returns: plain data, JSON-ready through ``to_json``."""
+
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from backend.identification.record import Signal
+from backend.identification.structures import structure
+
+Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A transfer function b0 / (a_N s^N + ... + a_1 s + 1), as named parameters of a structure."""
+
+    structure: str
+    parameters: dict[str, float]
+
+    @property
+    def vector(self) -> Signal:
+        """Parameters in the structure's order, shape (p,)."""
+        return np.array([self.parameters[name] for name in structure(self.structure).names])
+
+    @property
+    def denominator(self) -> Signal:
+        """1, a_1 .. a_N in ascending powers of s, shape (order + 1,)."""
+        return structure(self.structure).denominator(self.vector)
+
+    @property
+    def poles(self) -> Complex:
+        """Poles [rad/s], shape (order,)."""
+        return structure(self.structure).poles(self.vector)
+
+    @property
+    def gain(self) -> float:
+        """Static gain K [unit of y / unit of u]."""
+        return float(self.vector[0])
+
+    @property
+    def sum_of_lags(self) -> float:
+        """T [s]: minus the slope of the phase at zero frequency, which for these structures is a_1."""
+        return float(self.denominator[1])
+
+    def response(self, omega: Signal) -> Complex:
+        """Frequency response at ``omega`` [rad/s], same shape."""
+        return np.asarray(self.gain / np.polyval(self.denominator[::-1], 1j * np.asarray(omega)))
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """K/(T s + 1) with the gain and the low-frequency phase of a larger model; T is its sum of lags [s]."""
+
+    K: float
+    T: float
+    K_std: float
+    T_std: float
+
+
+@dataclass(frozen=True)
+class CorrelationTest:
+    """Correlations at ``lags_s`` [s] beside their 99 % band; ``passed`` where the largest is compatible with none.
+
+    With many lags some leave a 99 % band by chance; ``passed`` uses the 1 % level for all of them together.
+    """
+
+    lags_s: tuple[float, ...]
+    correlation: tuple[float, ...]
+    band: tuple[float, ...]
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Tests of the whitened residuals and information criteria (smaller is better)."""
+
+    whiteness: CorrelationTest
+    input_correlation: CorrelationTest
+    std: float
+    AIC: float
+    BIC: float
+    FPE: float
+
+
+class Grade(StrEnum):
+    """How far a model may be trusted for tuning."""
+
+    USABLE = "usable"
+    CAUTION = "usable with caution"
+    UNUSABLE = "not usable"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A grade and its reasons; ``sentence`` says both in one line."""
+
+    grade: Grade
+    reasons: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict as the operator reads it."""
+        reasons = "; ".join(self.reasons)
+        return f"{self.grade.value.capitalize()} for tuning: {reasons}."
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A model, how it was found and how good it is.
+
+    ``fit_percent`` is the simulated fit 100 (1 - |y - y_hat| / |y - mean y|) on the last third of the record by a
+    model fitted to the first two thirds; ``fit_all_percent`` that of the reported model on the whole record.
+    ``covariance``, shape (p, p), is in the order of ``model.vector`` and robust to coloured residuals. ``noise`` are
+    the coefficients d_1 .. of the autoregressive noise model 1/D, empty for white noise. ``gain_error_percent``
+    compares the gain with ``gain_geometry`` where that is known.
+    """
+
+    model: Model
+    std_errors: dict[str, float]
+    covariance: Signal = field(repr=False)
+    method: str
+    fit_percent: float
+    fit_all_percent: float
+    first_order: FirstOrder
+    noise: tuple[float, ...]
+    residuals: Residuals = field(repr=False)
+    gain_geometry: float | None
+    gain_error_percent: float | None
+    verdict: Verdict
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain dictionaries, lists and numbers."""
+        document = asdict(self)
+        document["covariance"] = self.covariance.tolist()
+        document["verdict"] = {**asdict(self.verdict), "sentence": self.verdict.sentence}
+        return document

@@ -1,0 +1,45 @@
+"""Standard errors that stay honest when the residuals are coloured: the sandwich formula with a HAC middle."""
+
+import numpy as np
+from scipy.signal import correlate
+
+from backend.identification.record import Signal
+
+
+def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> Signal:
+    """Covariance of the solution of instruments' residuals = 0, shape (p, p).
+
+    ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,).
+    (Z'J)^-1 M (Z'J)^-T, where M is the long-run covariance of Z_t e_t: sum over lags of their covariances with
+    Bartlett weights (Newey and West 1987), over a bandwidth chosen from the data (Andrews 1991).
+    """
+    scale = np.linalg.norm(instruments, axis=0), np.linalg.norm(sensitivities, axis=0)
+    bread = np.linalg.inv((instruments / scale[0]).T @ (sensitivities / scale[1]))
+    moments = instruments / scale[0] * residuals[:, np.newaxis]
+    middle = _long_run(moments)
+    covariance = bread @ middle @ bread.T / np.outer(scale[1], scale[1])
+    return np.asarray((covariance + covariance.T) / 2.0)
+
+
+def _long_run(moments: Signal) -> Signal:
+    bandwidth = _bandwidth(moments)
+    total = moments.T @ moments
+    size = moments.shape[1]
+    if bandwidth == 0:
+        return np.asarray(total)
+    weights = 1.0 - np.abs(np.arange(-bandwidth, bandwidth + 1)) / (bandwidth + 1.0)
+    middle = moments.shape[0] - 1
+    for i in range(size):
+        for j in range(i + 1):
+            cross = correlate(moments[:, i], moments[:, j], mode="full", method="fft")
+            total[i, j] = total[j, i] = weights @ cross[middle - bandwidth : middle + bandwidth + 1]
+    return np.asarray(total)
+
+
+def _bandwidth(moments: Signal) -> int:
+    """Andrews' bandwidth for Bartlett weights, from a first-order autoregression of each column."""
+    count = moments.shape[0]
+    past, now = moments[:-1], moments[1:]
+    rho = np.clip(np.sum(past * now, axis=0) / np.sum(moments**2, axis=0), -0.97, 0.9999)
+    spread = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
+    return int(min(np.ceil(1.1447 * (np.mean(spread) * count) ** (1.0 / 3.0)), count // 10))

@@ -1,0 +1,40 @@
+"""The default experiment on a linear system that is simulated by other means than the estimator's."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim, max_len_seq
+
+from backend.identification.actuator import ActuatorGeometry, identify_actuator
+from backend.identification.result import Grade
+
+GEOMETRY = ActuatorGeometry(r_m=0.0075, r_j=0.075, k2=8543.8)
+PERIOD_S = 1e-3
+LAG_S = 0.0854
+START = 1000
+
+
+def default_experiment(amplitude_rad: float = 1.0, chip: int = 80) -> dict[str, np.ndarray]:
+    chips = np.repeat(2.0 * max_len_seq(7)[0] - 1.0, chip)
+    u = np.concatenate((np.zeros(START), amplitude_rad * np.tile(chips, 2)))
+    t = np.arange(u.size) * PERIOD_S
+    theta = lsim(([1.0], np.poly(np.full(4, -1.0 / LAG_S)) * LAG_S**4), u, t, interp=False)[1]
+    count_q, count_theta = 2 * np.pi / 4000, 2 * np.pi / 8000
+    q = np.round((0.4 + 0.05 * theta) / count_q) * count_q
+    S = 8.24 + 0.721 * np.round(theta / count_theta) * count_theta
+    return {"theta_A_ref": 8.0 + u, "q": q, "S": S}
+
+
+def test_default_experiment_gives_gains_lags_and_rest_point() -> None:
+    found = identify_actuator(default_experiment(), PERIOD_S, GEOMETRY, START)
+    for reduced, gain in ((found.G_q.first_order, 0.05), (found.G_S.first_order, 0.721)):
+        np.testing.assert_allclose((reduced.K, reduced.T), (gain, 4 * LAG_S), rtol=5e-3)
+    assert found.S_nominal == pytest.approx(8.24, abs=1e-3)
+    assert found.q_nominal == pytest.approx(0.4, abs=2e-3)
+    assert found.verdict.grade is Grade.USABLE
+
+
+def test_too_little_motion_is_said_with_the_number_of_counts() -> None:
+    found = identify_actuator(default_experiment(amplitude_rad=0.5, chip=5), PERIOD_S, GEOMETRY, START)
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert "not enough motion" in found.verdict.sentence
+    assert f"{found.motion_counts:.1f} counts" in found.verdict.sentence
