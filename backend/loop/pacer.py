@@ -1,0 +1,107 @@
+"""Keep the beat: absolute deadlines on the monotonic clock, and what the machine grants to hold them.
+
+A deadline that was missed by a whole period is skipped and counted as an overrun; it is never made up for by ticking
+faster, which on hardware would be a burst of commands.
+"""
+
+import ctypes
+import errno
+import os
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_TIMER_ABSTIME = 1
+_PR_SET_TIMERSLACK = 29
+_PR_GET_TIMERSLACK = 30
+_MCL_CURRENT = 1
+_MCL_FUTURE = 2
+_MCL_ONFAULT = 4
+_NS = 1_000_000_000
+_TIMER_SLACK_NS = 1
+_PRIORITY = 60
+"""Of SCHED_FIFO: above the interrupt threads' default of 50, below the kernel's own watchdogs."""
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+@dataclass(frozen=True)
+class Granted:
+    """What the machine granted to the loop; ``refusals`` say what it did not, why, and the remedy.
+
+    ``priority`` is that of SCHED_FIFO, 0 under ordinary scheduling.
+    """
+
+    priority: int
+    memory_locked: bool
+    timer_slack_ns: int
+    refusals: tuple[str, ...]
+
+
+def request_real_time() -> Granted:
+    """Ask for FIFO scheduling, locked memory and a timer slack of 1 ns for this process; go on with what is granted."""
+    refusals = []
+    _LIBC.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(_TIMER_SLACK_NS), 0, 0, 0)
+    priority = 0
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        priority = _PRIORITY
+    except OSError as error:
+        refusals.append(f"FIFO priority {_PRIORITY}: {error.strerror}; allow rtprio in limits.conf or CAP_SYS_NICE")
+    # Under a finite limit a later allocation would fail instead of merely being unlocked.
+    unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
+    future = _MCL_FUTURE if unlimited else 0
+    memory_locked = _LIBC.mlockall(_MCL_CURRENT | _MCL_ONFAULT | future) == 0
+    if not memory_locked:
+        reason = os.strerror(ctypes.get_errno())
+        refusals.append(f"locked memory: {reason}; raise memlock in limits.conf or grant CAP_IPC_LOCK")
+    slack_ns = _LIBC.prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
+    return Granted(priority, memory_locked, slack_ns, tuple(refusals))
+
+
+def _sleep_until(deadline_ns: int) -> None:
+    at = _Timespec(*divmod(deadline_ns, _NS))
+    while True:
+        code = _LIBC.clock_nanosleep(time.CLOCK_MONOTONIC, _TIMER_ABSTIME, ctypes.byref(at), None)
+        if code == 0:
+            return
+        if code != errno.EINTR:  # a signal only interrupts; its handler has run by now
+            raise OSError(code, os.strerror(code))
+
+
+class Pacer:
+    """Waits for one deadline after the other, ``period_s`` apart.
+
+    ``overruns`` counts the deadlines skipped so far. ``now_ns`` and ``sleep_until`` are the monotonic clock [ns].
+    """
+
+    def __init__(
+        self,
+        period_s: float,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+        sleep_until: Callable[[int], None] = _sleep_until,
+    ) -> None:
+        self._period_ns = round(period_s * _NS)
+        self._now_ns = now_ns
+        self._sleep_until = sleep_until
+        self._deadline_ns = now_ns()
+        self.overruns = 0
+
+    def wait(self) -> float:
+        """Sleep until the next deadline; return how late it was met [s], always less than a period plus the wake-up.
+
+        When the caller comes later than a whole period after the deadline, the deadlines that passed are skipped.
+        """
+        self._deadline_ns += self._period_ns
+        behind_ns = self._now_ns() - self._deadline_ns
+        if behind_ns >= self._period_ns:
+            skipped = behind_ns // self._period_ns
+            self.overruns += skipped
+            self._deadline_ns += skipped * self._period_ns
+        elif behind_ns < 0:
+            self._sleep_until(self._deadline_ns)
+        return (self._now_ns() - self._deadline_ns) / _NS

@@ -1,0 +1,114 @@
+"""The shared ring: one writer that never waits, any number of readers that notice when they were overtaken.
+
+Anonymous shared memory (memfd), so that nothing is left behind whoever dies. Layout: a header of 64-bit integers, then
+``capacity`` rows of float64, one per tick; row k lives in slot k modulo ``capacity``. A row is written first and
+counted afterwards, so that a counted row is whole (x86-64 and the like keep the order of stores). A header word is
+read and written in one access.
+"""
+
+import mmap
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.sample import FIELDS
+
+WIDTH = len(FIELDS)
+_HEADER_WORDS = 8
+_MAGIC, _CAPACITY, _WIDTH, _COUNT = range(4)
+_MAGIC_VALUE = 0x53494E4557  # "SINEW"
+_WORD = 8
+
+
+class RingError(Exception):
+    """The file descriptor does not hold a ring of this version's samples."""
+
+
+class Ring:
+    """Rows of ``WIDTH`` float64 (``backend.sample.FIELDS``), the newest ``capacity`` of them."""
+
+    def __init__(self, fd: int) -> None:
+        self.fd = fd
+        self._memory = mmap.mmap(fd, os.fstat(fd).st_size)
+        self._header: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, _HEADER_WORDS)
+        self.capacity = int(self._header[_CAPACITY])
+        cells = np.frombuffer(self._memory, np.float64, self.capacity * WIDTH, offset=_HEADER_WORDS * _WORD)
+        self._rows: NDArray[np.float64] = cells.reshape(self.capacity, WIDTH)
+
+    @classmethod
+    def create(cls, capacity: int = 65536) -> "Ring":
+        """Make an empty ring of ``capacity`` rows (65 s at 1 kHz); ``fd`` may be handed to another process."""
+        fd = os.memfd_create("sinew-ring")
+        os.ftruncate(fd, _size(capacity))
+        header = np.zeros(_HEADER_WORDS, np.int64)
+        header[[_MAGIC, _CAPACITY, _WIDTH]] = _MAGIC_VALUE, capacity, WIDTH
+        os.pwrite(fd, header.tobytes(), 0)
+        return cls(fd)
+
+    @classmethod
+    def attach(cls, fd: int) -> "Ring":
+        """Map the ring behind ``fd`` and own the descriptor. Raises RingError when it is none, or of other samples."""
+        header = np.frombuffer(os.pread(fd, _HEADER_WORDS * _WORD, 0), np.int64)
+        if header.size < _HEADER_WORDS or header[_MAGIC] != _MAGIC_VALUE:
+            raise RingError(f"file descriptor {fd} holds no ring of samples")
+        if header[_WIDTH] != WIDTH or os.fstat(fd).st_size != _size(int(header[_CAPACITY])):
+            raise RingError(
+                f"the ring has rows of {header[_WIDTH]} values, this version's samples have {WIDTH}: "
+                "both processes must run the same version"
+            )
+        return cls(fd)
+
+    @property
+    def count(self) -> int:
+        """Rows appended since the ring was made."""
+        return int(self._header[_COUNT])
+
+    def append(self, row: Sequence[float] | NDArray[np.float64]) -> None:
+        """Append one row of ``WIDTH`` values; the oldest is overwritten. For the one writer only."""
+        count = self.count
+        self._rows[count % self.capacity] = row
+        self._header[_COUNT] = count + 1
+
+    def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
+        """Copy rows ``since``, ``since + 1`` ... (at most ``limit``).
+
+        Returns (index of the first row, rows [n, WIDTH], rows missed): rows that were overwritten before they could be
+        copied are left out at the front and counted as missed; the first row then is ``since + missed``.
+        """
+        count = self.count
+        first = max(since, count - self.capacity + 1, 0)
+        rows = self._copy(first, min(count, first + limit))
+        # The writer went on meanwhile, and may be writing row `count` into the slot of row `count - capacity` now.
+        intact = self.count - self.capacity + 1
+        if intact > first:
+            rows = rows[intact - first :]
+            first = intact
+        return first, rows, first - since
+
+    def newest(self) -> NDArray[np.float64] | None:
+        """Copy the newest row [WIDTH], None before the first."""
+        _, rows, _ = self.read(self.count - 1, 1)
+        return rows[0] if len(rows) else None
+
+    def _copy(self, first: int, end: int) -> NDArray[np.float64]:
+        if end <= first:
+            return np.empty((0, WIDTH))
+        start, stop = first % self.capacity, (end - 1) % self.capacity + 1
+        if start < stop:
+            return self._rows[start:stop].copy()
+        return np.concatenate((self._rows[start:], self._rows[:stop]))
+
+    def close(self) -> None:
+        """Unmap and close the descriptor. Safe to call twice."""
+        if self.fd >= 0:
+            # A mapping cannot be closed while views of it live.
+            del self._header, self._rows
+            self._memory.close()
+            os.close(self.fd)
+            self.fd = -1
+
+
+def _size(capacity: int) -> int:
+    return (_HEADER_WORDS + capacity * WIDTH) * _WORD
