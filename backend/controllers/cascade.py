@@ -15,8 +15,7 @@ TRACKING_TIME_S = 0.1
 class Tuning(NamedTuple):
     """All gains and bounds the tick needs, replaced as a whole.
 
-    ``omega_max`` [rad/s] bounds the motor references, ``u_max`` [V] the voltages; ``position_loop`` is False for the
-    compliance experiment, where the decoupler's geometry alone positions the joint.
+    ``omega_max`` [rad/s] bounds the motor references, ``u_max`` [V] the voltages.
     """
 
     motors: motors.Gains
@@ -24,7 +23,6 @@ class Tuning(NamedTuple):
     decoupler: Decoupler
     omega_max: float
     u_max: float
-    position_loop: bool
 
 
 class State(NamedTuple):
@@ -59,8 +57,13 @@ class Output(NamedTuple):
 
 
 @compiled
-def step(tuning: Tuning, state: State, q_ref: float, S_ref: float, m: Measurement) -> tuple[Output, State]:
-    """One tick: references [rad, N·m/rad] and a measurement to motor voltages (figure 6)."""
+def step(
+    tuning: Tuning, state: State, q_ref: float, S_ref: float, position_loop: bool, m: Measurement
+) -> tuple[Output, State]:
+    """One tick: references [rad, N·m/rad] and a measurement to motor voltages (figure 6).
+
+    Without ``position_loop`` the decoupler's geometry alone positions the joint: the compliance experiment.
+    """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
     reference, governed = governor.step(d, tuning.omega_max, state.governor, q_ref, S_ref)
@@ -73,7 +76,7 @@ def step(tuning: Tuning, state: State, q_ref: float, S_ref: float, m: Measuremen
 
     q_c, position = i_p.step(gains_q, position, reference.q_ref, m.q, state.correction_q)
     S_c, stiffness = i_p.step(gains_S, stiffness, reference.S_ref, S, state.correction_S)
-    if not tuning.position_loop:
+    if not position_loop:
         q_c = reference.q_ref
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, q_c, S_c)
     motor, inner = motors.step(tuning.motors, inner, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)

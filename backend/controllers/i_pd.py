@@ -72,6 +72,4 @@ def at_rest(gains: Gains, y: float, u: float) -> State:
 @compiled
 def shift(gains: Gains, state: State, offset: float) -> State:
     """State after the zero of y moved by ``offset`` [rad] (new reading minus old): the voltage goes on unchanged."""
-    return State(
-        state.integral + gains.k_p * offset, state.integral_f + gains.k_p * offset, state.y_f + offset
-    )
+    return State(state.integral + gains.k_p * offset, state.integral_f + gains.k_p * offset, state.y_f + offset)

@@ -57,7 +57,7 @@ def simulate(
         sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
     for k in range(q_ref.shape[0]):
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[k, 0], noise[k, 1], F_push[k], 0.0)
-        y, controller = cascade.step(tuning, controller, q_ref[k], S_ref[k], m)
+        y, controller = cascade.step(tuning, controller, q_ref[k], S_ref[k], True, m)
         row = out[k]
         row[0], row[1], row[2] = m.q, y.S, m.S_true
         row[3], row[4] = m.theta_A, m.theta_B

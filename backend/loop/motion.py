@@ -1,0 +1,235 @@
+"""What the loop does with the motors in each mode: one small class a motion, one ``step`` a tick.
+
+Every motion hands the state of the motor loops on to the next one, so that no change of mode makes the voltages jump.
+"""
+
+from typing import NamedTuple, Protocol
+
+from backend.controllers import cascade, decoupler, force_hold, motors, pretension
+from backend.controllers.limits import Bounds
+from backend.faults import Limit
+from backend.loop.player import ExcitationPlayer, SegmentPlayer, Target
+from backend.loop.program import Law, Program
+from plant.interface import Measurement, T_s
+
+TRAVEL_SPEED = 3.0
+"""Speed of the motor references between modes [rad/s]: 0.3 rad/s at the joint, 3 V of 10 V."""
+
+PRETENSION_N = 10.0
+"""Tension that pretension winds up to (method section 7)."""
+
+REST_SPEED = 0.02
+"""Joint speed below which the joint counts as standing [rad/s]."""
+
+REST_S = 0.2
+"""How long it must stand before the soft stop lets go [s]."""
+
+BRAKING_MAX_S = 2.0
+"""A soft stop lets go after this time in any case [s]."""
+
+
+class Carry(NamedTuple):
+    """Motor loops as one motion leaves them and the next takes them over: state, gains, references [rad]."""
+
+    state: motors.State
+    gains: motors.Gains
+    theta_A_ref: float
+    theta_B_ref: float
+
+
+class Decision(NamedTuple):
+    """What a motion decided in one tick; ``F_push`` is None where it leaves the plant's push alone."""
+
+    u_A: float
+    u_B: float
+    theta_A_ref: float
+    theta_B_ref: float
+    target: Target
+    q_ref_gov: float
+    S_ref_gov: float
+    bank_entry: float
+    limits: Limit
+    pushes: bool = False
+
+
+class Motion(Protocol):
+    """One way of moving. ``done`` tells that it has reached its end; it goes on holding there."""
+
+    done: bool
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick: measurement to voltages."""
+        ...
+
+    def carry(self) -> Carry:
+        """The motor loops for the next motion."""
+        ...
+
+
+class _MotorPositions:
+    """Common to the motions below the cascade: the pair of inner loops following motor references."""
+
+    done = False
+
+    def __init__(self, carry: Carry, target: Target) -> None:
+        self._carry = carry
+        self.target = target
+
+    def carry(self) -> Carry:
+        return self._carry
+
+    def _follow(self, tuning: cascade.Tuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+        state = self._carry.state
+        if tuning.motors != self._carry.gains:
+            state = motors.bumpless(self._carry.gains, tuning.motors, state, m.theta_A, m.theta_B)
+        y, state = motors.step(tuning.motors, state, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
+        self._carry = Carry(state, tuning.motors, theta_A_ref, theta_B_ref)
+        limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
+        q_ref, S_ref = self.target.q_ref, self.target.S_ref
+        return Decision(y.u_A, y.u_B, theta_A_ref, theta_B_ref, self.target, q_ref, S_ref, 0.0, limits)
+
+
+class Winding(_MotorPositions):
+    """Pretension from slack: both motors wind until both load cells read the pretension."""
+
+    def __init__(self, carry: Carry, target: Target) -> None:
+        super().__init__(carry, target)
+        self._state = pretension.State(0.0, 0.0, carry.theta_A_ref, carry.theta_B_ref, 0.0)
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick of winding."""
+        self._state = pretension.step(self._state, PRETENSION_N, m.F_A, m.F_B)
+        self.done = self._state.steady_s >= pretension.STANDSTILL_S
+        return self._follow(tuning, m, self._state.theta_A_ref, self._state.theta_B_ref)
+
+    @property
+    def tensions(self) -> tuple[float, float]:
+        """Filtered load cell readings [N]."""
+        return self._state.F_A, self._state.F_B
+
+
+class Travel(_MotorPositions):
+    """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
+
+    def __init__(self, carry: Carry, target: Target, theta_A: float, theta_B: float) -> None:
+        super().__init__(carry, target)
+        self._goal = theta_A, theta_B
+        self._settled_s = 0.0
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick of walking, or of holding the goal."""
+        theta_A_ref, theta_B_ref = walk(self._carry.theta_A_ref, self._carry.theta_B_ref, *self._goal)
+        if (theta_A_ref, theta_B_ref) == self._goal:
+            self._settled_s += T_s
+            self.done = self._settled_s >= pretension.STANDSTILL_S
+        return self._follow(tuning, m, theta_A_ref, theta_B_ref)
+
+
+class ForceHold(_MotorPositions):
+    """Actuator identification: theta_B_ref at zero, the tension held by motor A, the excitation on top (figure 5)."""
+
+    def __init__(self, carry: Carry, target: Target, program: Program, theta_A: float) -> None:
+        super().__init__(carry, target)
+        if program.excitation is None:
+            raise ValueError("a force-hold program needs an excitation")
+        self._F_ref = program.tension_N
+        self._settle_ticks = round(program.settle_s / T_s)
+        self._player = ExcitationPlayer(program.excitation)
+        self._base_A, self._base_B = carry.theta_A_ref, carry.theta_B_ref
+        self._goal_A = theta_A
+        self._state = force_hold.State(0.0)
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick: travel to the tension, settle, excite."""
+        arrived = (self._base_A, self._base_B) == (self._goal_A, 0.0)
+        offset = 0.0
+        if not arrived:
+            self._base_A, self._base_B = walk(self._base_A, self._base_B, self._goal_A, 0.0)
+        elif self._settle_ticks > 0:
+            self._settle_ticks -= 1
+        else:
+            excitation = self._player.step()
+            self.done = excitation is None
+            offset = excitation or 0.0
+        trim, state = force_hold.step(self._state, self._F_ref, m.F_A, m.F_B)
+        if arrived:
+            self._state = state
+        return self._follow(tuning, m, self._base_A + trim + offset, self._base_B)
+
+
+class Braking(_MotorPositions):
+    """Soft stop: motor references frozen where the motors are, until the joint stands."""
+
+    def __init__(self, carry: Carry, target: Target, m: Measurement) -> None:
+        super().__init__(carry, target)
+        self._goal = m.theta_A, m.theta_B
+        self._standing_s = 0.0
+        self._elapsed_s = 0.0
+        self._q = m.q
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick of braking."""
+        moved = abs(m.q - self._q) > REST_SPEED * REST_S
+        self._q = m.q if moved else self._q
+        self._standing_s = 0.0 if moved else self._standing_s + T_s
+        self._elapsed_s += T_s
+        self.done = self._standing_s >= REST_S or self._elapsed_s >= BRAKING_MAX_S
+        return self._follow(tuning, m, *self._goal)
+
+
+class Tracking:
+    """The cascade, following the operator's references or a program's segments."""
+
+    def __init__(
+        self, tuning: cascade.Tuning, carry: Carry, m: Measurement, bounds: Bounds, program: Program | None = None
+    ) -> None:
+        self.done = False
+        self._state = cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
+        S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+        S_ref = min(max(S, bounds.S_min), bounds.S_max)
+        self.target = Target(min(max(m.q, bounds.q_min), bounds.q_max), S_ref, 0.0)
+        self._player = SegmentPlayer(program.segments, self.target) if program else None
+        self._position_loop = program is None or program.law is Law.CASCADE
+        self._carry = carry
+
+    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
+        """One tick of the cascade."""
+        if self._player is not None:
+            target = self._player.step()
+            self.done = target is None
+            self.target = target or self.target
+        q_ref, S_ref, _ = self.target
+        y, self._state = cascade.step(tuning, self._state, q_ref, S_ref, self._position_loop, m)
+        self._carry = Carry(self._state.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
+        limits = clipped(y.clipped_A, y.clipped_B) | (Limit.GOVERNOR if y.governed else Limit(0))
+        return Decision(
+            y.u_A,
+            y.u_B,
+            y.theta_A_ref,
+            y.theta_B_ref,
+            self.target,
+            y.q_ref_gov,
+            y.S_ref_gov,
+            y.bank_entry,
+            limits,
+            pushes=self._player is not None,
+        )
+
+    def carry(self) -> Carry:
+        """The motor loops for the next motion."""
+        return self._carry
+
+
+def clipped(A: bool, B: bool) -> Limit:
+    """Limit flags of voltages that were clipped."""
+    return (Limit.VOLTAGE_A if A else Limit(0)) | (Limit.VOLTAGE_B if B else Limit(0))
+
+
+def walk(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
+    """One tick along the straight line to the goal at TRAVEL_SPEED [rad/s]; exactly the goal at its end."""
+    distance = max(abs(goal_A - theta_A), abs(goal_B - theta_B))
+    reach = TRAVEL_SPEED * T_s
+    if distance <= reach:
+        return goal_A, goal_B
+    share = reach / distance
+    return theta_A + share * (goal_A - theta_A), theta_B + share * (goal_B - theta_B)
