@@ -1,0 +1,64 @@
+# make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
+# make test   installs what the tests need (a browser too) and runs all of them
+# Further: check, format, bench, screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+NPM := $(BIN)/python frontend/build.py
+ARGS ?=
+
+.PHONY: run test check format bench screenshots install install-dev frontend
+
+run: install frontend
+	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
+
+test: install-dev frontend
+	.ci/provide browser compose
+	$(NPM) test
+	$(BIN)/python -m pytest $(ARGS)
+
+check: install-dev
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/python -m backend.api.export --check frontend/src/wire
+	$(NPM) check
+
+format: install-dev
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+	$(BIN)/python -m backend.api.export frontend/src/wire
+	$(NPM) types
+	$(NPM) format
+
+bench: install-dev
+	$(BIN)/python -m tests.bench
+
+screenshots: install-dev frontend
+	.ci/provide browser
+	$(BIN)/python -m tests.e2e.screenshots
+
+# A stamp per set of packages: a second make finds it newer than its sources and goes straight on.
+install: $(VENV)/.installed
+install-dev: $(VENV)/.installed-dev
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/pip
+	@echo "Installing Sinew into $(VENV); the first time this takes a minute or two"
+	$(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'], sep='\n')" \
+		> $(VENV)/build-requirements.txt
+	$(PIP) install --requirement $(VENV)/build-requirements.txt
+	$(PIP) install --no-build-isolation --editable .
+	@touch $@
+
+$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
+	@echo "Installing what the tests and checks need"
+	$(PIP) install --no-build-isolation --editable '.[dev,rig,postgres]'
+	@touch $@
+
+$(BIN)/pip:
+	.ci/provide venv
+
+frontend: install
+	@$(NPM) build

