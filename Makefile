@@ -1,12 +1,14 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
 # Further: check, format, bench, screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
+# ARGS goes to sinew serve or to pytest; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NPM := $(BIN)/python frontend/build.py
 ARGS ?=
+EXTRAS ?=
 
 .PHONY: run test check format bench screenshots install install-dev frontend
 
@@ -49,7 +51,7 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/pip
 	$(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'], sep='\n')" \
 		> $(VENV)/build-requirements.txt
 	$(PIP) install --requirement $(VENV)/build-requirements.txt
-	$(PIP) install --no-build-isolation --editable .
+	$(PIP) install --no-build-isolation --editable '.$(if $(EXTRAS),[$(EXTRAS)])'
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed

