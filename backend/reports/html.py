@@ -1,0 +1,110 @@
+"""A report as one HTML page: nothing loaded from elsewhere, readable on screen and on paper."""
+
+import re
+from html import escape
+from importlib import resources
+
+from backend.reports.document import Block, Figure, Paragraph, Report, Section, Table
+
+_SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+)\b|·10\^(?P<power>−?\d+)"
+_SYMBOLS = re.compile(_SYMBOL)
+_SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
+
+
+def to_html(report: Report) -> str:
+    """Return the page."""
+    style = resources.files("backend.reports").joinpath("report.css").read_text(encoding="utf-8")
+    facts = "".join(f"<dt>{_text(fact.label)}</dt><dd>{_text(fact.text)}</dd>" for fact in report.facts)
+    numbering = _Numbering()
+    sections = "\n".join(_section(section, numbering) for section in report.sections)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(report.title)} – {escape(report.subtitle)}</title>
+<style>
+{style}</style>
+</head>
+<body>
+<header>
+<h1>{_text(report.title)}</h1>
+<p class="subtitle">{_text(report.subtitle)}</p>
+<p class="verdict {escape(report.outcome)}">{_text(report.verdict)}</p>
+<dl>{facts}</dl>
+</header>
+<main>
+{sections}
+</main>
+<footer>{_text(report.footer)}</footer>
+</body>
+</html>
+"""
+
+
+class _Numbering:
+    def __init__(self) -> None:
+        self.tables = 0
+        self.figures = 0
+
+
+def _section(section: Section, numbering: _Numbering) -> str:
+    blocks = "\n".join(_block(block, numbering) for block in section.blocks)
+    return f"<section>\n<h2>{_prose(section.heading)}</h2>\n{blocks}\n</section>"
+
+
+def _block(block: Block, numbering: _Numbering) -> str:
+    match block:
+        case Paragraph(text):
+            return f"<p>{_prose(text)}</p>"
+        case Table():
+            numbering.tables += 1
+            return _table(block, numbering.tables)
+        case Figure(_, svg, caption):
+            numbering.figures += 1
+            label = f"Figure {numbering.figures}."
+            drawing = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
+            return f"<figure>\n{drawing}\n<figcaption><b>{label}</b> {_prose(caption)}</figcaption>\n</figure>"
+
+
+def _table(table: Table, number: int) -> str:
+    kinds = ["number" if column.number else "text" for column in table.columns]
+    titles = [f"{column.title} [{column.unit}]" if column.unit else column.title for column in table.columns]
+    head = "".join(
+        f'<th scope="col" class="{kind}">{_prose(title)}</th>' for kind, title in zip(kinds, titles, strict=True)
+    )
+    body = "\n".join(
+        "<tr>"
+        + "".join(f'<td class="{kind}">{_prose(cell)}</td>' for kind, cell in zip(kinds, row, strict=True))
+        + "</tr>"
+        for row in table.rows
+    )
+    caption = f"<caption><b>Table {number}.</b> {_prose(table.caption)}</caption>"
+    rows = f"<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>"
+    return f'<div class="table"><table>\n{caption}\n{rows}\n</table></div>'
+
+
+def _text(text: str) -> str:
+    """Escape text and set symbols in it as letter and index, powers of ten raised."""
+    return _set(text, _SYMBOLS)
+
+
+def _prose(text: str) -> str:
+    """Like ``_text``; lone letters are symbols too. For text in which no person's name stands."""
+    return _set(text, _SYMBOLS_AND_LETTERS)
+
+
+def _set(text: str, symbols: re.Pattern[str]) -> str:
+    parts, end = [], 0
+    for found in symbols.finditer(text):
+        parts += [escape(text[end : found.start()]), _symbol(found.groupdict())]
+        end = found.end()
+    return "".join([*parts, escape(text[end:])])
+
+
+def _symbol(found: dict[str, str | None]) -> str:
+    if found["power"]:
+        return f"·10<sup>{found['power']}</sup>"
+    if found["letter"]:
+        return f"<i>{found['letter']}</i><sub>{found['index']}</sub>"
+    return f"<i>{found['lone']}</i>"

@@ -1,0 +1,234 @@
+"""The report of a tracking run: what was asked, what came out, against which bounds, from which gains."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from backend.reports.document import Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
+from backend.reports.source import Source, facts, parameter_section, settings_table, subtitle
+from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
+
+_NOTES = (
+    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
+    "not a direct measurement of stiffness.",
+    "Outer gains follow k_p = (2T − λ)/(K λ). The paper's table 2, in the text we have, prints k_p = 2/(K λ), which is "
+    "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
+    "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
+    "gains are scaled for that (erratum E3).",
+    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+)
+
+
+def tracking_report(source: Source) -> Report:
+    """Build the report of a tracking run or an own sequence; a run without result says why it has none."""
+    run = source.run
+    what = "Tracking experiment" if run.kind == "tracking" else "Reference sequence"
+    metrics = source.result.metrics if source.result else {}
+    criteria = source.result.criteria if source.result else []
+    outcome, verdict = _verdict(metrics, criteria)
+    sections = [_results(metrics, criteria)] if metrics else []
+    sections.append(Section("How it was made", (settings_table(source), *_lineage(source))))
+    if source.columns["t"].size:
+        sections.append(_figures(source, metrics))
+    if metrics.get("steps"):
+        sections.append(Section("Steps", (_steps(metrics["steps"]),)))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
+    return Report(
+        title=what,
+        subtitle=subtitle(source),
+        outcome=outcome,
+        verdict=verdict,
+        facts=(*facts(source), *_tuning_facts(source)),
+        sections=tuple(sections),
+        footer=f"Sinew {run.software} · {what.lower()} · run {run.id}",
+        date=run.started_at,
+    )
+
+
+def _verdict(metrics: Mapping[str, Any], criteria: list[dict[str, Any]]) -> tuple[str, str]:
+    if not metrics:
+        return "incomplete", "No result: the run holds no samples of its program."
+    failed = [item["title"] for item in criteria if item["passed"] is False]
+    played = f"{exact(metrics['played_s'])} s of {exact(metrics['planned_s'])} s were played"
+    if not metrics["complete"]:
+        return "incomplete", f"Incomplete: {played}. Figures cover that part only." + (
+            f" Already failed: {', '.join(failed)}." if failed else ""
+        )
+    if failed:
+        return "failed", f"{len(failed)} of {len(criteria)} criteria failed: {', '.join(failed)}."
+    if not criteria:
+        return "neutral", "No criteria are set for this kind of run."
+    unjudged = sum(item["passed"] is None for item in criteria)
+    return (
+        ("incomplete", f"{unjudged} of {len(criteria)} criteria could not be judged.")
+        if unjudged
+        else ("passed", f"All {len(criteria)} criteria passed.")
+    )
+
+
+def _tuning_facts(source: Source) -> tuple[Fact, ...]:
+    loop = source.run.settings.get("loop", {})
+    lams = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
+    if "lam_motor" in loop:
+        lams.append(f"λ_motor = {exact(loop['lam_motor'])} s")
+    bank = source.bank
+    gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
+    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", gains)]
+    if source.run.plant == "simulator" and "seed" in loop:
+        lines.append(Fact("Seed", str(loop["seed"])))
+    return tuple(lines)
+
+
+def _lam_text(source: Source, name: str) -> str:
+    column = source.columns[f"lam_{name}"]
+    if column.size == 0:
+        return "–"
+    low, high = float(column.min()), float(column.max())
+    low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
+    return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
+
+
+def _results(metrics: Mapping[str, Any], criteria: list[dict[str, Any]]) -> Section:
+    words = {True: "pass", False: "fail", None: "not judged"}
+    judged = Table(
+        "Criteria of the tracking experiment.",
+        (
+            Column("Criterion", number=False, wide=True),
+            Column("Bound"),
+            Column("Figure"),
+            Column("Unit", number=False),
+            Column("Result", number=False),
+        ),
+        tuple(
+            (
+                item["title"],
+                f"{item['relation']} {exact(item['bound'])}",
+                shown(item["figure"]),
+                item["unit"],
+                words[item["passed"]],
+            )
+            for item in criteria
+        ),
+    )
+    figures = Table(
+        "Metrics on measured signals."
+        + ("" if metrics["complete"] else " The run is incomplete: only finished steps count."),
+        (
+            Column("Quantity", number=False),
+            Column("Value"),
+            Column("Unit", number=False),
+            Column("Definition", number=False, wide=True),
+        ),
+        tuple((item["label"], shown(item["value"]), item["unit"], item["definition"]) for item in metrics["figures"]),
+    )
+    return Section("Results", (judged, figures) if criteria else (figures,))
+
+
+def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
+    columns = source.columns
+    played_s = float(columns["t"][-1])
+    parameters = source.run.parameters
+    u_max, F_max = parameters["motor"]["u_max"]["value"], parameters["safety"]["F_max"]["value"]
+    both = next((phase for phase in metrics.get("phases", []) if phase["name"] == "both"), None)
+    split_s = min(both["start_s"], played_s) if both else played_s
+    blocks = [
+        Figure(
+            "separate",
+            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max),
+            "Position and stiffness moved one after the other: (A) joint position, (B) joint stiffness, (C) motor "
+            "voltages. References dashed. Compare figure 7A–C of the paper.",
+        )
+    ]
+    if both and split_s < played_s:
+        blocks.append(
+            Figure(
+                "together",
+                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max),
+                "Position and stiffness moved at once: (D) joint position, (E) joint stiffness, (F) motor voltages. "
+                "Compare figure 7D–F of the paper.",
+            )
+        )
+    blocks.append(
+        Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
+    )
+    if metrics.get("steps"):
+        lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
+        blocks.append(
+            Figure(
+                "steps",
+                step_panels(columns, metrics["steps"], lam, "steps"),
+                "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
+                "for (dashed). Large steps are slower where the reference governor keeps the motors within their "
+                "voltage.",
+            )
+        )
+    return Section("Figures", tuple(blocks))
+
+
+def _constant(column: Any) -> float | None:
+    return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
+
+
+def _steps(steps: list[dict[str, Any]]) -> Table:
+    units = {"q": "rad", "S": "N·m/rad"}
+    columns = (
+        Column("Phase", number=False),
+        Column("Step", number=False),
+        Column("from"),
+        Column("to"),
+        Column("Rise", "s"),
+        Column("Settling", "s"),
+        Column("Overshoot", "%"),
+        Column("Steady error"),
+        Column("Deviation of the other", wide=True),
+    )
+    rows = []
+    for step in steps:
+        signal, other = step["signal"], "S" if step["signal"] == "q" else "q"
+        deviation = step["cross_coupling"]
+        rows.append(
+            (
+                step["phase"],
+                f"{signal} [{units[signal]}]",
+                shown(step["before"]),
+                shown(step["after"]),
+                shown(step["rise_s"]),
+                shown(step["settling_s"]),
+                shown(step["overshoot_percent"], 2),
+                shown(step["steady_error"], 2),
+                "–" if deviation is None else f"{shown(deviation, 2)} {units[other]}",
+            )
+        )
+    return Table(
+        "Every step that was played to its end; a dash where both signals move or nothing was reached.",
+        columns,
+        tuple(rows),
+    )
+
+
+def _lineage(source: Source) -> tuple[Paragraph | Table, ...]:
+    if source.bank is None:
+        return (
+            Paragraph(
+                "Gains were computed from the plant's geometry and its nominal lags; no identification was used."
+            ),
+        )
+    rows = tuple(
+        (
+            shown(entry.S_nominal, 4),
+            *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
+            "imported" if entry.identification_id is None else f"identification {entry.identification_id}",
+        )
+        for entry in source.bank.entries
+    )
+    columns = (
+        Column("S_nominal", "N·m/rad"),
+        Column("K_q"),
+        Column("T_q", "s"),
+        Column("K_S"),
+        Column("T_S", "s"),
+        Column("From", number=False),
+    )
+    return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)

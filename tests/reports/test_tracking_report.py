@@ -1,0 +1,119 @@
+"""The report as its reader gets it: everything stated, nothing loaded, no markup from data, same bytes each time."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from tracking_run import PLAN, samples, source_of
+
+from backend.reports.document import Figure, Report, Table
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source
+from backend.reports.tracking import tracking_report
+
+
+class _Reader(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.loads: list[str] = []
+        self.ids: list[str] = []
+        self.text: list[str] = []
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id" and value:
+                self.ids.append(value)
+            if name in ("src", "href", "xlink:href", "data", "action") and value and not value.startswith("#"):
+                self.loads.append(value)
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(report: Report) -> str:
+    return to_html(report)
+
+
+def read(page: str) -> _Reader:
+    reader = _Reader()
+    reader.feed(page)
+    return reader
+
+
+def test_page_loads_nothing_and_keeps_its_ids_apart(page: str) -> None:
+    reader = read(page)
+    assert reader.loads == []
+    assert "script" not in reader.tags
+    assert not re.search(r"@import|url\((?!#)", page)
+    assert len(reader.ids) == len(set(reader.ids))
+    assert reader.tags.count("svg") == 4
+
+
+def test_page_states_run_tuning_lineage_and_figures(page: str) -> None:
+    text = re.sub(r"\s+", " ", "".join(read(page).text))
+    for statement in (
+        "All 4 criteria passed.",
+        "12, completed",
+        "2026-03-04 10:20:30 UTC by A. Operator",
+        "simulator, parameters “ideal”",
+        "λq = 0.5 s, λS = 0.42 s, λmotor = 0.0854 s",
+        "Sinew 0.1.0, Python 3.11.2",
+        "bank “spring set 2” version 2",
+        "identification 4",
+        "Largest tension36.0N",
+        "erratum E1",
+        "paper, prototype section: motor reel",
+    ):
+        assert statement in text, statement
+
+
+def test_text_from_outside_is_never_markup(page: str, report: Report) -> None:
+    assert "&lt;b&gt;first&lt;/b&gt; &amp; last; #eval(1)" in page
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_same_run_gives_the_same_bytes(page: str, report: Report, tracking_source: Source) -> None:
+    again = tracking_report(tracking_source)
+    assert to_html(again) == page
+    assert to_pdf(again) == to_pdf(report)
+
+
+def test_every_table_row_has_a_cell_for_each_column(report: Report) -> None:
+    blocks = [block for section in report.sections for block in section.blocks]
+    tables = [block for block in blocks if isinstance(block, Table)]
+    assert len(tables) == 6
+    assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
+    assert [block.name for block in blocks if isinstance(block, Figure)] == ["separate", "together", "tension", "steps"]
+
+
+def test_a_failed_criterion_is_named_and_so_is_a_change_of_lambda() -> None:
+    columns = samples(PLAN)
+    columns["F_A"] = columns["F_A"].copy()
+    columns["F_A"][5_000] = 3.0
+    columns["lam_q"][20_000:] = 0.6
+    report = tracking_report(source_of(columns))
+    assert report.outcome == "failed"
+    assert "Smallest tendon tension" in report.verdict
+    assert any("0.5 to 0.6 s (changed during the run)" in fact.text for fact in report.facts)
+
+
+def test_a_stopped_run_is_incomplete() -> None:
+    part = {name: column[:9_500] for name, column in samples(PLAN).items()}
+    report = tracking_report(source_of(part, end_state="stopped"))
+    assert report.outcome == "incomplete"
+    assert report.verdict.startswith("Incomplete: 9.5 s of 51 s were played")
+    assert "stopped by the operator" in report.facts[0].text
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> None:
+    empty = {name: column[:0] for name, column in tracking_source.columns.items()}
+    report = tracking_report(Source(tracking_source.run, None, empty, None))
+    assert report.outcome == "incomplete"
+    assert "no samples" in report.verdict
+    assert to_html(report)
+    assert to_pdf(report).startswith(b"%PDF-")

@@ -1,0 +1,90 @@
+"""A tracking run as the loop would record it, computed from closed forms: no plant, no loop, no database."""
+
+from dataclasses import asdict
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.experiments.criteria import bounds_for, tracking_criteria
+from backend.experiments.metrics import tracking_metrics
+from backend.experiments.plans import TrackingPlan
+from backend.experiments.result import criteria_documents, tracking_document
+from backend.reports.source import Source
+from backend.sample import STORED_NAMES
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.results import Result
+from backend.storage.runs import Run
+from plant.interface import T_s
+from plant.parameters import load_parameters
+
+Array = NDArray[np.float64]
+BEGAN = datetime(2026, 3, 4, 10, 20, 30, tzinfo=UTC)
+PLAN = TrackingPlan(q_duration_s=4.0, S_duration_s=3.0)
+
+
+def samples(plan: TrackingPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
+    program = plan.program()
+    t = np.arange(round(program.duration_s / T_s)) * T_s
+    columns = {name: np.zeros_like(t) for name in STORED_NAMES} | {"t": t}
+    for name, lam, old in (("q", lam_q, 0.0), ("S", lam_S, 8.24)):
+        start, y = 0.0, np.full_like(t, old)
+        for segment in program.segments:
+            new = getattr(segment, f"{name}_ref")
+            since = np.maximum(t - start, 0.0)
+            columns[f"{name}_ref"][t >= start - 1e-9] = new
+            y += (new - old) * (1 - (1 + since / lam) * np.exp(-since / lam))
+            start, old = start + segment.duration_s, new
+        columns[name] = y
+        columns[f"lam_{name}"] = np.full_like(t, lam)
+    columns["S_true"] = np.full_like(t, np.nan)
+    columns["F_A"] = columns["F_B"] = 20.0 + 4.0 * (columns["S"] - 10.0)
+    columns["u_A"] = 2.0 * np.gradient(columns["q"], T_s) + 0.8
+    columns["u_B"] = -2.0 * np.gradient(columns["q"], T_s) + 0.8
+    return columns
+
+
+def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: str = "", bank: bool = False) -> Source:
+    parameters = load_parameters("ideal")
+    metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
+    settings = {
+        "plan": asdict(PLAN),
+        "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
+        "declared": [
+            {
+                "meaning": "joint position steps between ±q_max",
+                "symbol": "q_max",
+                "unit": "rad",
+                "value": PLAN.q_amplitude,
+            }
+        ],
+        "versions": {"Python": "3.11.2", "NumPy": "2.4.6"},
+    }
+    run = Run(
+        id=12,
+        kind="tracking",
+        plant="simulator",
+        parameters_name="ideal",
+        parameters=parameters.document(),
+        settings=settings,
+        bank_id=3 if bank else None,
+        who="A. Operator",
+        software="0.1.0",
+        started_at=BEGAN,
+        ended_at=BEGAN,
+        end_state=end_state,
+        end_detail="",
+        note=note,
+    )
+    result = Result(
+        id=1,
+        run_id=12,
+        metrics=tracking_document(metrics, PLAN.phases()),
+        criteria=criteria_documents(tracking_criteria(metrics, bounds_for("ideal"))),
+        software="0.1.0",
+        created_at=BEGAN,
+    )
+    model = {"K_q": 0.0501, "T_q": 0.342, "K_S": 0.722, "T_S": 0.341}
+    entries = (BankEntry(8.24, model, 4), BankEntry(10.55, model, 5), BankEntry(12.43, model, None))
+    made = Bank(id=3, name="spring set 2", version=2, note="", who="A. Operator", created_at=BEGAN, entries=entries)
+    return Source(run, result, columns, made if bank else None)
