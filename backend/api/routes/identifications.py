@@ -4,7 +4,6 @@ from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.schemas.identification import (
-    Started,
     BankList,
     BankRequest,
     BankView,
@@ -12,6 +11,7 @@ from backend.api.schemas.identification import (
     IdentificationRequest,
     IdentificationView,
     Prediction,
+    Started,
 )
 from backend.api.service import RowId, ServiceInUse
 

@@ -1,0 +1,58 @@
+"""Keeps the 3D view at the newest sample, 30 times a second, in a thread of its own."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from backend.sample import NAMES
+from backend.scene.pose import pose
+from backend.scene.stage import Stage
+from plant.parameters import PlantParameters
+
+RATE_HZ = 30.0
+
+
+class SceneMirror:
+    """A viser server on a loopback port and the thread that moves its nodes while somebody looks.
+
+    ``newest`` returns the newest sample, one value per field, None before the first.
+    """
+
+    def __init__(self, parameters: PlantParameters, newest: Callable[[], NDArray[np.float64] | None]) -> None:
+        self._newest = newest
+        self._geometry = parameters.geometry
+        self._spring = parameters.nominal_spring
+        self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self._stage = Stage(self._server, self._geometry.r_j, self._geometry.r_m)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
+        self._thread.start()
+
+    @property
+    def port(self) -> int:
+        """Loopback port of the viser server."""
+        return self._server.get_port()
+
+    def close(self) -> None:
+        """Stop the thread and the server."""
+        self._ending.set()
+        self._thread.join(timeout=2.0)
+        self._server.stop()
+
+    def step(self) -> None:
+        """Show the newest sample."""
+        row = self._newest()
+        if row is not None:
+            sample = dict(zip(NAMES, row.tolist(), strict=True))
+            self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, self._spring))
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._ending.wait(max(0.0, due - time.monotonic())):
+            due = max(due + 1.0 / RATE_HZ, time.monotonic())
+            if self._server.get_clients():
+                self.step()

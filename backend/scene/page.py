@@ -1,0 +1,27 @@
+"""viser's client page, made fit for a frame of the dashboard."""
+
+from importlib.resources import files
+
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:; connect-src 'self' blob: data:; worker-src blob:; frame-ancestors 'self'"
+)
+"""Content-Security-Policy of the scene's page: one self-contained file with inline scripts."""
+
+# Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
+# dashboard's business, and the dashboard's own background, light or dark, is to show through.
+_HEAD = """<head>
+<script>document.hasFocus = () => true</script>
+<style>
+  .mantine-Paper-root, .mantine-Notifications-root { display: none !important }
+  html, body, #root div { background-color: transparent !important }
+</style>"""
+
+
+def page() -> str:
+    """Return the client's page."""
+    html = (files("viser") / "client" / "build" / "index.html").read_text(encoding="utf-8")
+    before, head, after = html.partition("<head>")
+    if not head:
+        raise RuntimeError("viser's client page has no <head>: this version of viser is not known to work")
+    return before + _HEAD + after

@@ -1,0 +1,80 @@
+"""From a sample to how the actuator looks: lengths, angles and colours, without any drawing."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+from backend.scene import layout
+from plant.spring import Spring
+
+SOLID_FORCE_N = 50.0
+
+# Dark blue to amber, even in lightness, distinguishable with every kind of colour vision; red is kept for faults.
+_FORCE_COLOURS = ((0.0, (52, 78, 130)), (0.35, (72, 130, 168)), (0.65, (150, 178, 140)), (1.0, (245, 176, 40)))
+SLACK_COLOUR = (140, 146, 156)
+_COLOUR_STEPS = 40
+
+
+@dataclass(frozen=True)
+class Side:
+    """One tendon with its spring and reel. ``sag`` is the length of slack tendon [m], 0 while it pulls."""
+
+    theta: float
+    force_N: float
+    spring_length: float
+    sag: float
+    colour: tuple[int, int, int]
+
+    @property
+    def slack(self) -> bool:
+        """Whether the tendon hangs loose."""
+        return self.sag > 0.0
+
+
+@dataclass(frozen=True)
+class Pose:
+    """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields."""
+
+    q: float
+    q_ref: float
+    fan: float
+    F_push: float
+    A: Side
+    B: Side
+
+
+def pose(sample: dict[str, float], r_m: float, r_j: float, spring: Spring) -> Pose:
+    """Return the pose for ``sample`` (signals by name). Elongations follow equation 1, the force the load cell."""
+    x_A = r_m * sample["theta_A"] - r_j * sample["q"]
+    x_B = r_m * sample["theta_B"] + r_j * sample["q"]
+    return Pose(
+        q=sample["q"],
+        q_ref=sample["q_ref"],
+        fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
+        F_push=sample["F_push"],
+        A=_side(sample["theta_A"], x_A, sample["F_A"], spring),
+        B=_side(sample["theta_B"], x_B, sample["F_B"], spring),
+    )
+
+
+def force_colour(force_N: float) -> tuple[int, int, int]:
+    """Return the colour of a tendon that pulls with ``force_N``, in steps fine enough to look continuous."""
+    level = round(_COLOUR_STEPS * min(max(force_N / SOLID_FORCE_N, 0.0), 1.0)) / _COLOUR_STEPS
+    for (low, begin), (high, end) in pairwise(_FORCE_COLOURS):
+        if level <= high:
+            part = (level - low) / (high - low)
+            red, green, blue = (round(a + part * (b - a)) for a, b in zip(begin, end, strict=True))
+            return red, green, blue
+    return _FORCE_COLOURS[-1][1]
+
+
+def _side(theta: float, x: float, force_N: float, spring: Spring) -> Side:
+    slack = x <= spring.x_slack
+    compressed = min(max(x, spring.x_slack), spring.x_solid)
+    return Side(
+        theta=theta,
+        force_N=0.0 if math.isnan(force_N) else force_N,
+        spring_length=layout.SPRING_FREE - compressed,
+        sag=max(spring.x_slack - x, 1e-4) if slack else 0.0,
+        colour=SLACK_COLOUR if slack else force_colour(force_N),
+    )
