@@ -27,7 +27,7 @@ def _cache_folder() -> Path:
     return home / "sinew" / f"compiled-{digest.hexdigest()[:16]}"
 
 
-numba.config.CACHE_DIR = str(_cache_folder())
+numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]  # numba fills this module at run time
 
 
 def compiled(function: _F) -> _F:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from plant.compiled import compiled
+from plant.parameters import PlantParameters
 
 
 class Decoupler(NamedTuple):
@@ -32,3 +33,9 @@ def stiffness(d: Decoupler, theta_A: float, theta_B: float) -> float:
 def equilibrium(d: Decoupler, theta_A: float, theta_B: float) -> float:
     """q_e [rad] at which the joint rests without load (equation 15)."""
     return d.r_m * (theta_A - theta_B) / (2.0 * d.r_j)
+
+
+def decoupler_for(parameters: PlantParameters) -> Decoupler:
+    """Decoupler of a parameter set's geometry and nominal spring."""
+    k = parameters.spring.k
+    return Decoupler(parameters.geometry.r_m, parameters.geometry.r_j, k[1], k[2])

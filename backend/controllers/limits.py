@@ -2,9 +2,13 @@
 
 from typing import NamedTuple
 
+from plant.parameters import PlantParameters
+
 
 class Bounds(NamedTuple):
-    """``q_min``..``q_max`` [rad] and ``S_min``..``S_max`` [N·m/rad] for references; ``F_slack``, ``F_max`` [N] for the
+    """Bounds of one plant.
+
+    ``q_min``..``q_max`` [rad] and ``S_min``..``S_max`` [N·m/rad] for references; ``F_slack``, ``F_max`` [N] for the
     tendons; ``q_trip`` [rad] where the joint trips; ``u_max`` [V]; ``omega_max`` [rad/s] for the motor references.
     """
 
@@ -32,7 +36,8 @@ F_SLACK = 1.0
 """A tendon below this tension counts as slack [N]: above the load cells' noise, below any wanted tension."""
 
 
-def bounds_for(q_trip: float, F_max: float, u_max: float) -> Bounds:
-    """Bounds of a plant that trips at ±q_trip [rad] and F_max [N] and takes ±u_max [V]."""
+def bounds_for(parameters: PlantParameters) -> Bounds:
+    """Bounds of a parameter set."""
+    q_trip, F_max = parameters.geometry.q_max, parameters.safety.F_max
     q_max = q_trip - REFERENCE_MARGIN_RAD
-    return Bounds(-q_max, q_max, *STIFFNESS_RANGE, F_SLACK, F_max, q_trip, u_max, OMEGA_MAX)
+    return Bounds(-q_max, q_max, *STIFFNESS_RANGE, F_SLACK, F_max, q_trip, parameters.motor.u_max, OMEGA_MAX)

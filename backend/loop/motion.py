@@ -9,7 +9,7 @@ from backend.controllers import cascade, decoupler, force_hold, motors, pretensi
 from backend.controllers.limits import Bounds
 from backend.faults import Limit
 from backend.loop.player import ExcitationPlayer, SegmentPlayer, Target
-from backend.loop.program import Law, Program
+from backend.loop.program import Program, Segment
 from plant.interface import Measurement, T_s
 
 TRAVEL_SPEED = 3.0
@@ -181,15 +181,21 @@ class Tracking:
     """The cascade, following the operator's references or a program's segments."""
 
     def __init__(
-        self, tuning: cascade.Tuning, carry: Carry, m: Measurement, bounds: Bounds, program: Program | None = None
+        self,
+        tuning: cascade.Tuning,
+        carry: Carry,
+        m: Measurement,
+        bounds: Bounds,
+        position_loop: bool,
+        segments: tuple[Segment, ...] | None = None,
     ) -> None:
         self.done = False
         self._state = cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
         S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
         S_ref = min(max(S, bounds.S_min), bounds.S_max)
         self.target = Target(min(max(m.q, bounds.q_min), bounds.q_max), S_ref, 0.0)
-        self._player = SegmentPlayer(program.segments, self.target) if program else None
-        self._position_loop = program is None or program.law is Law.CASCADE
+        self._player = None if segments is None else SegmentPlayer(segments, self.target)
+        self._position_loop = position_loop
         self._carry = carry
 
     def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:

@@ -1,0 +1,208 @@
+"""The moves between modes: which are granted, what starts with them, and what follows when a motion has ended."""
+
+import math
+import time
+from dataclasses import dataclass
+
+from backend.controllers import motors
+from backend.controllers.cascade import Tuning
+from backend.controllers.decoupler import decoupler_for
+from backend.controllers.limits import bounds_for
+from backend.faults import Fault
+from backend.loop.commands import Event, ModeChanged, ProgramEnded, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.mode import LEGAL, Mode
+from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Tracking, Travel, Winding
+from backend.loop.player import Target
+from backend.loop.program import Law, Program
+from backend.refusal import require_within
+from plant.interface import Measurement, Plant, PlantError
+from plant.parameters import PlantParameters
+from plant.spring import elongation
+
+NO_REFERENCE = Target(math.nan, math.nan, 0.0)
+
+
+class RefusedError(Exception):
+    """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
+
+    def __init__(self, reason: str, legal: tuple[Mode, ...] = ()) -> None:
+        super().__init__(reason)
+        self.legal = legal
+
+
+@dataclass(frozen=True)
+class PendingStop:
+    """A stop on its way to zero volts: what asked for it, in which tick, at which reading of the clock."""
+
+    stop: Stop
+    arrived_tick: int
+    clock_s: float
+    detail: str
+
+
+class ModeMachine:
+    """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything."""
+
+    def __init__(self, plant: Plant, parameters: PlantParameters, tuning: Tuning, m: Measurement) -> None:
+        self.mode = Mode.OFF
+        self.fault = Fault.NONE
+        self.motion: Motion | None = None
+        self.run = 0
+        self.tick = 0
+        self.m = m
+        self.tuning = tuning
+        self.bounds = bounds_for(parameters)
+        self.pending_stop: PendingStop | None = None
+        self.events: list[Event] = []
+        self.offset_A = self.offset_B = 0.0
+        self._plant = plant
+        self._spring = parameters.nominal_spring
+        self._geometry = decoupler_for(parameters)
+        self._program: Program | None = None
+        self._zeroed = False
+
+    @property
+    def pretension_done(self) -> bool:
+        """Whether pretension has been reached and both tendons are held."""
+        return self.mode is Mode.PRETENSION and isinstance(self.motion, Travel) and self.motion.done
+
+    @property
+    def keeps_taut(self) -> bool:
+        """Whether slack would be a fault now: everywhere under control but while winding up from slack."""
+        return self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING
+
+    def set_mode(self, command: SetMode) -> None:
+        """Carry out an operator's move. Raises RefusedError."""
+        mode = command.mode
+        self._require_legal(mode)
+        if mode is Mode.PRETENSION:
+            self._enter_pretension("asked for")
+        elif mode is Mode.OFF:
+            self._enter(Mode.OFF, None, "asked for")
+        elif mode is Mode.STOPPING:
+            self._brake("asked for")
+        elif mode in (Mode.RUN, Mode.COMPLIANCE):
+            self._require_taut(mode)
+            motion = Tracking(self.tuning, self._carried(), self.m, self.bounds, mode is Mode.RUN)
+            self._enter(mode, motion, "asked for", command.run)
+        else:
+            raise RefusedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
+
+    def run_program(self, command: RunProgram) -> None:
+        """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
+        program = command.program
+        mode = Mode.IDENTIFY if program.law is Law.FORCE_HOLD else Mode.EXPERIMENT
+        self._require_legal(mode)
+        self._require_taut(mode)
+        motion: Motion
+        if program.law is Law.FORCE_HOLD:
+            theta_A = 2.0 * elongation(self._spring, program.tension_N) / self._geometry.r_m
+            motion = ForceHold(self._carried(), NO_REFERENCE, program, theta_A)
+        else:
+            for segment in program.segments:
+                self._require_references(segment.q_ref, segment.S_ref)
+            closed = program.law is Law.CASCADE
+            motion = Tracking(self.tuning, self._carried(), self.m, self.bounds, closed, program.segments)
+        self._enter(mode, motion, "program", command.run)
+        self._program = program
+
+    def set_references(self, command: SetReferences) -> None:
+        """Move the operator's references. Raises RefusedError or OutOfRangeError."""
+        if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
+            raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
+        self._require_references(command.q_ref, command.S_ref)
+        self.motion.target = Target(command.q_ref, command.S_ref, 0.0)
+
+    def reset(self) -> None:
+        """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
+        self._plant.acknowledge()
+        self.fault = Fault.NONE
+        self._enter(Mode.OFF, None, "reset")
+
+    def begin_stop(self, stop: Stop, detail: str) -> None:
+        """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
+        if self.pending_stop is None or stop.hard:
+            self.pending_stop = PendingStop(stop, self.tick, time.perf_counter(), detail)
+        if self.mode is Mode.TRIPPED:
+            return
+        self.fault = stop.fault
+        if stop.hard or self.motion is None:
+            self._enter(Mode.TRIPPED, None, stop.fault)
+        elif self.mode is not Mode.STOPPING:
+            self._brake(stop.fault)
+
+    def end_motion(self) -> None:
+        """Go on from a motion that has reached its end by itself."""
+        if isinstance(self.motion, Winding):
+            self._take_zero(self.motion)
+        elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
+            self._enter_pretension("program ended")
+        elif self.mode is Mode.STOPPING:
+            self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, "standing")
+
+    def _require_legal(self, mode: Mode) -> None:
+        legal = LEGAL[self.mode]
+        if mode not in legal:
+            names = ", ".join(legal) or "none: reset the fault first"
+            raise RefusedError(f"{self.mode} cannot go to {mode}; legal now: {names}", legal)
+
+    def _require_taut(self, mode: Mode) -> None:
+        if self.mode is Mode.PRETENSION and not self.pretension_done:
+            raise RefusedError(f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode])
+
+    def _require_references(self, q_ref: float, S_ref: float) -> None:
+        require_within("q_ref", q_ref, self.bounds.q_min, self.bounds.q_max, "rad")
+        require_within("S_ref", S_ref, self.bounds.S_min, self.bounds.S_max, "N·m/rad")
+
+    def _carried(self) -> Carry:
+        if self.motion is not None:
+            return self.motion.carry()
+        gains, m = self.tuning.motors, self.m
+        return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
+
+    def _enter(self, mode: Mode, motion: Motion | None, cause: str, run: int = 0) -> None:
+        if self._program is not None:
+            self.events.append(ProgramEnded(self.tick, self.run, completed=cause == "program ended"))
+            if self._program.law is not Law.FORCE_HOLD:
+                self._release_push()
+            self._program = None
+        self.events.append(ModeChanged(self.tick, self.mode, mode, cause))
+        self.mode, self.motion, self.run = mode, motion, run
+
+    def _release_push(self) -> None:
+        # A rig cannot push by itself: there is nothing to release then.
+        try:
+            self._plant.push(0.0)
+        except PlantError:
+            return
+
+    def _pretensioned(self) -> float:
+        return elongation(self._spring, PRETENSION_N) / self._geometry.r_m
+
+    def _enter_pretension(self, cause: str) -> None:
+        carry = self._carried()
+        motion: Motion
+        if self._zeroed:
+            motion = Travel(carry, NO_REFERENCE, self._pretensioned(), self._pretensioned())
+        else:
+            motion = Winding(carry, NO_REFERENCE)
+        self._enter(Mode.PRETENSION, motion, cause)
+
+    def _take_zero(self, winding: Winding) -> None:
+        """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
+        r_m, r_j = self._geometry.r_m, self._geometry.r_j
+        F_A, F_B = winding.tensions
+        m = self.m
+        move_A = (elongation(self._spring, F_A) + r_j * m.q) / r_m - m.theta_A
+        move_B = (elongation(self._spring, F_B) - r_j * m.q) / r_m - m.theta_B
+        self.offset_A += move_A
+        self.offset_B += move_B
+        self.m = m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
+        carry = winding.carry()
+        state = motors.shift(carry.gains, carry.state, move_A, move_B)
+        shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
+        self._zeroed = True
+        self.motion = Travel(shifted, NO_REFERENCE, self._pretensioned(), self._pretensioned())
+
+    def _brake(self, cause: str) -> None:
+        self._enter(Mode.STOPPING, Braking(self._carried(), NO_REFERENCE, self.m), cause)

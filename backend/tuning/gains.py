@@ -1,0 +1,54 @@
+"""All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backend.controllers import cascade, i_p, motors
+from backend.controllers.decoupler import decoupler_for
+from backend.controllers.limits import bounds_for
+from backend.controllers.scheduling import Schedule
+from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
+from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
+from plant.parameters import PlantParameters
+
+
+def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
+    """I-P gains of the position loop at one point. Raises TuningError."""
+    g = parameters.geometry
+    return outer_gains(position_loop_gain(point.K_q, g.r_m, g.r_j), point.T_q, lambdas.lam_q, lambdas.b)
+
+
+def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
+    """I-P gains of the stiffness loop at one point. Raises TuningError."""
+    g = parameters.geometry
+    K = stiffness_loop_gain(point.K_S, g.r_m, g.r_j, parameters.spring.k[2])
+    return outer_gains(K, point.T_S, lambdas.lam_S, lambdas.b)
+
+
+def cascade_tuning(
+    parameters: PlantParameters,
+    lambdas: Lambdas,
+    points: Sequence[PointModel] = (),
+    motor: MotorModel | None = None,
+    interpolate: bool = False,
+) -> cascade.Tuning:
+    """Gains for every point; without points the 20 N point from geometry, without a motor the parameter set's.
+
+    Raises TuningError.
+    """
+    motor = motor or motor_model(parameters)
+    points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
+    rows = []
+    for point in points:
+        q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
+        rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
+    inner = motor_gains(motor.K_m, motor.T_m, lambdas.lam_motor)
+    bounds = bounds_for(parameters)
+    return cascade.Tuning(
+        motors.Gains(inner, inner),
+        Schedule(np.array(rows), interpolate),
+        decoupler_for(parameters),
+        bounds.omega_max,
+        bounds.u_max,
+    )

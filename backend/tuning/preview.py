@@ -1,0 +1,114 @@
+"""What a λ would do before it is sent: robustness and step on the high-order model, voltage and tension simulated."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.controllers import i_p
+from backend.refusal import require_within
+from backend.tuning.closed_loop import run
+from backend.tuning.formulas import motor_gains
+from backend.tuning.gains import cascade_tuning, position_gains, stiffness_gains
+from backend.tuning.linear_model import decoupled_model
+from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
+from backend.tuning.robustness import OuterProcess, Robustness, safe_lambda
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+
+STEP_Q = np.pi / 3.0
+"""Step of q_ref whose peak voltage and least tension the preview shows [rad]: half of the paper's largest."""
+
+_POINTS = 200
+
+
+@dataclass(frozen=True)
+class LoopPreview:
+    """One outer loop: robustness, unit step response y (n,) over t (n,) [s], and the range of λ offered [s]."""
+
+    robustness: Robustness
+    lam_min: float
+    lam_max: float
+    t: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Preview:
+    """Both loops at one bank point; ``peak_voltage`` [V] and ``least_tension`` [N] of a step of STEP_Q at its S."""
+
+    position: LoopPreview
+    stiffness: LoopPreview
+    peak_voltage: float
+    least_tension: float
+
+
+class Previewer:
+    """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only."""
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        points: Sequence[PointModel] = (),
+        motor: MotorModel | None = None,
+        lam_motor: float = Lambdas().lam_motor,
+    ) -> None:
+        self._parameters = parameters
+        self._motor = motor or motor_model(parameters)
+        self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
+        gains = motor_gains(self._motor.K_m, self._motor.T_m, lam_motor)
+        models = [decoupled_model(parameters, gains, point.S_nominal) for point in self.points]
+        self._q = [OuterProcess(model[0, 0]) for model in models]
+        self._S = [OuterProcess(model[1, 1]) for model in models]
+        self._lam_motor = lam_motor
+        self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
+
+    def safe_range(self) -> tuple[float, float]:
+        """Smallest lam_q and lam_S [s] that are safe at every point of the bank."""
+        return max(q for q, _ in self._ranges), max(S for _, S in self._ranges)
+
+    def require_safe(self, lambdas: Lambdas) -> None:
+        """Raise OutOfRangeError unless both λ lie in the offered range."""
+        lam_q_min, lam_S_min = self.safe_range()
+        remedy = "below it the loop's sensitivity peak M_s exceeds 1.7"
+        require_within("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
+        require_within("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
+
+    def preview(self, lambdas: Lambdas, entry: int = 0) -> Preview:
+        """Preview at one point of the bank. Raises TuningError for a λ that has no gains."""
+        lambdas = replace(lambdas, lam_motor=self._lam_motor)
+        point = self.points[entry]
+        lam_q_min, lam_S_min = self.safe_range()
+        q = position_gains(self._parameters, point, lambdas)
+        S = stiffness_gains(self._parameters, point, lambdas)
+        peak_voltage, least_tension = self._simulated(lambdas, point)
+        return Preview(
+            _loop_preview(self._q[entry], q, lambdas.lam_q, lam_q_min),
+            _loop_preview(self._S[entry], S, lambdas.lam_S, lam_S_min),
+            peak_voltage,
+            least_tension,
+        )
+
+    def _safe_ranges(self, entry: int) -> tuple[float, float]:
+        point = self.points[entry]
+        return (
+            safe_lambda(self._q[entry], lambda lam: position_gains(self._parameters, point, Lambdas(lam_q=lam))),
+            safe_lambda(self._S[entry], lambda lam: stiffness_gains(self._parameters, point, Lambdas(lam_S=lam))),
+        )
+
+    def _simulated(self, lambdas: Lambdas, point: PointModel) -> tuple[float, float]:
+        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)
+        ticks = round((1.0 + 6.0 * lambdas.lam_q) / T_s)
+        q_ref = np.full(ticks, STEP_Q)
+        q_ref[:100] = 0.0
+        trajectory = run(self._parameters, tuning, q_ref, np.full(ticks, point.S_nominal))
+        voltage = np.nanmax(np.abs([trajectory.u_A, trajectory.u_B]))
+        return float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B]))
+
+
+def _loop_preview(process: OuterProcess, gains: i_p.Gains, lam: float, lam_min: float) -> LoopPreview:
+    t = np.linspace(0.0, 8.0 * lam, _POINTS)
+    response = control.step_response(process.closed_loop(gains), t)
+    return LoopPreview(process.robustness(gains), lam_min, LAM_MAX, t, np.asarray(response.outputs))
