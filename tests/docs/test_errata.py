@@ -1,0 +1,162 @@
+"""Computes every figure of docs/errata.md from the numbers of the paper, with numpy and python-control only."""
+
+import re
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+PAGE = (Path(__file__).parents[2] / "docs" / "errata.md").read_text(encoding="utf-8")
+
+r_m, r_j = 7.5e-3, 75e-3
+k_0, k_1, k_2 = -2.498, 331.49, 8543.8
+K_m, T_m = 2.86, 0.22
+LAM_MOTOR = 0.0854
+
+# Table 1, one row per tension: stiffness, (K, T) of G_q, (K, T) of G_S, (a2, a1) of G_q in its third-order form.
+TABLE_1 = {
+    10: (8.24, (0.0498, 0.64), (1.17, 0.57), (7.329e-5, 0.05747)),
+    20: (10.55, (0.0484, 0.78), (2.826, 1.19), (4.919e-5, 0.04688)),
+    30: (12.43, (0.0495, 1.58), (1.821, 0.62), (3.475e-5, 0.03309)),
+    40: (14.06, (0.0491, 2.98), (1.47, 0.43), (2.2e-6, 1.07e-2)),
+}
+FREQUENCIES = np.logspace(-2, 4, 40_001)
+s = control.tf("s")
+
+
+def section(name: str) -> str:
+    """One erratum with its line breaks taken out."""
+    found = re.search(rf"^## {name} .*?(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
+    assert found, f"docs/errata.md has no section {name}"
+    return " ".join(found.group().split())
+
+
+def outer_gains(K: float, T: float, lam: float) -> tuple[float, float]:
+    return (2 * T - lam) / (K * lam), T / (K * lam**2)
+
+
+def first_order_loop(K: float, T: float, k_p: float, k_i: float) -> control.TransferFunction:
+    """Closed I-P loop from reference to output."""
+    process = K / (T * s + 1)
+    return control.minreal(control.feedback(k_i / s * control.feedback(process, k_p)), verbose=False)
+
+
+def four_lag_poles(k_p: float, k_i: float) -> np.ndarray:
+    """Poles of an I-P loop around four lags of the inner loop, static gain 1."""
+    lags = np.poly1d([LAM_MOTOR, 1]) ** 4
+    return (lags * np.poly1d([1, 0]) + np.poly1d([k_p, k_i])).roots
+
+
+def max_sensitivity(loop: np.ndarray) -> float:
+    return float(np.max(np.abs(1 / (1 + loop))))
+
+
+def four_lag_sensitivity(lam: float) -> float:
+    jw = 1j * FREQUENCIES
+    k_p, k_i = outer_gains(1.0, 4 * LAM_MOTOR, lam)
+    return max_sensitivity((k_p + k_i / jw) / (LAM_MOTOR * jw + 1) ** 4)
+
+
+def inner_sensitivity(lam: float) -> float:
+    jw = 1j * FREQUENCIES
+    D = 4 * T_m - lam
+    k_p, k_i = 4 * T_m**2 / (K_m * lam**2 * D), T_m**2 / (K_m * lam**3 * D)
+    k_d, t_f = (6 * T_m**2 - lam * D) / (K_m * lam * D), T_m * lam / D
+    return max_sensitivity((k_p + k_i / jw + k_d * jw) / (t_f * jw + 1) * K_m / (jw * (T_m * jw + 1)))
+
+
+def test_e1_printed_gain_rings_and_the_corrected_one_does_not() -> None:
+    text = section("E1")
+    lam = 0.2
+    _, (K, T), _, _ = TABLE_1[40]
+    printed = first_order_loop(K, T, 2 / (K * lam), T / (K * lam**2))
+    assert f"a damping of {printed.damp()[1].min():.2f} and" in text
+    assert f"overshoots by {control.step_info(printed)['Overshoot']:.1f} %" in text
+    _, (K, T), _, _ = TABLE_1[10]
+    printed = first_order_loop(K, T, 2 / (K * lam), T / (K * lam**2))
+    assert f"lies at {printed.poles().real.max():.1f} 1/s where {-1 / lam:.0f} was meant" in text
+    for _, (K, T), _, _ in TABLE_1.values():
+        assert first_order_loop(K, T, *outer_gains(K, T, lam)).poles() == pytest.approx(-1 / lam, rel=1e-5)
+
+
+def test_e2_a_tenth_of_the_printed_coefficients_agrees_with_the_text() -> None:
+    text = section("E2")
+    S, factors = (np.array([row[column] for row in TABLE_1.values()]) for column in (0, 3))
+    a2, a1 = factors.T
+    damping = a1 / (2 * np.sqrt(a2))
+    assert "a damping of {:.2f}, {:.2f} and {:.2f}:".format(*damping[:3]) in text
+    assert "gives {:.2f}, {:.2f} and {:.2f}.".format(*damping[:3] / 10) in text
+    assert "B_j = {:.3f}, {:.3f} and {:.3f} N".format(*(S * a1 / 10)[:3]) in text
+    J_j = [f"{value:.1e}".replace("e-0", "e-") for value in S * a2]
+    assert "J_j = {}, {} and {} kg".format(*J_j[:3]) in text
+    assert f"40 N (J_j = {J_j[3]})" in text
+
+
+def test_e3_loop_gains_through_the_decoupler_are_one() -> None:
+    text = section("E3")
+    K_q, K_S = r_m / (2 * r_j), 2 * r_j**2 * k_2 * r_m
+    assert f"= {K_q:.2f} and" in text
+    assert f"= {K_S:.3f}, both are 1" in text
+    assert 2 * K_q * r_j / r_m == pytest.approx(1)
+    assert 2 * K_S / (4 * k_2 * r_j**2 * r_m) == pytest.approx(1)
+
+
+def test_e4_cubic_spring_off_equilibrium() -> None:
+    text = section("E4")
+    spring = np.polynomial.Polynomial([k_0, k_1, k_2, 1.0e5])
+    theta, q = 4.73, 0.2
+    x = r_m * theta
+    by_equation_16 = (
+        2 * r_j**2 * sum(i / 2 ** (i - 1) * k * (2 * x) ** (i - 1) for i, k in enumerate(spring.coef) if i > 0)
+    )
+    step = 1e-5
+
+    def torque(angle: float) -> float:
+        return float(r_j * (spring(x - r_j * angle) - spring(x + r_j * angle)))
+
+    by_derivative = -(torque(q + step) - torque(q - step)) / (2 * step)
+    assert f"motors at {theta} rad and the joint pushed to {q} rad" in text
+    assert f"equation 16 gives {by_equation_16:.2f} N" in text
+    assert f"derivative of the torque {by_derivative:.2f}." in text
+
+
+def test_e5_sensitivity_of_the_inner_loop() -> None:
+    text = section("E5")
+    assert f"s is {inner_sensitivity(LAM_MOTOR):.3f} for" in text
+    assert f"A value of {inner_sensitivity(0.0258):.2f} belongs" in text
+    assert f"λ = 0.2 s ({inner_sensitivity(0.2):.2f})" in text
+    assert f"λ → 0 ({inner_sensitivity(1e-3):.2f})" in text
+    above = "({:.2f} at 0.3, {:.2f} at 0.4, {:.2f} at 0.6 s)".format(*map(inner_sensitivity, (0.3, 0.4, 0.6)))
+    assert above in text
+
+
+def test_e6_loops_tuned_on_table_1_are_unstable() -> None:
+    decoupler_q, decoupler_S = r_j / r_m, 1 / (4 * r_j**2 * r_m * k_2)
+    for _, (K_q, T_q), (K_S, T_S), _ in TABLE_1.values():
+        for twice in (1, 2):
+            assert four_lag_poles(*outer_gains(twice * K_q * decoupler_q, T_q, 0.2)).real.max() > 0
+        assert four_lag_poles(*outer_gains(K_S * decoupler_S, T_S, 0.2)).real.max() > 0
+        assert four_lag_poles(*outer_gains(2 * K_S * decoupler_S, T_S, 0.2)).real.max() < 0
+
+
+def test_e6_sensitivity_with_the_sum_of_lags() -> None:
+    text = section("E6")
+    assert f"T = {4 * LAM_MOTOR:.3f} s" in text
+    quoted = "{:.2f} at λ = 0.342, {:.2f} at 0.41 and {:.2f} at 0.51 s".format(
+        *map(four_lag_sensitivity, (0.342, 0.41, 0.51))
+    )
+    assert quoted in text
+    edge = next(
+        lam
+        for lam in np.arange(0.150, 0.250, 0.001)
+        if four_lag_poles(*outer_gains(1.0, 4 * LAM_MOTOR, lam)).real.max() < 0
+    )
+    assert f"Below λ = {edge:.3f} s the loop is unstable" in text
+
+
+def test_e8_minimum_stiffness_is_the_one_at_zero_force() -> None:
+    text = section("E8")
+    x = max(np.polynomial.Polynomial([k_0, k_1, k_2]).roots())
+    assert f"2 k1 r_j² = {2 * k_1 * r_j**2:.2f} N" in text
+    assert f"({1e3 * x:.2f} mm) the stiffness is {2 * r_j**2 * (k_1 + 2 * k_2 * x):.2f} N" in text
