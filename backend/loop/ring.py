@@ -109,6 +109,11 @@ class Ring:
             os.close(self.fd)
             self.fd = -1
 
+    def __del__(self) -> None:
+        """Let go with the last reader: a ring is replaced when the loop process is started anew."""
+        if hasattr(self, "_rows"):
+            self.close()
+
 
 def _size(capacity: int) -> int:
     return (_HEADER_WORDS + capacity * WIDTH) * _WORD

@@ -1,0 +1,76 @@
+"""The loop stepped in this process as fast as it goes: experiments from the command line, dry runs, tests."""
+
+import asyncio
+from collections.abc import Callable
+
+from backend.loop.access import Listener
+from backend.loop.commands import Accepted, Command, Event, Refused, SetTuning
+from backend.loop.loop import Loop
+from backend.loop.ring import Ring
+from plant.interface import Plant, T_s
+from plant.parameters import PlantParameters
+
+_BATCH_TICKS = 1000
+
+
+class Headless:
+    """A ``LoopAccess`` without clock, process or heartbeat.
+
+    ``each_batch`` is called after at most 1000 ticks and at the end of each advance: to record, to show progress.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        parameters: PlantParameters,
+        tuning: SetTuning,
+        each_batch: Callable[[Ring], None] = lambda _ring: None,
+    ) -> None:
+        self.ring = Ring.create()
+        self._loop = Loop(plant, parameters, self.ring, tuning)
+        self._each_batch = each_batch
+        self._listeners: list[Listener] = []
+        self._sequence = 0
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Call ``listener`` with each event from now on; return what to call to end that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    async def send(self, command: Command) -> Accepted | Refused:
+        """Hand over a command between two ticks and return the loop's answer."""
+        self._sequence += 1
+        self._loop.handle(self._sequence, command)
+        return next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
+
+    async def advance(self, seconds: float) -> None:
+        """Step the loop for so many seconds of its time."""
+        await self._advance(round(seconds / T_s), lambda: False)
+
+    async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
+        """Step the loop until ``reached()``, asked after every tick. Raises TimeoutError."""
+        if not await self._advance(round(timeout_s / T_s), reached):
+            raise TimeoutError(f"not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}")
+
+    async def _advance(self, ticks: int, reached: Callable[[], bool]) -> bool:
+        for tick in range(1, ticks + 1):
+            if reached():
+                break
+            self._loop.tick()
+            self._deliver()
+            if tick % _BATCH_TICKS == 0:
+                self._each_batch(self.ring)
+                await asyncio.sleep(0)
+        self._each_batch(self.ring)
+        return reached()
+
+    def _deliver(self) -> list[Event]:
+        events = self._loop.drain_events()
+        for event in events:
+            for listener in tuple(self._listeners):
+                listener(event)
+        return events
+
+    def close(self) -> None:
+        """Zero volts and let go of the plant."""
+        self._loop.close()

@@ -1,0 +1,61 @@
+"""Go through every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline."""
+
+from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
+from backend.loop.loop import Loop
+from backend.loop.mode import Mode
+from backend.loop.program import Excitation, Law, Program, Segment
+from backend.loop.ring import Ring
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+
+_PRETENSION_TICKS = 60_000
+_FORCE_HOLD = Program(
+    Law.FORCE_HOLD,
+    tension_N=10.0,
+    settle_s=0.005,
+    excitation=Excitation(amplitude_rad=0.01, chip_s=0.001, levels="+-", periods=1),
+)
+
+
+class RehearsalError(Exception):
+    """The loop cannot even work on the simulator with these parameters and this tuning."""
+
+
+def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
+    """Run pretension, run, compliance, both kinds of program and a soft stop. Raises RehearsalError."""
+    ring = Ring.create(capacity=16)
+    loop = Loop(Simulator(parameters), parameters, ring, tuning)
+    S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
+    _order(loop, SetMode(Mode.PRETENSION))
+    _pretension(loop)
+    _order(loop, RunProgram(_FORCE_HOLD))
+    _tick_while(loop, Mode.IDENTIFY)
+    _pretension(loop)
+    _order(loop, RunProgram(Program(Law.CASCADE, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
+    _tick_while(loop, Mode.EXPERIMENT)
+    _pretension(loop)
+    for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), tuning, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
+        _order(loop, command)
+        loop.tick()
+    loop.close()
+    ring.close()
+
+
+def _order(loop: Loop, command: Command) -> None:
+    loop.handle(0, command)
+    for event in loop.drain_events():
+        if isinstance(event, Refused):
+            raise RehearsalError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
+
+
+def _pretension(loop: Loop) -> None:
+    for _ in range(_PRETENSION_TICKS):
+        if loop.pretension_done:
+            return
+        loop.tick()
+    raise RehearsalError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
+
+
+def _tick_while(loop: Loop, mode: Mode) -> None:
+    while loop.mode is mode:
+        loop.tick()

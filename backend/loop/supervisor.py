@@ -1,0 +1,256 @@
+"""The service's side of the loop process: start it, command it, notice its death, start it anew."""
+
+import asyncio
+import logging
+import signal
+import sys
+from asyncio.subprocess import DEVNULL, Process
+from collections.abc import Callable
+from contextlib import suppress
+
+from backend.loop.access import Listener, LoopDied, LoopDiedError
+from backend.loop.channel import (
+    Channel,
+    ChannelClosedError,
+    ChannelError,
+    Failed,
+    FromLoop,
+    Ready,
+    Setup,
+    channel_pair,
+    decode_from_loop,
+    encode,
+)
+from backend.loop.commands import Accepted, Command, Event, Heartbeat, Refused, Shutdown, Stop, Stopped
+from backend.loop.pacer import Granted
+from backend.loop.ring import Ring
+from plant.interface import T_s
+
+HEARTBEAT_S = 0.1
+START_TIMEOUT_S = 120.0
+"""Long enough to compile the control laws on a machine that has never done so."""
+
+ANSWER_TIMEOUT_S = 2.0
+STOP_TIMEOUT_S = 3.0
+HUNG_BEATS = 8
+"""A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
+
+_POLL_S = 0.02
+_LOG = logging.getLogger(__name__)
+
+
+class Supervisor:
+    """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.ring = Ring.create()
+        self.granted: Granted | None = None
+        self._process: Process | None = None
+        self._channel: Channel | None = None
+        self._tasks: list[asyncio.Task[None]] = []
+        self._ready: asyncio.Future[Granted] | None = None
+        self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}
+        self._listeners: list[Listener] = []
+        self._sequence = 0
+        self._reason = "it has not been started"
+        self._ending = False
+        self._one_at_a_time = asyncio.Lock()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the loop process is there and ticking."""
+        return self.granted is not None
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        """Call ``listener`` with each event from now on; return what to call to end that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    async def start(self) -> Granted:
+        """Start the loop process, outputs at zero volts, and wait until it ticks. Raises LoopDiedError."""
+        async with self._one_at_a_time:
+            return await self._start()
+
+    async def stop(self) -> None:
+        """Bring the joint to rest, outputs to zero volts, and end the process."""
+        async with self._one_at_a_time:
+            await self._stop()
+
+    async def restart(self) -> Granted:
+        """End the loop process, if it is there, and start another one with the present ``setup``."""
+        async with self._one_at_a_time:
+            await self._stop()
+            return await self._start()
+
+    async def _start(self) -> Granted:
+        if self._process is not None:
+            raise LoopDiedError("the loop process is there already: stop it first")
+        self.ring = Ring.create()
+        self._ending = False
+        self._reason = "it is still starting"
+        self._ready = asyncio.get_running_loop().create_future()
+        channel, theirs = channel_pair()
+        with theirs:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *("-m", "backend.loop.worker", str(self.ring.fd), str(theirs.fileno())),
+                stdin=DEVNULL,
+                pass_fds=(self.ring.fd, theirs.fileno()),
+            )
+        self._channel = channel
+        channel.send(encode(self.setup))
+        asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
+        self._tasks = [asyncio.create_task(self._watch(self._process)), asyncio.create_task(self._beat())]
+        try:
+            return await asyncio.wait_for(asyncio.shield(self._ready), START_TIMEOUT_S)
+        except TimeoutError:
+            self._kill(f"it was not ready within {START_TIMEOUT_S:g} s")
+            return await self._ready
+
+    async def _stop(self) -> None:
+        process = self._process
+        if process is None:
+            return
+        self._ending = True
+        try:
+            if self.alive:
+                await self._come_to_rest()
+                await self.send(Shutdown())
+            else:
+                process.terminate()
+            await asyncio.wait_for(process.wait(), STOP_TIMEOUT_S)
+        except (LoopDiedError, TimeoutError, ProcessLookupError):
+            self._kill("it did not end when told to")
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def send(self, command: Command) -> Accepted | Refused:
+        """Hand over a command and wait for the loop's answer. Raises LoopDiedError, ChannelError when too long."""
+        channel = self._require_alive()
+        self._sequence += 1
+        sequence = self._sequence
+        packet = encode(command, sequence)
+        answer: asyncio.Future[Accepted | Refused] = asyncio.get_running_loop().create_future()
+        self._answers[sequence] = answer
+        try:
+            with suppress(ChannelClosedError):  # its end is noticed and told by _watch
+                if not channel.send(packet):
+                    self._kill("it does not take commands any more")
+            return await asyncio.wait_for(answer, ANSWER_TIMEOUT_S)
+        except TimeoutError:
+            self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
+            raise LoopDiedError(f"the control loop is not running: {self._reason}") from None
+        finally:
+            del self._answers[sequence]
+
+    async def advance(self, seconds: float) -> None:
+        """Wait while the loop ticks for so many seconds of its time. Raises LoopDiedError."""
+        end = self.ring.count + round(seconds / T_s)
+        while self.ring.count < end:
+            self._require_alive()
+            await asyncio.sleep(_POLL_S)
+
+    async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
+        """Wait until ``reached()``. Raises TimeoutError after ``timeout_s`` of the loop's time, LoopDiedError."""
+        end = self.ring.count + round(timeout_s / T_s)
+        while not reached():
+            self._require_alive()
+            if self.ring.count >= end:
+                raise TimeoutError(f"not reached within {timeout_s:g} s of loop time")
+            await asyncio.sleep(_POLL_S)
+
+    def _require_alive(self) -> Channel:
+        if self._channel is None or not self.alive:
+            raise LoopDiedError(f"the control loop is not running: {self._reason}")
+        return self._channel
+
+    async def _come_to_rest(self) -> None:
+        stopped = asyncio.Event()
+        forget = self.listen(lambda event: stopped.set() if isinstance(event, Stopped) else None)
+        try:
+            await self.send(Stop(hard=False))
+            await asyncio.wait_for(stopped.wait(), STOP_TIMEOUT_S)
+        finally:
+            forget()
+
+    def _kill(self, reason: str) -> None:
+        self._reason = reason
+        if self._process is not None:
+            with suppress(ProcessLookupError):
+                self._process.kill()
+
+    def _receive(self) -> None:
+        """Take all packets that have arrived; called by the event loop."""
+        channel = self._channel
+        if channel is None:
+            return
+        try:
+            while (packet := channel.receive()) is not None:
+                try:
+                    _, message = decode_from_loop(packet)
+                except ChannelError:
+                    _LOG.exception("not understood from the loop process: %r", packet[:200])
+                else:
+                    self._take(message)
+        except ChannelClosedError:
+            asyncio.get_running_loop().remove_reader(channel.fileno())
+
+    def _take(self, message: FromLoop) -> None:
+        match message:
+            case Ready(granted):
+                self.granted = granted
+                self._reason = ""
+                if self._ready is not None and not self._ready.done():
+                    self._ready.set_result(granted)
+            case Failed(reason):
+                self._reason = reason
+            case event:
+                if isinstance(event, Accepted | Refused):
+                    answer = self._answers.get(event.sequence)
+                    if answer is not None and not answer.done():
+                        answer.set_result(event)
+                self._tell(event)
+
+    def _tell(self, event: Event | LoopDied) -> None:
+        for listener in tuple(self._listeners):
+            try:
+                listener(event)
+            except Exception:
+                _LOG.exception("a listener failed on %s", event)
+
+    async def _beat(self) -> None:
+        beat = encode(Heartbeat())
+        counted, beats_without_tick = -1, 0
+        while self._channel is not None:
+            with suppress(ChannelClosedError):
+                self._channel.send(beat)
+            if self.alive:
+                beats_without_tick = beats_without_tick + 1 if self.ring.count == counted else 0
+                counted = self.ring.count
+                if beats_without_tick >= HUNG_BEATS:
+                    self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
+            await asyncio.sleep(HEARTBEAT_S)
+
+    async def _watch(self, process: Process) -> None:
+        """Wait for the end of the process and clear up after it."""
+        status = await process.wait()
+        self._receive()
+        channel, self._channel = self._channel, None
+        if channel is not None:
+            asyncio.get_running_loop().remove_reader(channel.fileno())
+            channel.close()
+        was_alive, self.granted, self._process = self.alive, None, None
+        self._reason = _reason_of_end(status, self._reason)
+        died = LoopDiedError(f"the control loop is not running: {self._reason}")
+        if self._ready is not None and not self._ready.done():
+            self._ready.set_exception(died)
+        for answer in self._answers.values():
+            if not answer.done():
+                answer.set_exception(died)
+        if was_alive and not self._ending:
+            self._tell(LoopDied(self._reason))
+
+
+def _reason_of_end(status: int, known: str) -> str:
+    how = f"killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+    return f"{known} ({how})" if known else how

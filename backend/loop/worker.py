@@ -1,0 +1,183 @@
+"""The loop process: ``python -m backend.loop.worker RING_FD CHANNEL_FD``, started by the supervisor.
+
+Nothing here waits for the service. Whatever ends this process, its last act is zero volts; when the service falls
+silent the loop brings the joint to a soft stop by itself.
+"""
+
+import gc
+import select
+import signal
+import socket
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import assert_never
+
+from backend.faults import Fault
+from backend.loop.channel import (
+    Channel,
+    ChannelClosedError,
+    ChannelError,
+    Failed,
+    FromLoop,
+    Ready,
+    Setup,
+    decode_to_loop,
+    encode,
+)
+from backend.loop.commands import Heartbeat, Refused, Stop
+from backend.loop.loop import Loop
+from backend.loop.mode import Mode
+from backend.loop.pacer import Pacer, request_real_time
+from backend.loop.rehearsal import rehearse
+from backend.loop.ring import Ring
+from plant.interface import Plant, PlantError, T_s
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+
+SILENCE_S = 0.45
+"""Without a word from the service for so long [s], the loop stops softly: the stop is latched within 0.5 s."""
+
+PAUSE_S = 0.02
+"""Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
+
+COMMANDS_PER_TICK = 4
+"""More wait for the next tick, so that no burst of commands makes a tick late."""
+
+_STILL = (Mode.OFF, Mode.TRIPPED)
+
+
+class Worker:
+    """One loop and its road to the service."""
+
+    def __init__(self, plant: Plant, loop: Loop, channel: Channel) -> None:
+        self._plant = plant
+        self._loop = loop
+        self._channel = channel
+        self._outbox: deque[bytes] = deque()
+        self._silence_s = 0.0
+        self._tick = 0
+        self._service_alive = True
+        self._terminated = False
+
+    def terminate(self) -> None:
+        """End after the current tick (SIGTERM)."""
+        self._terminated = True
+
+    def tell(self, message: FromLoop) -> None:
+        """Queue a message to the service; it leaves as soon as the service reads."""
+        self._outbox.append(encode(message))
+
+    def run(self, pacer: Pacer, now_s: Callable[[], float] = time.monotonic) -> None:
+        """Tick until told to end, or until the service is gone and the outputs are zero."""
+        before_s = now_s()
+        while not (self._terminated or self._loop.finished or self._abandoned()):
+            lateness_s = 0.0 if self._plant.paces_loop else pacer.wait()
+            begun_s = now_s()
+            self._silence_s += min(begun_s - before_s, PAUSE_S)
+            before_s = begun_s
+            self._listen()
+            self._loop.tick(lateness_s, pacer.overruns)
+            self._tick += 1
+            for event in self._loop.drain_events():
+                self.tell(event)
+            self._send()
+
+    def _abandoned(self) -> bool:
+        return not self._service_alive and self._loop.mode in _STILL
+
+    def _listen(self) -> None:
+        try:
+            for _ in range(COMMANDS_PER_TICK):
+                packet = self._channel.receive()
+                if packet is None:
+                    break
+                self._silence_s = 0.0
+                self._obey(packet)
+        except ChannelClosedError:
+            self._service_alive = False
+        lost = self._silence_s > SILENCE_S or not self._service_alive
+        if lost and self._loop.mode not in (*_STILL, Mode.STOPPING):
+            self._loop.handle(0, Stop(Fault.SERVICE_LOST, hard=False))
+
+    def _obey(self, packet: bytes) -> None:
+        try:
+            sequence, message = decode_to_loop(packet)
+        except ChannelError as error:
+            self.tell(Refused(error.sequence, self._tick, str(error)))
+            return
+        match message:
+            case Heartbeat():
+                pass
+            case Setup():
+                self.tell(Refused(sequence, self._tick, "the loop is set up once, at its start"))
+            case command:
+                self._loop.handle(sequence, command)
+
+    def _send(self) -> None:
+        try:
+            while self._outbox and self._channel.send(self._outbox[0]):
+                self._outbox.popleft()
+        except ChannelClosedError:
+            self._service_alive = False
+            self._outbox.clear()
+
+
+def _receive_setup(channel: Channel) -> Setup:
+    select.select([channel], [], [])
+    packet = channel.receive()
+    if packet is None:
+        raise ChannelError("woken without a message")
+    _, message = decode_to_loop(packet)
+    if not isinstance(message, Setup):
+        raise ChannelError(f"the first message has to be Setup, not {type(message).__name__}")
+    return message
+
+
+def _plant(setup: Setup, parameters: PlantParameters) -> Plant:
+    match setup.plant:
+        case "simulator":
+            return Simulator(parameters, setup.seed)
+        case "rig":
+            raise PlantError("this version drives the simulator only: start with --plant simulator")
+    assert_never(setup.plant)
+
+
+def _work(ring: Ring, channel: Channel) -> None:
+    setup = _receive_setup(channel)
+    parameters = load_parameters(setup.parameters)
+    rehearse(parameters, setup.tuning)
+    plant = _plant(setup, parameters)
+    loop = Loop(plant, parameters, ring, setup.tuning)
+    try:
+        worker = Worker(plant, loop, channel)
+        signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        worker.tell(Ready(request_real_time()))
+        worker.run(Pacer(T_s))
+    finally:
+        loop.close()
+
+
+def main() -> int:
+    """Run the loop on the descriptors of the command line; return the exit status."""
+    # Ctrl-C in a terminal and its closing reach every process: the service decides, and tells this one.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    ring = Ring.attach(int(sys.argv[1]))
+    channel = Channel(socket.socket(fileno=int(sys.argv[2])))
+    try:
+        _work(ring, channel)
+    except ChannelClosedError:
+        return 0
+    except Exception as error:
+        channel.send(encode(Failed(f"{type(error).__name__}: {error}")))
+        raise
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
