@@ -4,6 +4,7 @@
 """
 
 from enum import IntFlag, StrEnum
+from typing import NamedTuple
 
 
 class Fault(StrEnum):
@@ -38,3 +39,57 @@ class Limit(IntFlag):
     TENSION_FLOOR = 8
     TENSION_CEILING = 16
     JOINT_RANGE = 32
+
+
+class Explanation(NamedTuple):
+    """What a fault means, and what the person at the bench does about it."""
+
+    message: str
+    remedy: str
+
+
+EXPLAINED: dict[Fault, Explanation] = {
+    Fault.NONE: Explanation("No fault.", "Nothing to do."),
+    Fault.STOP_PRESSED: Explanation("STOP was pressed.", "Make sure that the rig is clear, then reset."),
+    Fault.FORCE_LIMIT: Explanation(
+        "A tendon pulled harder than its limit.",
+        "Look for a blocked joint or a tendon off its reel; reset, then use smaller or slower references.",
+    ),
+    Fault.JOINT_LIMIT: Explanation(
+        "The joint left its range.", "Move the joint back by hand while the motors are off, then reset."
+    ),
+    Fault.SLACK: Explanation(
+        "A tendon was slack for too long.",
+        "Check both tendons and load cells; reset, go through pretension again, then use a higher stiffness.",
+    ),
+    Fault.SENSOR_INVALID: Explanation(
+        "A sensor gave no number.", "Check its cable and supply; reset once the reading is back."
+    ),
+    Fault.SENSOR_STUCK: Explanation(
+        "A sensor did not change while the rig moved.", "Check the encoder or load cell and its cable, then reset."
+    ),
+    Fault.SENSOR_JUMP: Explanation(
+        "A sensor jumped further than the rig can move.", "Check connectors and shielding, then reset."
+    ),
+    Fault.IMPLAUSIBLE: Explanation(
+        "Tension and motor positions contradict each other.",
+        "Check for a slipped or torn tendon and the load cell's zero; reset and go through pretension again.",
+    ),
+    Fault.DEADLINES_MISSED: Explanation(
+        "The loop missed several deadlines in a row.",
+        "Close other programs on this machine and look at the loop timing; then reset.",
+    ),
+    Fault.SERVICE_LOST: Explanation(
+        "The loop no longer heard from the service and stopped by itself.", "See the service's log, then reset."
+    ),
+    Fault.OPERATOR_LOST: Explanation(
+        "The browser that held control was lost.", "Open the dashboard again, then reset and take control."
+    ),
+    Fault.SAFETY_MODULE: Explanation(
+        "The independent safety module cut the motors.",
+        "Remove the cause it shows, acknowledge it at the rig, then reset.",
+    ),
+    Fault.PLANT_ERROR: Explanation(
+        "The plant could not be read or written.", "Check the DAQ card and its connections, then reset."
+    ),
+}
