@@ -1,7 +1,8 @@
 """Declared settings: what a plan may be told, each with symbol, unit, bounds and default, said once.
 
-A plan is a frozen dataclass whose fields are made by ``number``, ``integer`` and ``choice``. The command line, the HTTP
-interface and the page read the same declaration through ``describe``; ``from_values`` is the only way in from outside.
+A plan is a frozen dataclass whose fields are made by ``number``, ``integer``, ``boolean`` and ``choice``. The command
+line, the HTTP interface and the page read the same declaration through ``describe``; ``from_values`` is the only way in
+from outside.
 """
 
 from collections.abc import Mapping
@@ -10,7 +11,9 @@ from typing import Any, TypeVar
 
 from backend.refusal import require_within
 
+Value = float | int | bool | str
 _KEY = "setting"
+_WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _T = TypeVar("_T")
 
 
@@ -32,19 +35,19 @@ class SettingError(ValueError):
 
 @dataclass(frozen=True)
 class Setting:
-    """Declaration of one setting. ``unit`` is SI, "1" for counts; ``kind`` is number, integer or choice."""
+    """Declaration of one setting. ``unit`` is SI, "1" for counts; ``kind`` is number, integer, boolean or choice."""
 
     name: str
     kind: str
     symbol: str
     unit: str
     meaning: str
-    default: float | int | str
+    default: Value
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] = ()
 
-    def parse(self, value: object) -> float | int | str:
+    def parse(self, value: object) -> Value:
         """Turn a JSON value or a command-line word into the setting's type, inside its bounds.
 
         Raises SettingError or OutOfRangeError.
@@ -53,6 +56,11 @@ class Setting:
             if value not in self.choices:
                 raise SettingError(self.name, value, f"choose one of {', '.join(self.choices)}", legal=self.choices)
             return str(value)
+        if self.kind == "boolean":
+            truth = _WORDS.get(str(value).lower())
+            if truth is None:
+                raise SettingError(self.name, value, "needs true or false", legal=("true", "false"))
+            return truth
         number = self._number(value)
         require_within(self.name, number, self.minimum, self.maximum, self.unit)
         if self.kind == "integer" and number != int(number):
@@ -86,6 +94,11 @@ def choice(default: str, choices: tuple[str, ...], symbol: str, meaning: str) ->
     return _declare("choice", default, {"choices": choices, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
+def boolean(default: bool, symbol: str, meaning: str) -> Any:
+    """Declare a setting that is on or off."""
+    return _declare("boolean", default, {"unit": "1", "symbol": symbol, "meaning": meaning})
+
+
 def describe(plan: type[Any]) -> tuple[Setting, ...]:
     """Return the declared settings of a plan, in order."""
     return tuple(_setting(item) for item in fields(plan) if _KEY in item.metadata)
@@ -99,6 +112,21 @@ def from_values(plan: type[_T], values: Mapping[str, object]) -> _T:
             legal = tuple(known)
             raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
     return plan(**{name: known[name].parse(value) for name, value in values.items()})
+
+
+def declared_values(*chosen: Any) -> list[dict[str, Any]]:
+    """Return what was chosen with symbol, unit and meaning, so that a stored run explains itself."""
+    return [
+        {
+            "name": setting.name,
+            "symbol": setting.symbol,
+            "unit": setting.unit,
+            "meaning": setting.meaning,
+            "value": getattr(item, setting.name),
+        }
+        for item in chosen
+        for setting in describe(type(item))
+    ]
 
 
 def _declare(kind: str, default: object, declaration: dict[str, object]) -> Any:
