@@ -1,0 +1,125 @@
+"""Headless stepping is the same loop: answers, events, samples and time agree, and it repeats to the last bit."""
+
+import asyncio
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from backend.loop.commands import (
+    Accepted,
+    ModeChanged,
+    ProgramEnded,
+    Refused,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    SetTuning,
+    Stop,
+    Stopped,
+)
+from backend.loop.headless import Headless
+from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.program import Law, Program, Segment
+from backend.loop.ring import Ring
+from backend.sample import INDEX
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+
+Make = Callable[..., Headless]
+
+
+@pytest.fixture
+def make(ideal: PlantParameters, tuning: SetTuning) -> Make:
+    def build(**options: Callable[[Ring], None]) -> Headless:
+        return Headless(Simulator(ideal, seed=1), ideal, tuning, **options)
+
+    return build
+
+
+def mode_of(ring: Ring) -> Mode:
+    newest = ring.newest()
+    assert newest is not None
+    return list(MODE_CODE)[int(newest[INDEX["mode"]])]
+
+
+async def pretension(headless: Headless) -> None:
+    await headless.send(SetMode(Mode.PRETENSION))
+
+    async def granted() -> bool:
+        return isinstance(await headless.send(SetMode(Mode.RUN, run=5)), Accepted)
+
+    for _ in range(300):
+        if await granted():
+            return
+        await headless.advance(0.1)
+    raise AssertionError("pretension was never reached")
+
+
+def test_a_program_plays_to_its_end_and_its_samples_carry_its_run(make: Make) -> None:
+    async def session() -> None:
+        headless = make()
+        events: list[object] = []
+        headless.listen(events.append)
+        await pretension(headless)
+        program = Program(Law.CASCADE, (Segment(0.3, q_ref=0.1, S_ref=10.0), Segment(0.2, q_ref=0.0, S_ref=10.0)))
+        assert isinstance(await headless.send(RunProgram(program, run=8)), Accepted)
+        start = headless.ring.count
+        await headless.advance_until(lambda: isinstance(events[-1], ProgramEnded | ModeChanged), timeout_s=1.0)
+        _, rows, missed = headless.ring.read(start, 10_000)
+        assert missed == 0
+        assert np.count_nonzero(rows[:, INDEX["run"]] == 8) == pytest.approx(500, abs=2)
+        assert any(isinstance(event, ProgramEnded) and event.completed and event.run == 8 for event in events)
+        headless.close()
+
+    asyncio.run(session())
+
+
+def test_refusals_and_stops_are_answered(make: Make) -> None:
+    async def session() -> None:
+        headless = make()
+        events: list[object] = []
+        forget = headless.listen(events.append)
+        refused = await headless.send(SetReferences(0.0, 10.0))
+        assert isinstance(refused, Refused)
+        assert isinstance(await headless.send(Stop()), Accepted)
+        await headless.advance(0.002)
+        assert [event.fault for event in events if isinstance(event, Stopped)] == [Stop().fault]
+        assert mode_of(headless.ring) is Mode.TRIPPED
+        forget()
+        seen = len(events)
+        await headless.send(Stop())
+        assert len(events) == seen
+        headless.close()
+
+    asyncio.run(session())
+
+
+def test_advance_is_exact_and_calls_each_batch_before_the_ring_overflows(make: Make) -> None:
+    async def session() -> None:
+        counts: list[int] = []
+        headless = make(each_batch=lambda ring: counts.append(ring.count))
+        await headless.advance(2.5)
+        assert headless.ring.count == 2500
+        assert counts[-1] == 2500
+        assert max(np.diff([0, *counts])) <= 1000
+        with pytest.raises(TimeoutError, match=r"0\.01 s of loop time"):
+            await headless.advance_until(lambda: False, timeout_s=0.01)
+        assert headless.ring.count == 2510
+        await headless.advance_until(lambda: headless.ring.count >= 2515, timeout_s=0.1)
+        assert headless.ring.count == 2515
+        headless.close()
+
+    asyncio.run(session())
+
+
+def test_the_same_session_repeats_to_the_last_bit(make: Make) -> None:
+    async def session() -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        headless = make()
+        await headless.send(SetMode(Mode.PRETENSION))
+        await headless.advance(1.0)
+        _, rows, _ = headless.ring.read(0, 1000)
+        headless.close()
+        return rows
+
+    np.testing.assert_array_equal(asyncio.run(session()), asyncio.run(session()))

@@ -1,0 +1,147 @@
+"""The real loop process: started, commanded, killed, replaced; and stopping by itself when its service is killed."""
+
+import asyncio
+import os
+import select
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.access import LoopDied, LoopDiedError
+from backend.loop.channel import Setup
+from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, Stopped
+from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.ring import Ring
+from backend.loop.supervisor import Supervisor
+from backend.loop.timing import timing
+from backend.sample import INDEX
+
+SERVICE = Path(__file__).with_name("service_stand_in.py")
+TIMEOUT_S = 120.0
+
+
+@pytest.fixture
+def setup(tuning: SetTuning) -> Setup:
+    return Setup(plant="simulator", parameters="ideal", seed=0, tuning=tuning)
+
+
+def loop_processes() -> set[int]:
+    """Numbers of the loop processes that this process has started and not yet seen the end of."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+    found = set()
+    for child in children:
+        with suppress(OSError):
+            if b"backend.loop.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+                found.add(int(child))
+    return found
+
+
+def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
+    async def session() -> None:
+        supervisor = Supervisor(setup)
+        with pytest.raises(LoopDiedError, match="not been started"):
+            await supervisor.send(Stop())
+        deaths: asyncio.Queue[LoopDied] = asyncio.Queue()
+        events: list[object] = []
+        supervisor.listen(lambda event: deaths.put_nowait(event) if isinstance(event, LoopDied) else None)
+        supervisor.listen(events.append)
+
+        granted = await supervisor.start()
+        assert supervisor.granted == granted
+        with pytest.raises(LoopDiedError, match="stop it first"):
+            await supervisor.start()
+        refused = await supervisor.send(SetMode(Mode.RUN))
+        assert isinstance(refused, Refused)
+        assert refused.legal == (Mode.PRETENSION,)
+        assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
+        await supervisor.advance(0.05)
+        kept = timing(supervisor.ring)
+        assert 0 < kept.rate_Hz <= 1000.0 + 1e-6
+        assert kept.lateness_p99_s >= kept.lateness_p50_s > 0
+
+        (first,) = loop_processes()
+        waiting = asyncio.create_task(supervisor.advance(3600.0))
+        await asyncio.sleep(0)
+        os.kill(first, signal.SIGKILL)
+        assert "SIGKILL" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
+        assert not supervisor.alive
+        with pytest.raises(LoopDiedError, match="SIGKILL"):
+            await asyncio.wait_for(waiting, TIMEOUT_S)
+        with pytest.raises(LoopDiedError, match="SIGKILL"):
+            await supervisor.send(Stop())
+
+        await supervisor.restart()
+        (second,) = loop_processes()
+        assert second != first
+        newest = supervisor.ring.newest()
+        assert newest is not None
+        assert newest[INDEX["mode"]] == MODE_CODE[Mode.OFF]
+        os.kill(second, signal.SIGSTOP)
+        assert "has not ticked" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
+
+        await supervisor.restart()
+        await supervisor.send(SetMode(Mode.PRETENSION))
+        await supervisor.advance(0.2)
+        events.clear()
+        await supervisor.stop()
+        assert any(isinstance(event, Stopped) and not event.hard for event in events)
+        assert deaths.empty()
+        assert loop_processes() == set()
+        last = supervisor.ring.newest()
+        assert last is not None
+        assert (last[INDEX["u_A"]], last[INDEX["u_B"]]) == (0.0, 0.0)
+        await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+@pytest.mark.parametrize(
+    ("plant", "parameters", "reason"),
+    [("simulator", "no-such-set", "no-such-set"), ("rig", "ideal", "start with --plant simulator")],
+)
+def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: str, parameters: str, reason: str) -> None:
+    async def session() -> None:
+        impossible = Setup(plant=plant, parameters=parameters, seed=0, tuning=setup.tuning)  # type: ignore[arg-type]
+        supervisor = Supervisor(impossible)
+        with pytest.raises(LoopDiedError, match=reason):
+            await supervisor.start()
+        assert not supervisor.alive
+        assert loop_processes() == set()
+        await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_killed_service_leaves_a_stopped_loop_with_zero_volts() -> None:
+    """The service is killed while the joint is being wound up; the loop process brings it to rest and ends."""
+    service = subprocess.Popen([sys.executable, str(SERVICE)], stdout=subprocess.PIPE, text=True, env=_with_root())
+    assert service.stdout is not None
+    try:
+        worker, ring_fd = map(int, service.stdout.readline().split())
+        ring = Ring.attach(os.open(f"/proc/{worker}/fd/{ring_fd}", os.O_RDWR))
+        end_of_worker = os.pidfd_open(worker)
+        moving = ring.newest()
+        assert moving is not None
+        assert moving[INDEX["u_A"]] != 0.0
+    finally:
+        service.kill()
+        service.wait()
+    ended, _, _ = select.select([end_of_worker], [], [], TIMEOUT_S)
+    os.close(end_of_worker)
+    assert ended, "the loop process outlived its service"
+    _, rows, _ = ring.read(0, ring.capacity)
+    assert np.any(rows[:, INDEX["mode"]] == MODE_CODE[Mode.STOPPING])
+    assert rows[-1, INDEX["mode"]] == MODE_CODE[Mode.TRIPPED]
+    assert rows[-1, INDEX["fault"]] == FAULT_CODE[Fault.SERVICE_LOST]
+    assert (rows[-1, INDEX["u_A"]], rows[-1, INDEX["u_B"]]) == (0.0, 0.0)
+    ring.close()
+
+
+def _with_root() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}

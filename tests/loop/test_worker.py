@@ -1,0 +1,161 @@
+"""The loop process decides by itself when the service is silent or gone: stepped here on a clock of its own."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.channel import Channel, Ready, Setup, channel_pair, decode_from_loop, encode
+from backend.loop.commands import Accepted, Heartbeat, ModeChanged, Refused, SetMode, SetTuning, Shutdown, Stopped
+from backend.loop.loop import Loop
+from backend.loop.mode import Mode
+from backend.loop.pacer import Granted, Pacer
+from backend.loop.ring import Ring
+from backend.loop.worker import Worker
+from backend.sample import INDEX
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+
+MS = 1_000_000
+
+
+class Bench:
+    """A worker whose clock is driven by its own ticks; ``each_tick`` plays the service."""
+
+    def __init__(self, parameters: PlantParameters, tuning: SetTuning) -> None:
+        self.service, theirs = channel_pair()
+        self.ring = Ring.create()
+        plant = Simulator(parameters)
+        self.worker = Worker(plant, Loop(plant, parameters, self.ring, tuning), Channel(theirs))
+        self.setup = Setup("simulator", "ideal", 0, tuning)
+        self.now_ns = 0
+        self.each_tick: Callable[[int], None] = lambda tick: None
+        self.told: list[object] = []
+
+    def run(self, each_tick: Callable[[int], None]) -> None:
+        self.each_tick = each_tick
+        self.worker.run(Pacer(0.001, lambda: self.now_ns, self._sleep_until), lambda: self.now_ns * 1e-9)
+
+    def _sleep_until(self, deadline_ns: int) -> None:
+        self.now_ns = deadline_ns
+        self.each_tick(self.ring.count)
+
+    def say(self, message: object, sequence: int = 0) -> None:
+        assert self.service.send(encode(message, sequence))  # type: ignore[arg-type]
+
+    def hear(self) -> list[object]:
+        while (packet := self.service.receive()) is not None:
+            self.told.append(decode_from_loop(packet)[1])
+        return self.told
+
+    def column(self, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        return self.ring.read(0, 100_000)[1][:, INDEX[name]]
+
+
+@pytest.fixture
+def bench(ideal: PlantParameters, tuning: SetTuning) -> Iterator[Bench]:
+    made = Bench(ideal, tuning)
+    yield made
+    made.service.close()
+    made.ring.close()
+
+
+def test_service_gone_while_moving_ends_in_zero_volts(bench: Bench) -> None:
+    def service(tick: int) -> None:
+        if tick == 0:
+            bench.say(SetMode(Mode.PRETENSION), 1)
+        if tick == 300:
+            bench.service.close()
+        elif tick < 300 and tick % 100 == 0:
+            bench.say(Heartbeat())
+
+    bench.run(service)
+    u_A, fault = bench.column("u_A"), bench.column("fault")
+    assert np.any(u_A[:300] != 0)
+    assert fault[299] == 0
+    assert fault[301] == FAULT_CODE[Fault.SERVICE_LOST]
+    assert (u_A[-1], bench.column("u_B")[-1]) == (0.0, 0.0)
+
+
+def test_silence_is_answered_by_a_latched_soft_stop_within_half_a_second(bench: Bench) -> None:
+    def service(tick: int) -> None:
+        if tick == 0:
+            bench.say(SetMode(Mode.PRETENSION), 1)
+        if tick == 1500:
+            # The service is back: what it finds is latched, and the loop obeys again.
+            bench.say(SetMode(Mode.RUN), 2)
+            bench.say(Shutdown(), 3)
+        elif tick <= 200 and tick % 100 == 0:
+            bench.say(Heartbeat())
+
+    bench.run(service)
+    stops = np.flatnonzero(bench.column("fault") == FAULT_CODE[Fault.SERVICE_LOST])
+    assert 400 < stops[0] - 200 <= 500
+    assert stops[-1] == bench.ring.count - 1
+    events = bench.hear()
+    assert sum(isinstance(event, Stopped) for event in events) == 1
+    assert any(isinstance(event, Refused) and event.sequence == 2 for event in events)
+    assert Accepted(3, 1500) in events
+
+
+def test_silence_while_nothing_moves_is_no_fault(bench: Bench) -> None:
+    bench.run(lambda tick: bench.say(Shutdown()) if tick == 2000 else None)
+    assert not np.any(bench.column("fault"))
+
+
+def test_a_pause_of_the_whole_machine_is_not_silence(bench: Bench) -> None:
+    def service(tick: int) -> None:
+        if tick == 0:
+            bench.say(SetMode(Mode.PRETENSION), 1)
+        if tick == 600:
+            bench.say(Shutdown(), 2)
+        elif tick % 100 == 0:
+            bench.say(Heartbeat())
+        if tick in (50, 150, 250, 350):
+            bench.now_ns += 15 * MS
+
+    bench.run(service)
+    assert not np.any(bench.column("fault"))
+    assert bench.column("overruns")[-1] == 4 * 14
+
+
+def test_malformed_and_late_messages_are_refused_by_number(bench: Bench) -> None:
+    def service(tick: int) -> None:
+        if tick == 0:
+            bench.service.send(b'{"kind":"SetMode","sequence":4,"body":{"mode":"warp"}}')
+            bench.say(bench.setup, 5)
+        if tick == 3:
+            bench.say(Shutdown(), 6)
+
+    bench.run(service)
+    refusals = [event for event in bench.hear() if isinstance(event, Refused)]
+    assert [refusal.sequence for refusal in refusals] == [4, 5]
+    assert "mode" in refusals[0].reason
+    assert not any(isinstance(event, ModeChanged) for event in bench.hear())
+
+
+def test_events_wait_for_a_service_that_does_not_read(bench: Bench) -> None:
+    """More events than the socket holds: none is lost, and no tick waits for them."""
+    sent = 0
+
+    def service(tick: int) -> None:
+        nonlocal sent
+        if tick < 2000:
+            bench.say(SetMode(Mode.RUN), tick)
+            sent += 1
+        else:
+            bench.hear()
+        if tick == 2010:
+            bench.say(Shutdown(), 9999)
+
+    bench.worker.tell(Ready(Granted(0, False, 0, ())))
+    bench.run(service)
+    numbers = [event.sequence for event in bench.hear() if isinstance(event, Refused)]
+    assert isinstance(bench.told[0], Ready)
+    assert numbers == list(range(sent))
+
+
+def test_termination_ends_after_the_tick(bench: Bench) -> None:
+    bench.run(lambda tick: bench.worker.terminate() if tick == 5 else None)
+    assert bench.ring.count == 6
