@@ -1,0 +1,67 @@
+/** The shell: header, status line, navigation, and one page. */
+
+import { useDisclosure, useHotkeys } from "@mantine/hooks";
+import { useQuery } from "@tanstack/react-query";
+import { lazy, Suspense } from "react";
+import { Redirect, Route, Switch, useLocation } from "wouter";
+import styles from "./App.module.css";
+import { Header } from "./components/Header";
+import { Navigation, PAGES } from "./components/Navigation";
+import { Shortcuts } from "./components/Shortcuts";
+import { StatusStrip } from "./components/StatusStrip";
+import { LiveProvider } from "./live/react";
+import { OperatePage } from "./pages/operate/OperatePage";
+import { SignInPage } from "./pages/SignInPage";
+import { sessionQuery } from "./service/queries";
+import { StopProvider } from "./service/StopProvider";
+import { RequestError } from "./wire/client";
+
+const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
+const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
+const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
+const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
+const SystemPage = lazy(() => import("./pages/SystemPage"));
+
+export function App() {
+  const session = useQuery(sessionQuery);
+  const signedOut = session.error instanceof RequestError && session.error.status === 401;
+  if (signedOut) return <SignInPage />;
+  return (
+    <StopProvider>
+      <LiveProvider>
+        <Shell />
+      </LiveProvider>
+    </StopProvider>
+  );
+}
+
+function Shell() {
+  const [shortcuts, { open, close, toggle }] = useDisclosure(false);
+  const [, go] = useLocation();
+  useHotkeys([["?", toggle], ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)])]);
+  return (
+    <div className={styles.shell}>
+      <Header onShortcuts={open} />
+      <StatusStrip />
+      <div className={styles.body}>
+        <Navigation />
+        <main className={styles.page}>
+          <Suspense>
+            <Switch>
+              <Route path="/operate" component={OperatePage} />
+              <Route path="/identify/:id?" component={IdentifyPage} />
+              <Route path="/banks/:id?" component={BanksPage} />
+              <Route path="/experiments/:id?" component={ExperimentsPage} />
+              <Route path="/runs/:id?" component={RunsPage} />
+              <Route path="/system" component={SystemPage} />
+              <Route>
+                <Redirect to="/operate" replace />
+              </Route>
+            </Switch>
+          </Suspense>
+        </main>
+      </div>
+      <Shortcuts opened={shortcuts} onClose={close} />
+    </div>
+  );
+}

@@ -1,0 +1,23 @@
+/** Colours of what the charts draw beside the curves, read from the theme's variables. */
+
+export interface ChartColours {
+  grid: string;
+  axis: string;
+  limit: string;
+  text: string;
+  fault: string;
+  panel: string;
+}
+
+export function readColours(element: Element): ChartColours {
+  const style = getComputedStyle(element);
+  const variable = (name: string) => style.getPropertyValue(name).trim();
+  return {
+    grid: variable("--chart-grid"),
+    axis: variable("--chart-axis"),
+    limit: variable("--chart-limit"),
+    text: variable("--text"),
+    fault: variable("--fault"),
+    panel: variable("--panel"),
+  };
+}

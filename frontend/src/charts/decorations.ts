@@ -1,0 +1,82 @@
+/** Limit lines and event marks, drawn on a chart's canvas. */
+
+import type uPlot from "uplot";
+import type { ChartColours } from "./colours";
+
+export interface LimitLine {
+  /** In the unit of the chart. */
+  readonly value: number;
+  readonly label: string;
+  /** The value axis always reaches this line. */
+  readonly alwaysInSight: boolean;
+}
+
+export interface PlacedMark {
+  readonly time_s: number;
+  readonly text: string;
+  readonly fault: boolean;
+}
+
+const FONT_PX = 10;
+const LABEL_GAP_PX = 8;
+const LABEL_LENGTH = 28;
+
+export function drawLimits(plot: uPlot, limits: readonly LimitLine[], colours: ChartColours): void {
+  const { ctx, bbox } = plot;
+  const scale = plot.scales.y as uPlot.Scale;
+  const ratio = devicePixelRatio;
+  ctx.save();
+  ctx.strokeStyle = colours.limit;
+  ctx.fillStyle = colours.axis;
+  ctx.lineWidth = ratio;
+  ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
+  ctx.textAlign = "right";
+  for (const limit of limits) {
+    if (limit.value < (scale.min ?? 0) || limit.value > (scale.max ?? 0)) continue;
+    const y = Math.round(plot.valToPos(limit.value, "y", true));
+    ctx.setLineDash([2 * ratio, 3 * ratio]);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+    const below = y - bbox.top < 2 * FONT_PX * ratio;
+    ctx.textBaseline = below ? "top" : "bottom";
+    ctx.fillText(limit.label, bbox.left + bbox.width - 2 * ratio, y + (below ? 3 : -2) * ratio);
+  }
+  ctx.restore();
+}
+
+export function drawMarks(
+  plot: uPlot,
+  marks: readonly PlacedMark[],
+  colours: ChartColours,
+  labels: boolean,
+): void {
+  const { ctx, bbox } = plot;
+  const scale = plot.scales.x as uPlot.Scale;
+  const ratio = devicePixelRatio;
+  ctx.save();
+  ctx.lineWidth = ratio;
+  ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
+  ctx.textBaseline = "top";
+  let labelledTo = Number.NEGATIVE_INFINITY;
+  for (const mark of marks) {
+    if (mark.time_s < (scale.min ?? 0) || mark.time_s > (scale.max ?? 0)) continue;
+    const x = Math.round(plot.valToPos(mark.time_s, "x", true)) + 0.5;
+    ctx.strokeStyle = mark.fault ? colours.fault : colours.limit;
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    if (!labels || x < labelledTo) continue;
+    const text = mark.text.length > LABEL_LENGTH ? `${mark.text.slice(0, LABEL_LENGTH - 1)}…` : mark.text;
+    const width = ctx.measureText(text).width;
+    const left = Math.min(x + 3 * ratio, bbox.left + bbox.width - width);
+    ctx.fillStyle = colours.panel;
+    ctx.fillRect(left - ratio, bbox.top, width + 2 * ratio, (FONT_PX + 3) * ratio);
+    ctx.fillStyle = mark.fault ? colours.fault : colours.axis;
+    ctx.fillText(text, left, bbox.top + ratio);
+    labelledTo = left + width + LABEL_GAP_PX * ratio;
+  }
+  ctx.restore();
+}

@@ -1,0 +1,72 @@
+/** The live window as a source of curves. */
+
+import type { LiveStore } from "../live/store";
+import { type Extent, gridOver, pointCount, writeTimes, writeValues } from "../samples/decimate";
+import type { Panel } from "../theme/signals";
+import { PERIOD_S } from "../wire/sample.gen";
+import type { Curves, PlotSource } from "./source";
+import type { Stretch } from "./viewport";
+
+class Buffers {
+  times = new Float64Array(0);
+  values: Float64Array[] = [];
+
+  reserve(points: number, traces: number): void {
+    if (this.times.length >= points && this.values.length === traces) return;
+    const length = Math.max(this.times.length, 2 ** Math.ceil(Math.log2(Math.max(points, 1))));
+    this.times = new Float64Array(length);
+    this.values = Array.from({ length: traces }, () => new Float64Array(length));
+  }
+}
+
+export class LiveSource implements PlotSource {
+  private readonly buffers = new Map<Panel, Buffers>();
+
+  constructor(private readonly store: LiveStore) {}
+
+  now_s(): number {
+    return this.store.clock.at(performance.now() / 1000);
+  }
+
+  newest_s(): number {
+    return (this.store.window.endTick - 1) * PERIOD_S;
+  }
+
+  first_s(): number {
+    return this.store.window.startTick * PERIOD_S;
+  }
+
+  version(): number {
+    return this.store.window.endTick;
+  }
+
+  curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
+    const window = this.store.window;
+    const grid = gridOver(
+      window,
+      Math.floor(stretch.from_s / PERIOD_S),
+      Math.ceil(stretch.to_s / PERIOD_S),
+      pixels,
+    );
+    const points = pointCount(grid);
+    let buffers = this.buffers.get(panel);
+    if (buffers === undefined) {
+      buffers = new Buffers();
+      this.buffers.set(panel, buffers);
+    }
+    buffers.reserve(points, panel.traces.length);
+    writeTimes(grid, PERIOD_S, buffers.times);
+    const extents: Extent[] = [];
+    const values: Float64Array[] = [];
+    for (const [index, trace] of panel.traces.entries()) {
+      const buffer = buffers.values[index] as Float64Array;
+      extents.push(writeValues(window, trace.name, grid, panel.factor, buffer));
+      values.push(buffer.subarray(0, points));
+    }
+    return { times: buffers.times.subarray(0, points), values, extents };
+  }
+
+  at(name: string, time_s: number): number {
+    return this.store.window.at(name, Math.round(time_s / PERIOD_S));
+  }
+}

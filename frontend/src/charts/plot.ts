@@ -1,0 +1,160 @@
+/** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
+
+import uPlot from "uplot";
+import { clockTime, fixed } from "../samples/format";
+import type { Panel } from "../theme/signals";
+import type { ChartColours } from "./colours";
+import { drawLimits, drawMarks, type LimitLine, type PlacedMark } from "./decorations";
+import { linePath } from "./linePath";
+import { steadyRange, type ValueRange } from "./range";
+import type { Curves } from "./source";
+import type { Stretch } from "./viewport";
+
+export const AXIS_WIDTH = 52;
+export const RIGHT_MARGIN = 10;
+export const TIME_AXIS_HEIGHT = 24;
+const TIME_STEPS_S = [
+  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
+  3600,
+];
+const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
+const LINE_WIDTH = 1.6;
+
+export interface PlotOptions {
+  readonly panel: Panel;
+  readonly timeAxis: boolean;
+  readonly markLabels: boolean;
+}
+
+export class SignalPlot {
+  limits: readonly LimitLine[] = [];
+  marks: readonly PlacedMark[] = [];
+  /** Set when a person scaled the value axis by hand; null lets it follow the curves. */
+  manualRange: ValueRange | null = null;
+
+  private readonly plot: uPlot;
+  private readonly panel: Panel;
+  private range: ValueRange;
+  private readonly hidden = new Set<string>();
+
+  constructor(host: HTMLElement, options: PlotOptions, colours: ChartColours) {
+    this.panel = options.panel;
+    this.range = { min: -options.panel.narrowest / 2, max: options.panel.narrowest / 2 };
+    this.plot = new uPlot(this.configuration(options, colours), [new Float64Array(0)], host);
+  }
+
+  draw(curves: Curves, stretch: Stretch): void {
+    const range = this.manualRange ?? this.follow(curves);
+    this.plot.batch(() => {
+      this.plot.setData([curves.times, ...curves.values] as uPlot.AlignedData, false);
+      this.plot.setScale("x", { min: stretch.from_s, max: stretch.to_s });
+      this.plot.setScale("y", range);
+    });
+  }
+
+  resize(width: number, height: number): void {
+    if (width > 0 && height > 0) this.plot.setSize({ width, height });
+  }
+
+  show(name: string, shown: boolean): void {
+    if (shown) this.hidden.delete(name);
+    else this.hidden.add(name);
+    const index = this.panel.traces.findIndex((trace) => trace.name === name);
+    if (index >= 0) this.plot.setSeries(index + 1, { show: shown });
+  }
+
+  /** Scale the value axis by `factor` about the height `fraction` of it (0 bottom, 1 top). */
+  scaleValues(factor: number, fraction: number): void {
+    const { min, max } = this.manualRange ?? this.range;
+    const fixedPoint = min + fraction * (max - min);
+    this.manualRange = {
+      min: fixedPoint - (fixedPoint - min) * factor,
+      max: fixedPoint + (max - fixedPoint) * factor,
+    };
+  }
+
+  repaint(): void {
+    this.plot.redraw(false, true);
+  }
+
+  destroy(): void {
+    this.plot.destroy();
+  }
+
+  private follow(curves: Curves): ValueRange {
+    let minimum = Number.POSITIVE_INFINITY;
+    let maximum = Number.NEGATIVE_INFINITY;
+    for (const [index, extent] of curves.extents.entries()) {
+      if (this.hidden.has(this.panel.traces[index]?.name ?? "")) continue;
+      minimum = Math.min(minimum, extent.minimum);
+      maximum = Math.max(maximum, extent.maximum);
+    }
+    for (const line of this.limits) {
+      if (!line.alwaysInSight) continue;
+      minimum = Math.min(minimum, line.value);
+      maximum = Math.max(maximum, line.value);
+    }
+    this.range = steadyRange(this.range, { minimum, maximum }, this.panel.narrowest);
+    return this.range;
+  }
+
+  private configuration(options: PlotOptions, colours: ChartColours): uPlot.Options {
+    const grid = { stroke: () => colours.grid, width: 1 };
+    return {
+      width: 320,
+      height: 120,
+      padding: [4, RIGHT_MARGIN, options.timeAxis ? 0 : 4, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: { x: { time: false, auto: false }, y: { auto: false } },
+      series: [
+        {},
+        ...options.panel.traces.map(
+          (trace): uPlot.Series => ({
+            scale: "y",
+            stroke: trace.hue,
+            width: LINE_WIDTH,
+            ...(trace.dashed ? { dash: [6, 4] } : {}),
+            paths: linePath,
+            pxAlign: 0,
+            points: {
+              show: (plot, _series, first, last) => last - first < plot.bbox.width / 10,
+              size: 4,
+              fill: trace.hue,
+            },
+          }),
+        ),
+      ],
+      axes: [
+        {
+          stroke: () => colours.axis,
+          font: FONT,
+          grid,
+          ticks: { show: false },
+          incrs: TIME_STEPS_S,
+          space: 70,
+          gap: 6,
+          size: options.timeAxis ? TIME_AXIS_HEIGHT : 0,
+          values: (_plot, splits, _axis, _space, step) =>
+            options.timeAxis ? splits.map((split) => clockTime(split, step)) : splits.map(() => ""),
+        },
+        {
+          scale: "y",
+          stroke: () => colours.axis,
+          font: FONT,
+          grid,
+          ticks: { show: false },
+          space: 26,
+          gap: 6,
+          size: AXIS_WIDTH,
+          values: (_plot, splits, _axis, _space, step) =>
+            splits.map((split) => fixed(split, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)))),
+        },
+      ],
+      hooks: {
+        drawAxes: [(plot) => drawLimits(plot, this.limits, colours)],
+        draw: [(plot) => drawMarks(plot, this.marks, colours, options.markLabels)],
+      },
+    };
+  }
+}

@@ -1,0 +1,102 @@
+/** Numbers and cursors that follow the charts, written straight into the page about ten times a second. */
+
+import { fixed } from "../samples/format";
+import type { Panel } from "../theme/signals";
+import type { PlotSource } from "./source";
+import type { Stretch } from "./viewport";
+
+const EVERY_MS = 100;
+const GRAB_FRACTION = 0.015;
+
+export class Readout {
+  private frame: HTMLElement | null = null;
+  private hovered: number | null = null;
+  private cursors: [number, number] | null = null;
+  private written_ms = 0;
+
+  constructor(
+    private readonly source: PlotSource,
+    private readonly panels: readonly Panel[],
+  ) {}
+
+  attach(frame: HTMLElement | null): void {
+    this.frame = frame;
+  }
+
+  hover(at: number | null): void {
+    this.hovered = at;
+    this.written_ms = 0;
+  }
+
+  measure(seen: Stretch): void {
+    const span_s = seen.to_s - seen.from_s;
+    this.cursors = [seen.from_s + 0.35 * span_s, seen.from_s + 0.65 * span_s];
+    this.written_ms = 0;
+  }
+
+  stopMeasuring(): void {
+    this.cursors = null;
+    this.written_ms = 0;
+  }
+
+  grab(at_s: number, span_s: number): number | null {
+    if (this.cursors === null) return null;
+    const distances = this.cursors.map((cursor) => Math.abs(cursor - at_s));
+    const nearest = (distances[0] as number) <= (distances[1] as number) ? 0 : 1;
+    return (distances[nearest] as number) <= GRAB_FRACTION * span_s ? nearest : null;
+  }
+
+  move(cursor: number, at_s: number): void {
+    if (this.cursors === null) return;
+    this.cursors = cursor === 0 ? [at_s, this.cursors[1]] : [this.cursors[0], at_s];
+    this.written_ms = 0;
+  }
+
+  /** Called after each drawn frame. */
+  refresh(seen: Stretch): void {
+    if (this.frame === null) return;
+    this.place("hover", this.hovered);
+    const span_s = seen.to_s - seen.from_s;
+    for (const index of [0, 1] as const) {
+      const cursor = this.cursors?.[index];
+      this.place(`cursor-${index}`, cursor === undefined ? null : (cursor - seen.from_s) / span_s);
+    }
+    const now_ms = performance.now();
+    if (now_ms - this.written_ms < EVERY_MS) return;
+    this.written_ms = now_ms;
+    this.write(seen);
+  }
+
+  private write(seen: Stretch): void {
+    const at_s =
+      this.hovered === null ? this.newest(seen) : seen.from_s + this.hovered * (seen.to_s - seen.from_s);
+    for (const panel of this.panels) {
+      for (const trace of panel.traces) {
+        const value = panel.factor * this.source.at(trace.name, at_s);
+        this.text(`value-${trace.name}`, fixed(value, panel.decimals));
+        if (this.cursors === null) continue;
+        const [a, b] = this.cursors.map((cursor) => panel.factor * this.source.at(trace.name, cursor));
+        this.text(`delta-${trace.name}`, `Δ ${fixed((b as number) - (a as number), panel.decimals)}`);
+      }
+    }
+    if (this.cursors !== null) this.text("delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
+  }
+
+  /** The newest sample in sight; the edge of a following view may be a little ahead of it. */
+  private newest(seen: Stretch): number {
+    return Math.min(seen.to_s, this.source.newest_s());
+  }
+
+  private place(role: string, at: number | null): void {
+    const line = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`);
+    if (line === null || line === undefined) return;
+    const inSight = at !== null && at >= 0 && at <= 1;
+    line.style.display = inSight ? "block" : "none";
+    if (inSight) line.style.left = `${100 * at}%`;
+  }
+
+  private text(role: string, text: string): void {
+    const element = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`);
+    if (element && element.textContent !== text) element.textContent = text;
+  }
+}

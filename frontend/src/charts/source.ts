@@ -1,0 +1,27 @@
+/** What a stack of charts draws from, be it the live window or a recording. */
+
+import type { Extent } from "../samples/decimate";
+import type { Panel } from "../theme/signals";
+import type { Stretch } from "./viewport";
+
+/** The curves of one chart over a stretch, in the unit shown. The arrays are reused by the next call. */
+export interface Curves {
+  readonly times: Float64Array;
+  /** One per trace of the panel. */
+  readonly values: readonly Float64Array[];
+  readonly extents: readonly Extent[];
+}
+
+export interface PlotSource {
+  /** Where the newest sample is on the time axis [s]. */
+  now_s(): number;
+  /** The newest sample itself; `now_s` may run a little ahead of it [s]. */
+  newest_s(): number;
+  /** Where the oldest sample is [s]. */
+  first_s(): number;
+  /** Changes whenever samples were added or replaced. */
+  version(): number;
+  curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
+  /** The sample nearest to an instant, in SI; NaN where there is none. */
+  at(name: string, time_s: number): number;
+}

@@ -1,0 +1,117 @@
+/** Several charts on one time axis, redrawn on the browser's own frames and only when there is something to see. */
+
+import type { Panel } from "../theme/signals";
+import { readColours } from "./colours";
+import type { LimitLine, PlacedMark } from "./decorations";
+import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
+import type { PlotSource } from "./source";
+import { type Stretch, stretch, type Viewport } from "./viewport";
+
+const LEAST_SHIFT_PX = 0.5;
+
+export class ChartStack {
+  private readonly plots: readonly SignalPlot[];
+  private width = 0;
+  private drawn: (Stretch & { version: number; newest_s: number }) | null = null;
+  private dirty = true;
+  private request = 0;
+
+  constructor(
+    private readonly hosts: readonly HTMLElement[],
+    private readonly panels: readonly Panel[],
+    private readonly source: PlotSource,
+    private readonly view: () => Viewport,
+    private readonly afterFrame: (seen: Stretch) => void,
+  ) {
+    const colours = readColours(hosts[0] as HTMLElement);
+    this.plots = panels.map(
+      (panel, index) =>
+        new SignalPlot(
+          hosts[index] as HTMLElement,
+          { panel, timeAxis: index === panels.length - 1, markLabels: index === 0 },
+          colours,
+        ),
+    );
+    this.resize();
+    this.request = requestAnimationFrame(this.frame);
+  }
+
+  /** Width of the plotting area [CSS px]. */
+  get plotWidth(): number {
+    return Math.max(1, this.width - AXIS_WIDTH - RIGHT_MARGIN);
+  }
+
+  /** The stretch in sight now. */
+  seen(): Stretch {
+    return stretch(this.view(), this.source.now_s());
+  }
+
+  resize(): void {
+    for (const [index, host] of this.hosts.entries()) {
+      this.plots[index]?.resize(host.clientWidth, host.clientHeight);
+      this.width = host.clientWidth;
+    }
+    this.dirty = true;
+  }
+
+  show(name: string, shown: boolean): void {
+    for (const plot of this.plots) plot.show(name, shown);
+    this.dirty = true;
+  }
+
+  setLimits(limits: ReadonlyMap<Panel, readonly LimitLine[]>): void {
+    for (const [index, panel] of this.panels.entries()) {
+      const plot = this.plots[index];
+      if (plot !== undefined) plot.limits = limits.get(panel) ?? [];
+    }
+    this.dirty = true;
+  }
+
+  setMarks(marks: readonly PlacedMark[]): void {
+    for (const plot of this.plots) plot.marks = marks;
+    this.dirty = true;
+  }
+
+  scaleValues(index: number, factor: number, fraction: number): void {
+    this.plots[index]?.scaleValues(factor, fraction);
+    this.dirty = true;
+  }
+
+  resetValues(): void {
+    for (const plot of this.plots) plot.manualRange = null;
+    this.dirty = true;
+  }
+
+  destroy(): void {
+    cancelAnimationFrame(this.request);
+    for (const plot of this.plots) plot.destroy();
+  }
+
+  private readonly frame = (): void => {
+    this.request = requestAnimationFrame(this.frame);
+    const seen = this.seen();
+    if (this.worthDrawing(seen)) {
+      for (const [index, plot] of this.plots.entries()) {
+        plot.draw(this.source.curves(this.panels[index] as Panel, seen, this.plotWidth), seen);
+      }
+      this.drawn = { ...seen, version: this.source.version(), newest_s: this.source.now_s() };
+      this.dirty = false;
+    }
+    this.afterFrame(seen);
+  };
+
+  private worthDrawing(seen: Stretch): boolean {
+    if (this.dirty || this.drawn === null) return true;
+    const perPixel_s = (seen.to_s - seen.from_s) / (this.plotWidth * devicePixelRatio);
+    const shift_s = Math.max(
+      Math.abs(seen.to_s - this.drawn.to_s),
+      Math.abs(seen.from_s - this.drawn.from_s),
+    );
+    if (shift_s >= LEAST_SHIFT_PX * perPixel_s) return true;
+    const version = this.source.version();
+    const replaced = version < this.drawn.version;
+    const arriving =
+      this.view().end_s !== null && seen.to_s > this.drawn.newest_s && version > this.drawn.version;
+    return replaced || arriving;
+  }
+}

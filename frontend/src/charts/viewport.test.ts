@@ -1,0 +1,35 @@
+import { describe, expect, it } from "vitest";
+import { following, held, LIVE, panned, stretch, withSpan, zoomed } from "./viewport";
+
+describe("viewport", () => {
+  it("follows the newest sample until it is held", () => {
+    expect(stretch(LIVE, 100)).toEqual({ from_s: 80, to_s: 100 });
+    const still = held(LIVE, 100);
+    expect(stretch(still, 130)).toEqual({ from_s: 80, to_s: 100 });
+    expect(stretch(following(still), 130).to_s).toBe(130);
+  });
+
+  it("zooms a held view about the pointer, and survives streaming", () => {
+    const view = zoomed(held(LIVE, 100), 0.5, 85, 120);
+    expect(stretch(view, 500)).toEqual({ from_s: 82.5, to_s: 92.5 });
+  });
+
+  it("keeps following while it zooms", () => {
+    expect(stretch(zoomed(LIVE, 0.25, 90, 120), 100)).toEqual({ from_s: 95, to_s: 100 });
+  });
+
+  it("keeps spans between 20 ms and the longest", () => {
+    expect(zoomed(LIVE, 1e-9, 0, 120).span_s).toBe(0.02);
+    expect(zoomed(LIVE, 1e9, 0, 120).span_s).toBe(120);
+  });
+
+  it("pans where data may be", () => {
+    expect(panned(LIVE, -5, 0, 100).end_s).toBe(95);
+    expect(panned(LIVE, -500, 0, 100).end_s).toBe(2);
+    expect(panned(LIVE, 500, 0, 100).end_s).toBe(110);
+  });
+
+  it("changes the span of a held view at its left", () => {
+    expect(stretch(withSpan(held(LIVE, 100), 5), 900)).toEqual({ from_s: 95, to_s: 100 });
+  });
+});

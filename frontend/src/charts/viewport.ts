@@ -1,0 +1,61 @@
+/** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
+
+export interface Viewport {
+  readonly span_s: number;
+  /** Right edge, or null while the view follows the newest sample. */
+  readonly end_s: number | null;
+}
+
+export interface Stretch {
+  readonly from_s: number;
+  readonly to_s: number;
+}
+
+export const SPANS_S = [5, 10, 20, 30, 60, 120] as const;
+export const DEFAULT_SPAN_S = 20;
+const SHORTEST_SPAN_S = 0.02;
+const LONGEST_SPAN_S = SPANS_S[SPANS_S.length - 1] as number;
+
+export const LIVE: Viewport = { span_s: DEFAULT_SPAN_S, end_s: null };
+
+/** The stretch in sight when the newest sample is at `now_s`. */
+export function stretch(view: Viewport, now_s: number): Stretch {
+  const to_s = view.end_s ?? now_s;
+  return { from_s: to_s - view.span_s, to_s };
+}
+
+/** Scale the span by `factor`. The instant `at_s` keeps its place; a view that follows keeps its right edge. */
+export function zoomed(
+  view: Viewport,
+  factor: number,
+  at_s: number,
+  longest_s: number = LONGEST_SPAN_S,
+): Viewport {
+  const span_s = Math.min(Math.max(view.span_s * factor, SHORTEST_SPAN_S), longest_s);
+  if (view.end_s === null) return { span_s, end_s: null };
+  const right = (view.end_s - at_s) / view.span_s;
+  return { span_s, end_s: at_s + right * span_s };
+}
+
+/** Move the view by `shift_s` (positive: later). It stays where data may be, between `first_s` and `now_s`. */
+export function panned(view: Viewport, shift_s: number, first_s: number, now_s: number): Viewport {
+  const end_s = (view.end_s ?? now_s) + shift_s;
+  const earliest = first_s + 0.1 * view.span_s;
+  const latest = now_s + 0.5 * view.span_s;
+  return { span_s: view.span_s, end_s: Math.min(Math.max(end_s, Math.min(earliest, latest)), latest) };
+}
+
+/** Hold the present stretch still. */
+export function held(view: Viewport, now_s: number): Viewport {
+  return { span_s: view.span_s, end_s: view.end_s ?? now_s };
+}
+
+/** Show another span; a held view keeps its right edge. */
+export function withSpan(view: Viewport, span_s: number): Viewport {
+  return { span_s, end_s: view.end_s };
+}
+
+/** Follow the newest sample again, in the span at hand. */
+export function following(view: Viewport): Viewport {
+  return { span_s: view.span_s, end_s: null };
+}

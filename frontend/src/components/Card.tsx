@@ -1,0 +1,27 @@
+/** A titled region of a page. */
+
+import type { ReactNode } from "react";
+import styles from "./Card.module.css";
+
+interface CardProps {
+  readonly title: string;
+  /** Beside the title, at the right. */
+  readonly aside?: ReactNode;
+  readonly children: ReactNode;
+  readonly className?: string | undefined;
+}
+
+export function Card({ title, aside, children, className }: CardProps) {
+  return (
+    <section
+      className={className === undefined ? styles.card : `${styles.card} ${className}`}
+      aria-label={title}
+    >
+      <div className={styles.head}>
+        <h2 className={styles.title}>{title}</h2>
+        {aside}
+      </div>
+      {children}
+    </section>
+  );
+}

@@ -1,0 +1,107 @@
+/** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
+
+import { ActionIcon, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { IconDeviceDesktop, IconKeyboard, IconMoon, IconSun } from "@tabler/icons-react";
+import { health } from "../live/link";
+import { useLive, useNow } from "../live/react";
+import { fixed, kilohertz } from "../samples/format";
+import styles from "./Header.module.css";
+import { LinkStatus } from "./LinkStatus";
+import { Metric } from "./Metric";
+import { StopButton } from "./StopButton";
+
+export function Header({ onShortcuts }: { onShortcuts: () => void }) {
+  const state = useLive((live) => live.state);
+  const link = useLive((live) => live.link);
+  const now_ms = useNow(250);
+  const stale = health(link, now_ms) !== "live";
+  const timing = state?.timing;
+  return (
+    <header className={styles.header}>
+      <span className={styles.brand}>
+        <img src="./sinew.svg" alt="" width="24" height="24" />
+        Sinew
+      </span>
+      <PlantBadge plant={state?.plant} parameters={state?.parameters} />
+      <span
+        className={styles.mode}
+        role="status"
+        aria-label="Mode"
+        data-mode={state?.mode}
+        data-stale={stale}
+      >
+        <span className={styles.dot} aria-hidden="true" />
+        {state?.mode ?? "unknown"}
+      </span>
+      {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
+      <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
+        <Metric label="Loop" value={timing ? kilohertz(timing.rate_Hz) : "–"} width="9ch" />
+        <Metric
+          label="Late p99"
+          value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "–"}
+          width="8ch"
+        />
+        <Metric label="Overruns" value={timing ? fixed(timing.overruns, 0) : "–"} width="8ch" />
+        <LinkStatus link={link} now_ms={now_ms} />
+        <Metric label="Control" value={state?.holder?.name ?? "nobody"} width="12ch" optional />
+      </div>
+      <div className={styles.tools}>
+        <SchemeMenu />
+        <Tooltip label="Keyboard shortcuts (?)">
+          <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>
+            <IconKeyboard size={18} />
+          </ActionIcon>
+        </Tooltip>
+      </div>
+      <StopButton />
+    </header>
+  );
+}
+
+function PlantBadge({
+  plant,
+  parameters,
+}: {
+  plant: "simulator" | "rig" | undefined;
+  parameters: string | undefined;
+}) {
+  const rig = plant === "rig";
+  const name = plant === undefined ? "Plant unknown" : rig ? "Rig" : "Simulator";
+  return (
+    <span
+      className={styles.badge}
+      data-plant={plant}
+      role="img"
+      aria-label={name}
+      title={`${name}, parameters ${parameters}`}
+    >
+      {plant === undefined ? "···" : rig ? "RIG" : "SIM"}
+    </span>
+  );
+}
+
+function SchemeMenu() {
+  const { colorScheme, setColorScheme } = useMantineColorScheme();
+  const icons = { light: IconSun, dark: IconMoon, auto: IconDeviceDesktop };
+  const Current = icons[colorScheme];
+  return (
+    <Menu position="bottom-end" width={140}>
+      <Menu.Target>
+        <ActionIcon variant="subtle" color="gray" aria-label="Colour scheme" title="Colour scheme">
+          <Current size={18} />
+        </ActionIcon>
+      </Menu.Target>
+      <Menu.Dropdown>
+        <Menu.Item leftSection={<IconSun size={16} />} onClick={() => setColorScheme("light")}>
+          Light
+        </Menu.Item>
+        <Menu.Item leftSection={<IconMoon size={16} />} onClick={() => setColorScheme("dark")}>
+          Dark
+        </Menu.Item>
+        <Menu.Item leftSection={<IconDeviceDesktop size={16} />} onClick={() => setColorScheme("auto")}>
+          System
+        </Menu.Item>
+      </Menu.Dropdown>
+    </Menu>
+  );
+}

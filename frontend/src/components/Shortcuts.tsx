@@ -1,0 +1,39 @@
+/** What the keys do. */
+
+import { Kbd, Modal, Table } from "@mantine/core";
+import { PAGES } from "./Navigation";
+
+const KEYS: readonly (readonly [string[], string])[] = [
+  [["Ctrl/⌘", "Shift", "E"], "STOP: zero volts at once, from anywhere, text fields too"],
+  ...PAGES.map(({ key, name }): [string[], string] => [[key.toUpperCase()], `Go to ${name}`]),
+  [["L"], "Operate: follow the newest sample (Live)"],
+  [["Space"], "Operate: hold the charts, go on"],
+  [["M"], "Operate: measuring cursors"],
+  [["Wheel"], "Charts: zoom time; hold V for the value axis, B for both"],
+  [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
+  [["?"], "This list"],
+];
+
+export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () => void }) {
+  return (
+    <Modal opened={opened} onClose={onClose} title="Keyboard shortcuts" size="lg">
+      <Table withRowBorders={false}>
+        <Table.Tbody>
+          {KEYS.map(([keys, meaning]) => (
+            <Table.Tr key={meaning}>
+              <Table.Td w={180}>
+                {keys.map((key, index) => (
+                  <span key={key}>
+                    {index > 0 && " + "}
+                    <Kbd>{key}</Kbd>
+                  </span>
+                ))}
+              </Table.Td>
+              <Table.Td>{meaning}</Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </Modal>
+  );
+}

@@ -1,0 +1,85 @@
+/** A line under the header that is always there, so that nothing moves when it has something to say. */
+
+import { Button, Progress } from "@mantine/core";
+import { IconAlertTriangle, IconCircleX, IconInfoCircle, IconPlayerPlay } from "@tabler/icons-react";
+import { age_ms, health } from "../live/link";
+import { useLive, useNow } from "../live/react";
+import { duration } from "../samples/format";
+import { useReset } from "../service/commands";
+import { useStop } from "../service/StopProvider";
+import type { Task } from "../wire/types";
+import styles from "./StatusStrip.module.css";
+import { currentStatus, type Status, stopSentence, type Tone, taskProgress } from "./status";
+
+const ICONS: Record<Tone, typeof IconInfoCircle> = {
+  calm: IconInfoCircle,
+  busy: IconPlayerPlay,
+  warn: IconAlertTriangle,
+  fault: IconCircleX,
+};
+
+export function StatusStrip() {
+  const state = useLive((live) => live.state);
+  const link = useLive((live) => live.link);
+  const now_ms = useNow(500);
+  const reset = useReset();
+  const stop = useStop();
+  const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms));
+  const Icon = ICONS[status.tone];
+  return (
+    <div className={styles.strip} data-tone={status.tone}>
+      <Icon size={18} aria-hidden="true" className={styles.icon} />
+      <Message status={status} instead={status.resettable ? reset.error?.message : undefined} />
+      {status.task !== null && <TaskProgress task={status.task} />}
+      {status.resettable && (
+        <Button
+          size="compact-xs"
+          variant="white"
+          color="dark"
+          loading={reset.isPending}
+          onClick={() => reset.mutate()}
+        >
+          Reset
+        </Button>
+      )}
+      <output className={styles.proof} aria-label="Stop result" data-kind={stop.state.kind}>
+        {stopSentence(stop.state)}
+      </output>
+    </div>
+  );
+}
+
+function Message({ status, instead }: { status: Status; instead: string | undefined }) {
+  const content = (
+    <>
+      <strong>{status.text}</strong> {instead ?? status.remedy}
+    </>
+  );
+  const title = `${status.text} ${status.remedy}`;
+  if (status.tone === "fault") {
+    return (
+      <div role="alert" aria-label="Fault" className={styles.message} title={title}>
+        {content}
+      </div>
+    );
+  }
+  return (
+    <output aria-label="Status" className={styles.message} title={title}>
+      {content}
+    </output>
+  );
+}
+
+function TaskProgress({ task }: { task: Task }) {
+  const percent = 100 * taskProgress(task);
+  return (
+    <span className={styles.task}>
+      <Progress.Root size={6} w={160}>
+        <Progress.Section value={percent} aria-label="Task progress" />
+      </Progress.Root>
+      <span>
+        {duration(task.elapsed_s)} of {duration(task.duration_s)}
+      </span>
+    </span>
+  );
+}

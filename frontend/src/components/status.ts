@@ -1,0 +1,85 @@
+/** The one sentence that matters most right now. Pure. */
+
+import type { Health } from "../live/link";
+import { age, fixed } from "../samples/format";
+import type { StopState } from "../service/stop";
+import type { State, Task } from "../wire/types";
+
+export type Tone = "calm" | "busy" | "warn" | "fault";
+
+export interface Status {
+  readonly tone: Tone;
+  readonly text: string;
+  readonly remedy: string;
+  readonly task: Task | null;
+  readonly resettable: boolean;
+}
+
+const HINTS: Record<State["mode"], string> = {
+  off: "Motors off. Start Pretension to wind the tendons up.",
+  pretension: "Winding up the tendons to pretension.",
+  run: "Loops closed.",
+  compliance: "Compliance: joint loop open, stiffness loop closed.",
+  identify: "Identification is running.",
+  experiment: "Experiment is running.",
+  stopping: "Soft stop: bringing the joint to rest under tension.",
+  tripped: "Stopped and latched.",
+};
+
+function sentence(tone: Tone, text: string, more: Partial<Status> = {}): Status {
+  return { tone, text, remedy: "", task: null, resettable: false, ...more };
+}
+
+export function currentStatus(state: State | null, health: Health, age_ms: number | null): Status {
+  if (health === "down") {
+    const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
+    return sentence("warn", `No connection to the service${since}. Values shown are old; trying again.`);
+  }
+  if (health === "stale")
+    return sentence("warn", `Nothing heard from the service for ${age(age_ms)}. Values are old.`);
+  if (state === null) return sentence("calm", "Waiting for the state of the loop.");
+  if (!state.link.alive) {
+    return sentence("fault", "The loop process is not running.", {
+      remedy: "Press Reset to start a new one.",
+      resettable: true,
+    });
+  }
+  if (state.fault !== null) {
+    const { message, remedy } = state.fault;
+    return sentence("fault", message, { remedy, resettable: true });
+  }
+  if (state.task !== null) return sentence("busy", taskName(state.task), { task: state.task });
+  if (state.mode === "pretension" && state.pretension_done) {
+    return sentence("calm", "Pretension held in both tendons. Ready to run.");
+  }
+  const recording = state.recording_run === null ? "" : ` Recording run ${state.recording_run}.`;
+  return sentence("calm", HINTS[state.mode] + recording);
+}
+
+export function taskName(task: Task): string {
+  const name = task.kind.replaceAll("_", " ");
+  const begun = name.charAt(0).toUpperCase() + name.slice(1);
+  return `${begun}, run ${task.run}: ${task.phase.replaceAll("_", " ")}`;
+}
+
+/** Part of a task that is done, 0 to 1. */
+export function taskProgress(task: Task): number {
+  return task.duration_s > 0 ? Math.min(1, task.elapsed_s / task.duration_s) : 0;
+}
+
+/** What became of the last STOP, in words; empty when there was none. */
+export function stopSentence(stop: StopState): string {
+  switch (stop.kind) {
+    case "idle":
+      return "";
+    case "sending":
+      return "STOP sent, waiting for proof …";
+    case "confirmed": {
+      const ticks = stop.proof.zero_tick - stop.proof.arrived_tick;
+      const plural = ticks === 1 ? "tick" : "ticks";
+      return `Zero volts in ${ticks} ${plural} · ${fixed(stop.proof.milliseconds, 2)} ms (tick ${stop.proof.zero_tick})`;
+    }
+    case "unconfirmed":
+      return `STOP NOT CONFIRMED: ${stop.reason} Use the stop at the machine.`;
+  }
+}

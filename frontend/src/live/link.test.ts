@@ -1,0 +1,81 @@
+import { describe, expect, it } from "vitest";
+import { firstLink, health, type Link, type LinkEvent, step } from "./link";
+
+/** Play events at their times; returns the last state and all actions other than none. */
+function play(events: readonly (readonly [number, LinkEvent])[], from: Link = firstLink(0)) {
+  const actions: string[] = [];
+  let link = from;
+  for (const [now_ms, event] of events) {
+    const [next, action] = step(link, event, now_ms);
+    link = next;
+    if (action !== "none") actions.push(`${now_ms} ${action}`);
+  }
+  return { link, actions };
+}
+
+const clock = (now_ms: number): [number, LinkEvent] => [now_ms, { kind: "clock" }];
+
+describe("link", () => {
+  it("measures the way there and back", () => {
+    const { link } = play([
+      [100, { kind: "opened" }],
+      [130, { kind: "pong", sent_ms: 100 }],
+    ]);
+    expect(link.latency_ms).toBe(30);
+    expect(health(link, 200)).toBe("live");
+  });
+
+  it("pings about once a second while open", () => {
+    const heard: [number, LinkEvent][] = [500, 1500, 2500].map((now_ms) => [now_ms, { kind: "heard" }]);
+    const events = [...heard, ...[600, 1100, 1600, 2100, 2600].map(clock)].sort((a, b) => a[0] - b[0]);
+    expect(play([[0, { kind: "opened" }], ...events]).actions).toEqual(["0 ping", "1100 ping", "2100 ping"]);
+  });
+
+  it("greys values after a second and drops a connection that went silent", () => {
+    const open = play([[0, { kind: "opened" }]]).link;
+    expect(health(open, 900)).toBe("live");
+    expect(health(open, 1200)).toBe("stale");
+    const { link, actions } = play([clock(2900), clock(3100)], open);
+    expect(actions.at(-1)).toBe("3100 drop");
+    expect(health(link, 3100)).toBe("down");
+  });
+
+  it("tries for ever, each time a little later, up to four seconds", () => {
+    let link = firstLink(0);
+    let now_ms = 0;
+    const delays: number[] = [];
+    for (let attempt = 0; attempt < 20; attempt++) {
+      [link] = step(link, { kind: "closed" }, now_ms);
+      delays.push(link.retry_ms - now_ms);
+      expect(step(link, { kind: "clock" }, link.retry_ms - 1)[1]).toBe("none");
+      now_ms = link.retry_ms;
+      const [next, action] = step(link, { kind: "clock" }, now_ms);
+      expect(action).toBe("connect");
+      link = next;
+    }
+    expect(delays.slice(0, 6)).toEqual([250, 500, 1000, 2000, 4000, 4000]);
+  });
+
+  it("starts over with short delays once something was heard", () => {
+    const { link } = play([
+      [0, { kind: "closed" }],
+      [250, { kind: "clock" }],
+      [300, { kind: "closed" }],
+      [800, { kind: "clock" }],
+      [810, { kind: "opened" }],
+      [820, { kind: "heard" }],
+      [900, { kind: "closed" }],
+    ]);
+    expect(link.retry_ms).toBe(1150);
+  });
+
+  it("tries at once when the network is back, and gives a hanging attempt up", () => {
+    const lost = play([[0, { kind: "closed" }]]).link;
+    expect(step(lost, { kind: "wake" }, 10)[1]).toBe("connect");
+    expect(step(firstLink(0), { kind: "clock" }, 5100)[1]).toBe("drop");
+  });
+
+  it("is down before anything was ever heard", () => {
+    expect(health(firstLink(0), 10)).toBe("down");
+  });
+});

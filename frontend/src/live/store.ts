@@ -1,0 +1,78 @@
+/** What the page knows of the running system, in one place, changed by the socket and read by everything. */
+
+import { SampleWindow } from "../samples/window";
+import type { Frame } from "../wire/frame";
+import type { Layout, Mark, State } from "../wire/types";
+import { SampleClock } from "./clock";
+import { firstLink, type Link } from "./link";
+
+const MARKS_KEPT = 500;
+
+/** The slow part, replaced as a whole on each change; React reads this. */
+export interface Live {
+  readonly link: Link;
+  readonly layout: Layout | null;
+  readonly state: State | null;
+  readonly marks: readonly Mark[];
+  /** Samples that did not reach this page since it was opened. */
+  readonly missed: number;
+}
+
+export class LiveStore {
+  /** The fast part: changed in place at the rate of the frames, read by the charts on their own frames. */
+  window = new SampleWindow([]);
+  readonly clock = new SampleClock();
+
+  private live: Live;
+  private readonly listeners = new Set<() => void>();
+
+  constructor(now_ms: number) {
+    this.live = { link: firstLink(now_ms), layout: null, state: null, marks: [], missed: 0 };
+  }
+
+  readonly subscribe = (listener: () => void): (() => void) => {
+    this.listeners.add(listener);
+    return () => this.listeners.delete(listener);
+  };
+
+  readonly snapshot = (): Live => this.live;
+
+  setLink(link: Link): void {
+    if (link !== this.live.link) this.change({ link });
+  }
+
+  /** A new connection was greeted: samples and marks come again from the service. */
+  setLayout(layout: Layout): void {
+    const names = layout.fields.map((field) => field.name);
+    const known = [...this.window.columns.keys()];
+    if (names.join() !== known.join()) this.window = new SampleWindow(names);
+    this.clock.reset();
+    this.change({ layout, marks: [] });
+  }
+
+  setState(state: State): void {
+    const restarted = this.live.state !== null && this.live.state.link.starts !== state.link.starts;
+    if (restarted) {
+      this.window = new SampleWindow([...this.window.columns.keys()]);
+      this.clock.reset();
+      this.change({ marks: [] });
+    }
+    this.change({ state });
+  }
+
+  addMark(mark: Mark): void {
+    this.change({ marks: [...this.live.marks, mark].slice(-MARKS_KEPT) });
+  }
+
+  addFrame(frame: Frame, arrival_s: number): void {
+    this.window.append(frame);
+    const period_s = this.live.layout?.period_s ?? 0;
+    this.clock.observe(this.window.endTick * period_s, arrival_s);
+    if (frame.missed > 0) this.change({ missed: this.live.missed + frame.missed });
+  }
+
+  private change(part: Partial<Live>): void {
+    this.live = { ...this.live, ...part };
+    for (const listener of this.listeners) listener();
+  }
+}

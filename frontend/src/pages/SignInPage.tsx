@@ -1,0 +1,50 @@
+/** Shown when the page has no session: a token opens it. */
+
+import { Alert, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
+import { type FormEvent, useState } from "react";
+import { useSignIn } from "../service/commands";
+
+export function SignInPage() {
+  const [token, setToken] = useState("");
+  const [name, setName] = useState("");
+  const signIn = useSignIn();
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    signIn.mutate({ token: token.trim(), name: name.trim() });
+  }
+
+  return (
+    <Paper component="main" withBorder maw={420} mx="auto" mt="12vh" p="xl">
+      <form onSubmit={submit}>
+        <Stack gap="md">
+          <Title order={1} size="h3">
+            Sign in to Sinew
+          </Title>
+          <Text size="sm" c="dimmed">
+            Open the sign-in link that the service printed when it started, or paste its token here. The token
+            is also kept in the data folder.
+          </Text>
+          <PasswordInput
+            label="Token"
+            required
+            withAsterisk={false}
+            autoComplete="current-password"
+            value={token}
+            onChange={(event) => setToken(event.currentTarget.value)}
+          />
+          <TextInput
+            label="Your name"
+            description="shown to the others at this machine"
+            value={name}
+            onChange={(event) => setName(event.currentTarget.value)}
+          />
+          {signIn.error && <Alert color="yellow">{signIn.error.message}</Alert>}
+          <Button type="submit" size="sm" loading={signIn.isPending} disabled={token.trim() === ""}>
+            Sign in
+          </Button>
+        </Stack>
+      </form>
+    </Paper>
+  );
+}

@@ -1,0 +1,3 @@
+export default function BanksPage() {
+  return <h1>BanksPage</h1>;
+}

@@ -1,0 +1,3 @@
+export default function IdentifyPage() {
+  return <h1>IdentifyPage</h1>;
+}

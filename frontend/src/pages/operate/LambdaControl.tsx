@@ -1,0 +1,112 @@
+/** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
+
+import { ActionIcon, Slider } from "@mantine/core";
+import { IconMinus, IconPlus, IconRestore } from "@tabler/icons-react";
+import { useEffect } from "react";
+import { Refusal } from "../../components/Refusal";
+import { SignalName } from "../../components/SignalName";
+import { ValueBox } from "../../components/ValueBox";
+import { fixed } from "../../samples/format";
+import { useSetTuning } from "../../service/commands";
+import { useSentValue } from "../../service/useSentValue";
+import type { LoopPreview, Tuning } from "../../wire/types";
+import styles from "./Operate.module.css";
+import { StepPreview } from "./StepPreview";
+
+const STEP_S = 0.01;
+const DECIMALS = 3;
+/** Where the scale begins, so that the range that is not offered stays in sight [s]. */
+const SCALE_FROM_S = 0.2;
+/** Defaults of the method [s]. */
+const DEFAULTS = { lam_q: 0.5, lam_S: 0.42 } as const;
+
+interface LambdaControlProps {
+  readonly name: "lam_q" | "lam_S";
+  readonly symbol: string;
+  readonly hue: string;
+  readonly tuning: Tuning;
+  readonly preview: LoopPreview | undefined;
+  onDraft(value: number | undefined): void;
+}
+
+export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: LambdaControlProps) {
+  const setTuning = useSetTuning();
+  const sent = useSentValue(tuning[name], (value) => setTuning.mutateAsync({ [name]: value }));
+  const min = tuning[`${name}_min`];
+  const max = tuning[`${name}_max`];
+  const drafted = sent.editing ? sent.value : undefined;
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
+  useEffect(() => onDraft(drafted), [drafted]);
+
+  const nudge = (by: number) => sent.commit(Number((sent.value + by).toFixed(DECIMALS)));
+  const unsafe = (100 * (min - SCALE_FROM_S)) / (max - SCALE_FROM_S);
+
+  return (
+    <div className={styles.control}>
+      <div className={styles.row}>
+        <span className={styles.name}>
+          <SignalName name={symbol} />
+        </span>
+        <span className={styles.bounds} />
+        <ActionIcon
+          variant="default"
+          size={30}
+          aria-label={`Decrease ${symbol}`}
+          onClick={() => nudge(-STEP_S)}
+        >
+          <IconMinus size={14} />
+        </ActionIcon>
+        <ValueBox
+          label={`${symbol} value [s]`}
+          unit="s"
+          value={sent.value}
+          decimals={DECIMALS}
+          step={STEP_S}
+          width={84}
+          invalid={sent.refusal !== null}
+          onCommit={sent.commit}
+        />
+        <ActionIcon
+          variant="default"
+          size={30}
+          aria-label={`Increase ${symbol}`}
+          onClick={() => nudge(STEP_S)}
+        >
+          <IconPlus size={14} />
+        </ActionIcon>
+        <ActionIcon
+          variant="default"
+          size={30}
+          aria-label={`Reset ${symbol}`}
+          title={`Back to the default, ${DEFAULTS[name]} s`}
+          onClick={() => sent.commit(Math.max(DEFAULTS[name], min))}
+        >
+          <IconRestore size={14} />
+        </ActionIcon>
+      </div>
+      <div className={styles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
+        <Slider
+          thumbLabel={symbol}
+          thumbValueText={(value) => `${fixed(value, DECIMALS)} s`}
+          size="sm"
+          domain={[SCALE_FROM_S, max]}
+          min={min}
+          max={max}
+          step={STEP_S}
+          precision={DECIMALS}
+          value={sent.value}
+          label={null}
+          onChange={sent.edit}
+          onChangeEnd={sent.commit}
+        />
+        <div className={styles.scale} aria-hidden="true">
+          <span style={{ left: `${unsafe}%` }}>{fixed(min, 2)}</span>
+          <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
+        </div>
+      </div>
+      <StepPreview symbol={symbol} hue={hue} preview={preview} drafted={drafted !== undefined} />
+      <Refusal text={sent.refusal} />
+    </div>
+  );
+}

@@ -1,0 +1,67 @@
+/** Moves between modes: only the legal ones can be pressed, the others say why not. */
+
+import { Button, Tooltip } from "@mantine/core";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { useLive } from "../../live/react";
+import { useSetMode } from "../../service/commands";
+import type { Mode, State } from "../../wire/types";
+import styles from "./Operate.module.css";
+
+const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
+  { mode: "pretension", name: "Pretension", meaning: "Wind both tendons up to 10 N and hold them." },
+  { mode: "run", name: "Run", meaning: "Close the loops of position and stiffness; the run is recorded." },
+  { mode: "compliance", name: "Compliance", meaning: "Open the joint loop, keep the stiffness loop closed." },
+  {
+    mode: "stopping",
+    name: "Soft stop",
+    meaning: "Bring the joint to rest under tension, then to zero volts.",
+  },
+  { mode: "off", name: "Off", meaning: "Zero volts; the tendons go slack." },
+];
+
+export function ModeCard() {
+  const state = useLive((live) => live.state);
+  const setMode = useSetMode();
+  return (
+    <Card title="Mode">
+      {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+      <div className={styles.moves} role="group" aria-label="Change mode">
+        {MOVES.map(({ mode, name, meaning }) => {
+          const reason = whyNot(state, mode);
+          return (
+            <Tooltip key={mode} label={reason ?? meaning} position="bottom">
+              <Button
+                variant={state?.mode === mode ? "filled" : "default"}
+                aria-pressed={state?.mode === mode}
+                aria-disabled={reason !== null}
+                data-disabled={reason !== null && state?.mode !== mode ? true : undefined}
+                loading={setMode.isPending && setMode.variables === mode}
+                onClick={(event) => {
+                  if (reason === null) setMode.mutate(mode);
+                  else event.preventDefault();
+                }}
+              >
+                {name}
+              </Button>
+            </Tooltip>
+          );
+        })}
+      </div>
+      <Refusal text={setMode.error?.message} />
+    </Card>
+  );
+}
+
+/** Why a mode cannot be entered now; null when it can. */
+export function whyNot(state: State | null, mode: Mode): string | null {
+  if (state === null) return "The state of the loop is not known yet.";
+  if (state.mode === mode) return `The mode is ${mode} already.`;
+  if (state.legal_modes.includes(mode)) return null;
+  if (state.mode === "tripped") return "A fault is latched: press Reset first.";
+  if (state.mode === "stopping") return "A soft stop is under way; it ends in off by itself.";
+  if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
+  if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
+  const legal = state.legal_modes.length === 0 ? "none" : state.legal_modes.join(", ");
+  return `Not possible from ${state.mode}; possible: ${legal}.`;
+}

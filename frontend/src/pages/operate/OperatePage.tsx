@@ -1,0 +1,25 @@
+/** The operator's page: charts, 3D view, controls. */
+
+import { LiveCharts } from "./LiveCharts";
+import { ModeCard } from "./ModeCard";
+import styles from "./Operate.module.css";
+import { ReferencesCard } from "./ReferencesCard";
+import { SceneCard } from "./SceneCard";
+import { TuningCard } from "./TuningCard";
+
+export function OperatePage() {
+  return (
+    <div className={styles.page}>
+      <h1 className="visually-hidden">Operate</h1>
+      <div className={styles.charts}>
+        <LiveCharts />
+      </div>
+      <SceneCard />
+      <div className={styles.controls}>
+        <ModeCard />
+        <ReferencesCard />
+        <TuningCard />
+      </div>
+    </div>
+  );
+}

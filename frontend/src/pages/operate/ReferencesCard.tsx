@@ -1,0 +1,111 @@
+/** What the cascade is asked to follow. */
+
+import { Slider } from "@mantine/core";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { SignalName } from "../../components/SignalName";
+import { ValueBox } from "../../components/ValueBox";
+import { useLive } from "../../live/react";
+import { useSetReferences } from "../../service/commands";
+import { useSentValue } from "../../service/useSentValue";
+import { DEGREES } from "../../theme/signals";
+import type { Limits, References } from "../../wire/types";
+import styles from "./Operate.module.css";
+
+export function ReferencesCard() {
+  const references = useLive((live) => live.state?.references);
+  const limits = useLive((live) => live.state?.limits);
+  return (
+    <Card title="References">
+      {references && limits ? (
+        <ReferenceControls references={references} limits={limits} />
+      ) : (
+        <div className={styles.reserve} />
+      )}
+    </Card>
+  );
+}
+
+function ReferenceControls({ references, limits }: { references: References; limits: Limits }) {
+  const send = useSetReferences();
+  const { q_ref, S_ref } = references;
+  return (
+    <>
+      <ReferenceControl
+        name="q_ref"
+        unit="deg"
+        inForce={q_ref * DEGREES}
+        min={limits.q_min * DEGREES}
+        max={limits.q_max * DEGREES}
+        step={1}
+        decimals={1}
+        marks={[-60, 0, 60]}
+        send={(value) => send.mutateAsync({ q_ref: value / DEGREES, S_ref })}
+      />
+      <ReferenceControl
+        name="S_ref"
+        unit="N·m/rad"
+        inForce={S_ref}
+        min={limits.S_min}
+        max={limits.S_max}
+        step={0.1}
+        decimals={2}
+        marks={[8, 10, 12, 14]}
+        send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
+      />
+    </>
+  );
+}
+
+interface ReferenceControlProps {
+  readonly name: string;
+  readonly unit: string;
+  readonly inForce: number;
+  readonly min: number;
+  readonly max: number;
+  readonly step: number;
+  readonly decimals: number;
+  readonly marks: readonly number[];
+  send(value: number): Promise<unknown>;
+}
+
+function ReferenceControl(props: ReferenceControlProps) {
+  const { name, unit, inForce, min, max, step, decimals, marks, send } = props;
+  const sent = useSentValue(inForce, send);
+  return (
+    <div className={styles.control}>
+      <div className={styles.row}>
+        <span className={styles.name}>
+          <SignalName name={name} />
+        </span>
+        <span className={styles.bounds}>
+          {min.toFixed(0)} … {max.toFixed(0)}
+        </span>
+        <ValueBox
+          label={`${name} value [${unit}]`}
+          unit={unit}
+          value={sent.value}
+          decimals={decimals}
+          step={step}
+          width={120}
+          invalid={sent.refusal !== null}
+          onCommit={sent.commit}
+        />
+      </div>
+      <Slider
+        thumbLabel={name}
+        thumbValueText={(value) => `${value} ${unit}`}
+        size="sm"
+        min={min}
+        max={max}
+        step={step}
+        value={sent.value}
+        label={null}
+        marks={marks.filter((mark) => mark > min && mark < max).map((value) => ({ value }))}
+        onChange={sent.edit}
+        onChangeEnd={sent.commit}
+      />
+      <Refusal text={sent.refusal} />
+    </div>
+  );
+}

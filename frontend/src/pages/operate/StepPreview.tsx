@@ -1,0 +1,87 @@
+/** Predicted response to a unit step on the high-order model, with robustness beside it. */
+
+import { SignalName } from "../../components/SignalName";
+import { fixed } from "../../samples/format";
+import type { LoopPreview } from "../../wire/types";
+import styles from "./Operate.module.css";
+import { stepPath } from "./stepPath";
+
+const WIDTH = 150;
+const HEIGHT = 54;
+/** Robustness above this is out of the offered range. */
+const M_S_LIMIT = 1.7;
+
+interface StepPreviewProps {
+  readonly symbol: string;
+  readonly hue: string;
+  readonly preview: LoopPreview | undefined;
+  /** The value is not in force yet. */
+  readonly drafted: boolean;
+}
+
+export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps) {
+  const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT);
+  const M_s = preview?.M_s;
+  const robust = M_s !== null && M_s !== undefined && M_s <= M_S_LIMIT;
+  return (
+    // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
+    <div className={styles.preview} role="group" aria-label={`Preview of ${symbol}`} data-drafted={drafted}>
+      <svg
+        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+        className={styles.previewChart}
+        preserveAspectRatio="none"
+        aria-hidden="true"
+      >
+        {drawing && (
+          <>
+            <line
+              className={styles.previewTarget}
+              x1="0"
+              x2={WIDTH}
+              y1={drawing.target}
+              y2={drawing.target}
+            />
+            <path d={drawing.path} stroke={hue} vectorEffect="non-scaling-stroke" />
+          </>
+        )}
+      </svg>
+      <dl className={styles.previewNumbers}>
+        <Reading
+          label={<SignalName name="M_s" />}
+          name="M_s"
+          value={fixed(M_s, 2)}
+          warn={preview !== undefined && !robust}
+        />
+        <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
+        <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
+        <Reading
+          label={<SignalName name="t_90" />}
+          name="time to 90 %"
+          value={`${fixed(drawing?.t_90, 2)} s`}
+        />
+      </dl>
+    </div>
+  );
+}
+
+function Reading({
+  label,
+  name,
+  value,
+  warn = false,
+}: {
+  label: React.ReactNode;
+  name: string;
+  value: string;
+  warn?: boolean;
+}) {
+  return (
+    <div data-warn={warn} title={name}>
+      <dt>
+        {label}
+        <span className="visually-hidden">{name}</span>
+      </dt>
+      <dd>{value}</dd>
+    </div>
+  );
+}

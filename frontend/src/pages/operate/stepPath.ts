@@ -1,0 +1,32 @@
+/** A step response as an SVG path. Pure. */
+
+export interface StepDrawing {
+  readonly path: string;
+  /** Height of the final value 1 in the drawing. */
+  readonly target: number;
+  /** First time at 90 % [s], null if it is not reached. */
+  readonly t_90: number | null;
+}
+
+const TOP = 1.15;
+
+/** The response `y(t)` from 0 to 1, with 15 % of room above. */
+export function stepPath(
+  t: readonly number[],
+  y: readonly number[],
+  width: number,
+  height: number,
+): StepDrawing {
+  const last = t.at(-1) ?? 1;
+  const top = Math.max(TOP, ...y);
+  const level = (value: number) => height - (value / top) * height;
+  const points = t.map(
+    (time, index) => `${((time / last) * width).toFixed(1)} ${level(y[index] ?? 0).toFixed(1)}`,
+  );
+  const reached = y.findIndex((value) => value >= 0.9);
+  return {
+    path: points.length === 0 ? "" : `M${points.join("L")}`,
+    target: level(1),
+    t_90: reached < 0 ? null : (t[reached] ?? null),
+  };
+}

@@ -1,0 +1,140 @@
+/**
+ * From a stretch of samples to the two to four points per pixel that a chart needs, keeping every extreme.
+ *
+ * Buckets are powers of two of ticks and start at multiples of their length, so that a curve that scrolls by keeps the
+ * same points: nothing wiggles.
+ */
+
+import { BLOCK_TICKS, type Column, type SampleWindow } from "./window";
+
+/** A stretch of the time axis, reduced. `ticks` may be fractional only at the middle of a bucket. */
+export interface Grid {
+  readonly fromTick: number;
+  readonly bucket: number;
+  readonly buckets: number;
+}
+
+export interface Extent {
+  minimum: number;
+  maximum: number;
+}
+
+/** Length of a bucket in ticks so that `span` ticks on `pixels` give one to two buckets per pixel. */
+export function bucketTicks(span: number, pixels: number): number {
+  const wanted = span / (2 * Math.max(pixels, 1));
+  return wanted <= 1 ? 1 : 2 ** Math.ceil(Math.log2(wanted));
+}
+
+/** The buckets that cover the ticks from `from` to `to`, cut to what the window holds. */
+export function gridOver(window: SampleWindow, from: number, to: number, pixels: number): Grid {
+  const bucket = bucketTicks(to - from, pixels);
+  const first = Math.floor(Math.max(from, window.startTick) / bucket);
+  const last = Math.ceil(Math.min(to + 1, window.endTick) / bucket);
+  return { fromTick: first * bucket, bucket, buckets: Math.max(0, last - first) };
+}
+
+/** Number of points that a grid yields for each signal. */
+export function pointCount(grid: Grid): number {
+  return grid.bucket === 1 ? grid.buckets : 2 * grid.buckets;
+}
+
+/** Write the times [s] of a grid's points. */
+export function writeTimes(grid: Grid, period_s: number, out: Float64Array): void {
+  const points = pointCount(grid);
+  const step = grid.bucket === 1 ? 1 : grid.bucket / 2;
+  for (let point = 0; point < points; point++) out[point] = (grid.fromTick + point * step) * period_s;
+}
+
+/**
+ * Write the values of one signal over a grid, times `factor`: raw samples, or the two extremes of each bucket in the
+ * order in which a rising or falling stretch passes them. Returns the extent of what was written (empty: minimum > maximum).
+ */
+export function writeValues(
+  window: SampleWindow,
+  name: string,
+  grid: Grid,
+  factor: number,
+  out: Float64Array,
+): Extent {
+  const extent: Extent = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
+  const column = window.columns.get(name);
+  if (column === undefined) {
+    out.fill(Number.NaN, 0, pointCount(grid));
+  } else if (grid.bucket === 1) {
+    writeRaw(window, column, grid, factor, out, extent);
+  } else {
+    writeExtremes(window, column, grid, factor, out, extent);
+  }
+  return extent;
+}
+
+function writeRaw(
+  window: SampleWindow,
+  column: Column,
+  grid: Grid,
+  factor: number,
+  out: Float64Array,
+  extent: Extent,
+): void {
+  for (let point = 0; point < grid.buckets; point++) {
+    const value = factor * (column.samples[(grid.fromTick + point) & (window.capacity - 1)] as number);
+    out[point] = value;
+    widen(extent, value, value);
+  }
+}
+
+function writeExtremes(
+  window: SampleWindow,
+  column: Column,
+  grid: Grid,
+  factor: number,
+  out: Float64Array,
+  extent: Extent,
+): void {
+  const found: Extent = { minimum: 0, maximum: 0 };
+  for (let index = 0; index < grid.buckets; index++) {
+    const from = Math.max(grid.fromTick + index * grid.bucket, window.startTick);
+    const to = Math.min(grid.fromTick + (index + 1) * grid.bucket, window.endTick);
+    scan(window, column, from, to, found);
+    const minimum = factor * found.minimum;
+    const maximum = factor * found.maximum;
+    const mask = window.capacity - 1;
+    const rising = (column.samples[from & mask] as number) <= (column.samples[(to - 1) & mask] as number);
+    out[2 * index] = rising ? minimum : maximum;
+    out[2 * index + 1] = rising ? maximum : minimum;
+    widen(extent, minimum, maximum);
+  }
+}
+
+/** Extremes of the ticks from `from` to `to`: whole blocks by their summary, the rest sample by sample; NaN if empty. */
+function scan(window: SampleWindow, column: Column, from: number, to: number, found: Extent): void {
+  const mask = window.capacity - 1;
+  const blockMask = window.capacity / BLOCK_TICKS - 1;
+  let minimum = Number.POSITIVE_INFINITY;
+  let maximum = Number.NEGATIVE_INFINITY;
+  let tick = from;
+  while (tick < to) {
+    let low: number;
+    let high: number;
+    if (tick % BLOCK_TICKS === 0 && tick + BLOCK_TICKS <= to) {
+      const block = (tick / BLOCK_TICKS) & blockMask;
+      low = column.minima[block] as number;
+      high = column.maxima[block] as number;
+      tick += BLOCK_TICKS;
+    } else {
+      low = column.samples[tick & mask] as number;
+      high = low;
+      tick += 1;
+    }
+    if (low < minimum) minimum = low;
+    if (high > maximum) maximum = high;
+  }
+  const empty = maximum < minimum;
+  found.minimum = empty ? Number.NaN : minimum;
+  found.maximum = empty ? Number.NaN : maximum;
+}
+
+function widen(extent: Extent, minimum: number, maximum: number): void {
+  if (minimum < extent.minimum) extent.minimum = minimum;
+  if (maximum > extent.maximum) extent.maximum = maximum;
+}

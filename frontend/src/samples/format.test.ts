@@ -1,0 +1,59 @@
+import { describe, expect, it } from "vitest";
+import { age, clockTime, dateTime, duration, fixed, kilohertz, significant } from "./format";
+
+describe("numbers", () => {
+  it("have fixed decimals, a true minus and no negative zero", () => {
+    expect(fixed(-1.234, 2)).toBe("−1.23");
+    expect(fixed(-0.001, 2)).toBe("0.00");
+    expect(fixed(12, 1)).toBe("12.0");
+  });
+
+  it("are a dash when there is none", () => {
+    expect([
+      fixed(null, 2),
+      fixed(undefined, 2),
+      fixed(Number.NaN, 2),
+      fixed(Number.POSITIVE_INFINITY, 2),
+    ]).toEqual(Array(4).fill("–"));
+  });
+
+  it("keep significant digits", () => {
+    expect(significant(0.0499987, 4)).toBe("0.05000");
+    expect(significant(-123.456, 4)).toBe("−123.5");
+    expect(significant(4.919e-7, 3)).toBe("4.92e−7");
+    expect(significant(0, 3)).toBe("0");
+  });
+});
+
+describe("times", () => {
+  it("read as an age", () => {
+    expect([age(12.3), age(1400), age(125_000), age(null)]).toEqual(["12 ms", "1.4 s", "2 min", "–"]);
+  });
+
+  it("read as the length of a run", () => {
+    expect([duration(20.32), duration(59.96), duration(125), duration(3725)]).toEqual([
+      "20.3 s",
+      "60.0 s",
+      "2:05 min",
+      "1:02:05 h",
+    ]);
+  });
+
+  it("label the time axis as finely as its steps", () => {
+    expect(clockTime(75, 5)).toBe("1:15");
+    expect(clockTime(75.25, 0.05)).toBe("1:15.25");
+    expect(clockTime(59.9999, 0.5)).toBe("1:00.0");
+    expect(clockTime(-2.5, 0.5)).toBe("−0:02.5");
+    expect(clockTime(0.012, 0.002)).toBe("0:00.012");
+  });
+
+  it("show a date in the zone of the page, and a dash for none", () => {
+    const local = new Date(2026, 0, 9, 7, 5, 3);
+    expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
+    expect(dateTime("")).toBe("–");
+  });
+});
+
+it("shows the rate of the loop in kHz", () => {
+  expect(kilohertz(999.6)).toBe("1.000 kHz");
+});

@@ -1,0 +1,64 @@
+/** Numbers and times as text of steady width. Pure. */
+
+const MINUS = "−";
+/** Stands for a value that is not there; as wide as a digit. */
+export const ABSENT = "–";
+
+/** A number with fixed decimals, a true minus sign, and no negative zero. */
+export function fixed(value: number | null | undefined, decimals: number): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
+}
+
+/** A number with so many significant digits, without exponent where that stays short. */
+export function significant(value: number | null | undefined, digits: number): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+  if (value === 0) return "0";
+  const magnitude = Math.floor(Math.log10(Math.abs(value)));
+  if (magnitude < -5 || magnitude > 6) return value.toExponential(digits - 1).replaceAll("-", MINUS);
+  return fixed(value, Math.max(0, digits - 1 - magnitude));
+}
+
+/** Rate of the loop, from Hz. */
+export function kilohertz(rate_Hz: number): string {
+  return `${fixed(rate_Hz / 1000, 3)} kHz`;
+}
+
+/** An age or a latency: milliseconds below a second, then seconds, then minutes. */
+export function age(ms: number | null): string {
+  if (ms === null) return ABSENT;
+  if (ms < 1000) return `${fixed(ms, 0)} ms`;
+  if (ms < 60_000) return `${fixed(ms / 1000, 1)} s`;
+  return `${fixed(Math.floor(ms / 60_000), 0)} min`;
+}
+
+/** Length of a run. */
+export function duration(seconds: number): string {
+  if (seconds < 60) return `${fixed(seconds, 1)} s`;
+  const whole = Math.round(seconds);
+  const minutes = Math.floor(whole / 60);
+  const rest = String(whole % 60).padStart(2, "0");
+  if (minutes < 60) return `${minutes}:${rest} min`;
+  return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest} h`;
+}
+
+/** A point on the time axis as m:ss, with as many decimals as the step between points needs. */
+export function clockTime(seconds: number, step_s: number): string {
+  const decimals = step_s >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step_s) - 1e-9));
+  const sign = seconds < 0 ? MINUS : "";
+  const scaled = Math.round(Math.abs(seconds) * 10 ** decimals);
+  const minutes = Math.floor(scaled / (60 * 10 ** decimals));
+  const rest = (scaled - minutes * 60 * 10 ** decimals) / 10 ** decimals;
+  const width = decimals === 0 ? 2 : 3 + decimals;
+  return `${sign}${minutes}:${rest.toFixed(decimals).padStart(width, "0")}`;
+}
+
+/** Date and time in the person's own zone, to the second. */
+export function dateTime(iso: string): string {
+  const when = new Date(iso);
+  if (Number.isNaN(when.getTime())) return ABSENT;
+  const two = (part: number) => String(part).padStart(2, "0");
+  const date = `${when.getFullYear()}-${two(when.getMonth() + 1)}-${two(when.getDate())}`;
+  return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
+}

@@ -1,0 +1,120 @@
+/**
+ * The last two minutes of every signal, in typed arrays that are written in a circle.
+ *
+ * Slots are addressed by tick, so a missed stretch stays a hole (NaN) and no index ever has to be shifted. Beside the
+ * samples each block of 16 ticks keeps its minimum and maximum, which makes drawing a long stretch cheap.
+ */
+
+import type { Frame } from "../wire/frame";
+
+export const BLOCK_TICKS = 16;
+/** A power of two above 120 s at 1 kHz. */
+export const CAPACITY_TICKS = 1 << 17;
+
+export interface Column {
+  readonly samples: Float32Array;
+  readonly minima: Float32Array;
+  readonly maxima: Float32Array;
+}
+
+export class SampleWindow {
+  readonly capacity: number;
+  readonly columns: ReadonlyMap<string, Column>;
+  /** First tick held. */
+  startTick = 0;
+  /** One past the newest tick held. */
+  endTick = 0;
+
+  private readonly ordered: readonly Column[];
+
+  constructor(names: readonly string[], capacity: number = CAPACITY_TICKS) {
+    if (capacity % BLOCK_TICKS !== 0 || (capacity & (capacity - 1)) !== 0) {
+      throw new RangeError(`capacity ${capacity} is not a power of two of at least ${BLOCK_TICKS} ticks`);
+    }
+    this.capacity = capacity;
+    this.ordered = names.map(() => emptyColumn(capacity));
+    this.columns = new Map(names.map((name, index) => [name, this.ordered[index] as Column]));
+  }
+
+  /** Number of ticks between start and end, holes included. */
+  get length(): number {
+    return this.endTick - this.startTick;
+  }
+
+  /**
+   * Take a frame in. A frame that lies behind the newest tick replaces what was there (the service sends its history
+   * again after a reconnection); one before the whole window starts it anew (the loop was restarted).
+   */
+  append(frame: Frame): void {
+    if (frame.count === 0) return;
+    if (
+      this.length === 0 ||
+      frame.firstTick < this.startTick ||
+      frame.firstTick - this.endTick >= this.capacity
+    ) {
+      this.startTick = frame.firstTick;
+      this.endTick = frame.firstTick;
+    }
+    const holeFrom = Math.min(this.endTick, frame.firstTick);
+    this.endTick = frame.firstTick + frame.count;
+    this.startTick = Math.max(this.startTick, this.endTick - this.capacity + BLOCK_TICKS);
+    for (let index = 0; index < this.ordered.length; index++) {
+      const column = this.ordered[index] as Column;
+      this.fill(column.samples, holeFrom, frame.firstTick);
+      this.copy(column.samples, frame.columns[index] as Float32Array, frame.firstTick);
+      this.summarise(column, holeFrom);
+    }
+  }
+
+  /** Value of a signal at a tick, NaN where there is none. */
+  at(name: string, tick: number): number {
+    const column = this.columns.get(name);
+    if (column === undefined || tick < this.startTick || tick >= this.endTick) return Number.NaN;
+    return column.samples[tick & (this.capacity - 1)] as number;
+  }
+
+  /** Newest value of a signal, NaN before the first frame. */
+  newest(name: string): number {
+    return this.at(name, this.endTick - 1);
+  }
+
+  private fill(samples: Float32Array, fromTick: number, toTick: number): void {
+    for (let tick = fromTick; tick < toTick; tick++) samples[tick & (this.capacity - 1)] = Number.NaN;
+  }
+
+  private copy(samples: Float32Array, values: Float32Array, firstTick: number): void {
+    const kept = values.length > this.capacity ? values.subarray(values.length - this.capacity) : values;
+    const slot = (firstTick + values.length - kept.length) & (this.capacity - 1);
+    const head = Math.min(kept.length, this.capacity - slot);
+    samples.set(kept.subarray(0, head), slot);
+    samples.set(kept.subarray(head), 0);
+  }
+
+  private summarise(column: Column, fromTick: number): void {
+    const blocks = this.capacity / BLOCK_TICKS;
+    const firstBlock = Math.floor(Math.max(fromTick, this.startTick) / BLOCK_TICKS);
+    for (let block = firstBlock; block * BLOCK_TICKS < this.endTick; block++) {
+      const from = Math.max(block * BLOCK_TICKS, this.startTick);
+      const to = Math.min((block + 1) * BLOCK_TICKS, this.endTick);
+      let minimum = Number.POSITIVE_INFINITY;
+      let maximum = Number.NEGATIVE_INFINITY;
+      for (let tick = from; tick < to; tick++) {
+        const value = column.samples[tick & (this.capacity - 1)] as number;
+        if (value < minimum) minimum = value;
+        if (value > maximum) maximum = value;
+      }
+      const empty = maximum < minimum;
+      column.minima[block & (blocks - 1)] = empty ? Number.NaN : minimum;
+      column.maxima[block & (blocks - 1)] = empty ? Number.NaN : maximum;
+    }
+  }
+}
+
+function emptyColumn(capacity: number): Column {
+  const blocks = capacity / BLOCK_TICKS;
+  return {
+    samples: new Float32Array(capacity).fill(Number.NaN),
+    minima: new Float32Array(blocks).fill(Number.NaN),
+    maxima: new Float32Array(blocks).fill(Number.NaN),
+  };
+}

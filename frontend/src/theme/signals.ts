@@ -1,0 +1,83 @@
+/** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line and label, the same everywhere. */
+
+import type { SignalName } from "../wire/sample.gen";
+
+export const DEGREES = 180 / Math.PI;
+
+export interface Trace {
+  readonly name: SignalName;
+  readonly hue: string;
+  /** References share their signal's hue and are dashed. */
+  readonly dashed: boolean;
+}
+
+export interface Panel {
+  readonly title: string;
+  readonly quantity: string;
+  readonly unit: string;
+  /** From SI to the unit shown. */
+  readonly factor: number;
+  readonly decimals: number;
+  /** Least height of the value axis, in the unit shown. */
+  readonly narrowest: number;
+  readonly traces: readonly Trace[];
+}
+
+function measured(name: SignalName, hue: string): Trace {
+  return { name, hue, dashed: false };
+}
+
+function reference(name: SignalName, hue: string): Trace {
+  return { name, hue, dashed: true };
+}
+
+export const HUES = {
+  q: "#0072B2",
+  S: "#E69F00",
+  F_A: "#009E73",
+  F_B: "#CC79A7",
+  u_A: "#56B4E9",
+  u_B: "#D55E00",
+} as const;
+
+export const POSITION: Panel = {
+  title: "Joint position",
+  quantity: "q",
+  unit: "deg",
+  factor: DEGREES,
+  decimals: 2,
+  narrowest: 4,
+  traces: [reference("q_ref", HUES.q), measured("q", HUES.q)],
+};
+
+export const STIFFNESS: Panel = {
+  title: "Joint stiffness",
+  quantity: "S",
+  unit: "N·m/rad",
+  factor: 1,
+  decimals: 3,
+  narrowest: 1,
+  traces: [reference("S_ref", HUES.S), measured("S", HUES.S)],
+};
+
+export const FORCE: Panel = {
+  title: "Tendon force",
+  quantity: "F",
+  unit: "N",
+  factor: 1,
+  decimals: 2,
+  narrowest: 4,
+  traces: [measured("F_A", HUES.F_A), measured("F_B", HUES.F_B)],
+};
+
+export const VOLTAGE: Panel = {
+  title: "Motor voltage",
+  quantity: "u",
+  unit: "V",
+  factor: 1,
+  decimals: 2,
+  narrowest: 1,
+  traces: [measured("u_A", HUES.u_A), measured("u_B", HUES.u_B)],
+};
+
+export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE] as const;

@@ -1,0 +1,57 @@
+/** The REST client, typed by the service's own schema, and the one shape in which it fails. */
+
+import createClient from "openapi-fetch";
+import type { paths } from "./api.gen";
+import type { Problem } from "./types";
+
+export const api = createClient<paths>({
+  baseUrl: globalThis.location?.origin ?? "",
+  credentials: "same-origin",
+});
+
+/** A request that was refused or did not get through; the message can be shown as it is. */
+export class RequestError extends Error {
+  override readonly name = "RequestError";
+
+  constructor(
+    message: string,
+    /** HTTP status, 0 when no answer came. */
+    readonly status: number,
+    readonly problem: Problem | null = null,
+  ) {
+    super(message);
+  }
+}
+
+interface Answer<Data> {
+  data?: Data;
+  error?: unknown;
+  response: Response;
+}
+
+/** The data of an answer. Throws RequestError for refusals and when the service cannot be reached. */
+export async function answered<Data>(request: Promise<Answer<Data>>): Promise<Data> {
+  let answer: Answer<Data>;
+  try {
+    answer = await request;
+  } catch {
+    throw new RequestError(
+      "The service cannot be reached. Nothing was changed as far as this page knows.",
+      0,
+    );
+  }
+  if (answer.error === undefined && answer.response.ok) return answer.data as Data;
+  const problem = problemIn(answer.error);
+  throw new RequestError(
+    problem?.message ?? `The service answered ${answer.response.status}.`,
+    answer.response.status,
+    problem,
+  );
+}
+
+function problemIn(body: unknown): Problem | null {
+  if (typeof body !== "object" || body === null || !("error" in body)) return null;
+  const problem = body.error;
+  if (typeof problem !== "object" || problem === null || !("message" in problem)) return null;
+  return problem as Problem;
+}

@@ -1,0 +1,31 @@
+/** Short names for the shapes that the service's schema defines. */
+
+import type { components } from "./api.gen";
+
+type Schemas = components["schemas"];
+
+export type State = Schemas["State"];
+export type Mode = Schemas["Mode"];
+export type Limits = Schemas["LimitsView"];
+export type Tuning = Schemas["TuningView"];
+export type TuningRequest = Schemas["TuningRequest"];
+export type TuningPreview = Schemas["TuningPreview"];
+export type LoopPreview = Schemas["LoopPreview"];
+export type References = Schemas["References"];
+export type StopProof = Schemas["StopProof"];
+export type Task = Schemas["TaskView"];
+export type Session = Schemas["SessionView"];
+export type Identification = Schemas["IdentificationView"];
+export type IdentificationRequest = Schemas["IdentificationRequest"];
+export type Prediction = Schemas["Prediction"];
+export type Model = Schemas["ModelView"];
+export type Bank = Schemas["BankView"];
+export type ExperimentKind = Schemas["ExperimentKind"];
+export type Experiment = Schemas["ExperimentView"];
+export type Setting = Schemas["SettingView"];
+export type Run = Schemas["RunView"];
+export type Samples = Schemas["SamplesView"];
+export type Problem = Schemas["Problem"];
+export type LiveMessage = Schemas["LiveMessage"];
+export type Layout = Schemas["LayoutMessage"];
+export type Mark = Schemas["EventMessage"];
