@@ -1,0 +1,48 @@
+"""docs/notation.md says what the code says: the same names, symbols, units and meanings."""
+
+import re
+from dataclasses import fields
+from pathlib import Path
+
+from backend.sample import FIELDS
+from plant.interface import T_s
+from plant.parameters import load_parameters
+
+PAGE = (Path(__file__).parents[2] / "docs" / "notation.md").read_text(encoding="utf-8")
+
+
+def rows(heading: str) -> list[list[str]]:
+    """Cells of the table under a heading, header left out."""
+    part = PAGE.split(f"\n## {heading}", 1)[1].split("\n## ", 1)[0]
+    lines = re.findall(r"^\|(.*)\|$", part, re.MULTILINE)
+    return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]
+
+
+def test_signals_are_the_columns_of_a_sample() -> None:
+    written = [(code.strip("`"), symbol, unit, meaning) for symbol, code, unit, meaning, _ in rows("Signals")]
+    assert written == [(field.name, field.symbol, field.unit, field.meaning) for field in FIELDS]
+
+
+def test_parameters_are_those_of_the_plant() -> None:
+    written = [(code.strip("`"), unit) for _, code, unit, _, _ in rows("Parameters of the plant")]
+    parameters = load_parameters("ideal")
+    assert written == [
+        (f"{section}.{entry.name}", entry.metadata["unit"])
+        for section in (part.name for part in fields(parameters) if part.name not in ("name", "sources"))
+        for entry in fields(getattr(parameters, section))
+    ]
+
+
+def test_the_sampling_period_is_one_millisecond() -> None:
+    meaning = next(meaning for symbol, _, _, meaning, _ in rows("Control") if symbol == "T_s")
+    assert f"{T_s * 1000:g} ms" in meaning
+
+
+def test_code_names_occur_in_the_code() -> None:
+    root = Path(__file__).parents[2]
+    source = "\n".join(
+        path.read_text(encoding="utf-8") for part in ("plant", "backend") for path in (root / part).rglob("*.py")
+    )
+    for _, code, *_ in rows("Control") + rows("Identification"):
+        for name in re.findall(r"`(\w+)`", code):
+            assert re.search(rf"\b{name}\b", source), f"docs/notation.md names {name}, the code does not"
