@@ -135,6 +135,13 @@ class ModeChanged:
 
 
 @dataclass(frozen=True)
+class PretensionReached:
+    """Both tendons hold the pretension: the moves towards motion are granted from here on."""
+
+    tick: int
+
+
+@dataclass(frozen=True)
 class Stopped:
     """The proof of a stop: the tick it arrived, the tick the outputs were zero, and the time between."""
 
@@ -155,4 +162,4 @@ class ProgramEnded:
     completed: bool
 
 
-Event = Accepted | Refused | ModeChanged | Stopped | ProgramEnded
+Event = Accepted | Refused | ModeChanged | PretensionReached | Stopped | ProgramEnded

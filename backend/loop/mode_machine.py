@@ -9,7 +9,16 @@ from backend.controllers.cascade import Tuning
 from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
-from backend.loop.commands import Event, ModeChanged, ProgramEnded, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.commands import (
+    Event,
+    ModeChanged,
+    PretensionReached,
+    ProgramEnded,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Stop,
+)
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Tracking, Travel, Winding
 from backend.loop.player import Target
@@ -60,6 +69,7 @@ class ModeMachine:
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
         self._zeroed = False
+        self._reached_told = False
 
     @property
     def pretension_done(self) -> bool:
@@ -137,6 +147,9 @@ class ModeMachine:
             self._take_zero(self.motion)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
             self._enter_pretension("program ended")
+        elif self.pretension_done and not self._reached_told:
+            self._reached_told = True
+            self.events.append(PretensionReached(self.tick))
         elif self.mode is Mode.STOPPING:
             self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, "standing")
 
@@ -168,6 +181,7 @@ class ModeMachine:
             self._program = None
         self.events.append(ModeChanged(self.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
+        self._reached_told = False
 
     def _release_push(self) -> None:
         # A rig cannot push by itself: there is nothing to release then.

@@ -9,6 +9,7 @@ import pytest
 from backend.loop.commands import (
     Accepted,
     ModeChanged,
+    PretensionReached,
     ProgramEnded,
     Refused,
     RunProgram,
@@ -123,3 +124,19 @@ def test_the_same_session_repeats_to_the_last_bit(make: Make) -> None:
         return rows
 
     np.testing.assert_array_equal(asyncio.run(session()), asyncio.run(session()))
+
+
+def test_reaching_the_pretension_is_told_once_and_motion_is_granted_from_then_on(make: Make) -> None:
+    async def session() -> None:
+        headless = make()
+        told: list[object] = []
+        headless.listen(lambda event: told.append(event) if isinstance(event, PretensionReached) else None)
+        await headless.send(SetMode(Mode.PRETENSION))
+        assert isinstance(await headless.send(SetMode(Mode.RUN)), Refused)
+        await headless.advance_until(lambda: bool(told), timeout_s=30.0)
+        await headless.advance(0.5)
+        assert len(told) == 1
+        assert isinstance(await headless.send(SetMode(Mode.RUN)), Accepted)
+        headless.close()
+
+    asyncio.run(session())
