@@ -1,5 +1,5 @@
 import pytest
-from tracking_run import PLAN, samples, source_of
+from tests.reports.tracking_run import PLAN, samples, source_of
 
 from backend.reports.document import Report
 from backend.reports.source import Source

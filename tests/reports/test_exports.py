@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pyarrow.parquet
 from scipy.io import loadmat
-from tracking_run import PLAN, samples
+from tests.reports.tracking_run import PLAN, samples
 
 from backend.reports.exports import ORDER, to_csv, to_mat, to_parquet
 from backend.sample import STORED_NAMES

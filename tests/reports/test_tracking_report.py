@@ -4,7 +4,7 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from tracking_run import PLAN, samples, source_of
+from tests.reports.tracking_run import PLAN, samples, source_of
 
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html

@@ -1,0 +1,93 @@
+"""Rules of the house that no linter knows: names of files, their size, what a repository must not carry."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TOP_LEVEL = {
+    ".ci", ".dockerignore", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "Dockerfile", "Makefile", "README.md",
+    "alembic.ini", "backend", "docker-compose.yml", "docs", "frontend", "migrations", "plant", "pyproject.toml",
+    "tests",
+}  # fmt: skip
+BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
+MAX_LINES = 300
+MAX_BYTES = 1_000_000
+
+
+def tracked() -> list[Path]:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True)
+    return [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
+
+
+FILES = tracked()
+TEXTS = {
+    path: path.read_text(encoding="utf-8")
+    for path in FILES
+    if path.suffix not in {".png", ".ico", ".woff2", ".pdf"} and path != Path(__file__)
+}
+
+
+def names(paths: list[Path]) -> list[str]:
+    return [str(path.relative_to(ROOT)) for path in paths]
+
+
+def test_top_level_is_the_one_agreed_on() -> None:
+    assert {path.relative_to(ROOT).parts[0] for path in FILES} <= TOP_LEVEL
+
+
+def test_no_file_has_a_name_that_says_nothing() -> None:
+    assert names([path for path in FILES if path.stem.lower() in BANNED_NAMES]) == []
+
+
+def test_source_files_stay_short() -> None:
+    sources = [path for path in FILES if path.suffix in {".py", ".ts", ".tsx", ".css"} and ".gen." not in path.name]
+    long = [path for path in sources if len(TEXTS.get(path, "").splitlines()) > MAX_LINES]
+    assert names(long) == []
+
+
+def test_no_large_file_is_tracked() -> None:
+    assert names([path for path in FILES if path.stat().st_size > MAX_BYTES]) == []
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        pytest.param(r"(?<![\w.$}])/(root|work|home|tmp)/\w", id="path of one machine"),
+        pytest.param(r"https?://[^\s\"]*(pypi|npmjs|registry)", id="package registry"),
+        pytest.param(r"\b(TODO|FIXME|XXX|HACK)\b", id="unfinished business"),
+        pytest.param(r"BEGIN [A-Z ]*PRIVATE KEY", id="private key"),
+    ],
+)
+def test_no_file_contains(pattern: str) -> None:
+    assert names([path for path, text in TEXTS.items() if re.search(pattern, text)]) == []
+
+
+def test_silenced_checks_name_the_rule_and_the_reason() -> None:
+    bare = re.compile(r"# (type: ignore|noqa)(?!(\[|: )[\w, -]+\]?.*# \S)|@ts-ignore|biome-ignore(?! .+: \S)")
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path, text in TEXTS.items()
+        for line in text.splitlines()
+        if path.suffix in {".py", ".ts", ".tsx"} and "tests" not in path.parts and bare.search(line)
+    ]
+    assert found == []
+
+
+def test_links_between_documents_lead_somewhere() -> None:
+    broken = [
+        f"{page.relative_to(ROOT)} -> {target}"
+        for page in FILES
+        if page.suffix == ".md"
+        for target in re.findall(r"\]\((?!https?://|#)([^)#]+)(?:#[^)]*)?\)", TEXTS[page])
+        if not (page.parent / target).exists()
+    ]
+    assert broken == []
+
+
+def test_make_offers_what_the_readme_names() -> None:
+    named = set(re.findall(r"make (\w+)", TEXTS[ROOT / "README.md"]))
+    offered = set(re.findall(r"^([\w-]+):", TEXTS[ROOT / "Makefile"], re.MULTILINE))
+    assert {"run", "test"} <= named <= offered
