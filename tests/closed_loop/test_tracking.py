@@ -1,0 +1,104 @@
+"""The whole closed loop, simulated: what the tracking experiment must show, bumpless changes, mirror symmetry."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from backend.tuning.closed_loop import Trajectory, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from plant.parameters import Asymmetry, load_parameters
+
+Array = NDArray[np.float64]
+HIGH = np.pi / 3.0
+STEPS = (
+    (0.0, 10.0, 2.0),
+    (HIGH, 10.0, 8.0),
+    (-HIGH, 10.0, 8.0),
+    (HIGH, 10.0, 8.0),
+    (0.0, 10.0, 8.0),
+    (0.0, 8.0, 6.0),
+    (0.0, 14.0, 6.0),
+    (0.0, 8.0, 6.0),
+    (0.0, 10.0, 6.0),
+    (HIGH, 14.0, 8.0),
+    (-HIGH, 8.0, 8.0),
+)
+
+
+def references(steps: tuple[tuple[float, float, float], ...]) -> tuple[Array, Array]:
+    ticks = [round(1000 * duration) for _, _, duration in steps]
+    return np.repeat([q for q, _, _ in steps], ticks), np.repeat([S for _, S, _ in steps], ticks)
+
+
+@dataclass
+class Quality:
+    overshoot_percent: float
+    stiffness_deviation: float
+    joint_deviation: float
+    least_tension: float
+    greatest_tension: float
+
+
+def assess(trajectory: Trajectory, q_ref: Array, S_ref: Array) -> Quality:
+    """Metrics written independently of backend.experiments: worst case over all steps."""
+    edges = np.flatnonzero(np.diff(q_ref).astype(bool) | np.diff(S_ref).astype(bool)) + 1
+    overshoot, S_deviation, q_deviation = 0.0, 0.0, 0.0
+    for start, end in zip(edges, [*edges[1:], q_ref.size], strict=True):
+        held = slice(start, end)
+        for y, ref in ((trajectory.q, q_ref), (trajectory.S, S_ref)):
+            step = ref[start] - ref[start - 1]
+            if step != 0.0:
+                overshoot = max(overshoot, 100.0 * float(np.max((y[held] - ref[start]) / step)))
+        if S_ref[start] == S_ref[start - 1]:
+            S_deviation = max(S_deviation, float(np.max(np.abs(trajectory.S[held] - S_ref[start]))))
+        if q_ref[start] == q_ref[start - 1]:
+            q_deviation = max(q_deviation, float(np.max(np.abs(trajectory.q[held] - q_ref[start]))))
+    tension = np.array([trajectory.F_A, trajectory.F_B])
+    return Quality(overshoot, S_deviation, q_deviation, float(tension.min()), float(tension.max()))
+
+
+@pytest.mark.parametrize(
+    ("name", "overshoot", "stiffness", "tension"), [("ideal", 1.0, 0.1, 5.0), ("lab", 2.0, 0.3, 4.0)]
+)
+@pytest.mark.parametrize("lambdas", [Lambdas(lam_q=0.5, lam_S=0.5), Lambdas()])
+def test_tracking(name: str, lambdas: Lambdas, overshoot: float, stiffness: float, tension: float) -> None:
+    parameters = load_parameters(name)
+    q_ref, S_ref = references(STEPS)
+    trajectory = run(parameters, cascade_tuning(parameters, lambdas), q_ref, S_ref)
+    quality = assess(trajectory, q_ref, S_ref)
+    assert trajectory.tripped_at == -1
+    assert quality.overshoot_percent < overshoot
+    assert quality.stiffness_deviation < stiffness
+    assert quality.least_tension > tension
+
+
+def test_naive_cascade_reproduces_the_figures_of_the_method_page() -> None:
+    """Without governor, λ = 0.5 touches 10 V harmlessly: 1.9 s to 90 % of a 2π/3 step, no overshoot."""
+    parameters = load_parameters("ideal")
+    q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0)))
+    tuning = cascade_tuning(parameters, Lambdas(lam_q=0.5, lam_S=0.5))._replace(omega_max=1e9)
+    trajectory = run(parameters, tuning, q_ref, S_ref)
+    reached = int(np.argmax(trajectory.q > -HIGH + 0.9 * 2.0 * HIGH)) - 1000
+    assert reached == pytest.approx(1900, abs=30)
+    assert np.max(np.abs(trajectory.u_A)) == 10.0
+    assert assess(trajectory, q_ref, S_ref).overshoot_percent < 0.1
+
+
+@settings(max_examples=15)
+@given(st.lists(st.tuples(st.floats(-1.2, 1.2), st.floats(8.0, 14.0)), min_size=2, max_size=4))
+def test_swapping_sides_and_negating_q_mirrors_the_run(targets: list[tuple[float, float]]) -> None:
+    parameters = replace(load_parameters("lab"), sensors=load_parameters("ideal").sensors)
+    parameters = replace(parameters, asymmetry=Asymmetry(1.03, 0.97, 0.98, 1.02))
+    mirrored = replace(parameters, asymmetry=Asymmetry(0.97, 1.03, 1.02, 0.98))
+    tuning = cascade_tuning(parameters, Lambdas())
+    q_ref, S_ref = references(tuple((q, S, 1.0) for q, S in targets))
+    run_A, run_B = run(parameters, tuning, q_ref, S_ref), run(mirrored, tuning, -q_ref, S_ref)
+    for mine, other in (("q", "q"), ("theta_A", "theta_B"), ("F_A", "F_B"), ("u_A", "u_B")):
+        sign = -1.0 if mine == "q" else 1.0
+        assert getattr(run_A, mine) == pytest.approx(sign * getattr(run_B, other), abs=1e-7)
+    assert pytest.approx(run_B.S, abs=1e-7) == run_A.S

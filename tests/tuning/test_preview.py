@@ -1,0 +1,45 @@
+"""The preview against the non-linear simulation it stands for, and its refusals."""
+
+import numpy as np
+import pytest
+
+from backend.refusal import OutOfRangeError
+from backend.tuning.closed_loop import run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from backend.tuning.preview import Previewer
+from plant.parameters import load_parameters
+
+
+@pytest.fixture(scope="module")
+def previewer() -> Previewer:
+    return Previewer(load_parameters("ideal"))
+
+
+def test_predicted_step_is_what_the_simulated_loop_does(previewer: Previewer) -> None:
+    parameters = load_parameters("ideal")
+    lambdas = Lambdas(lam_q=0.6)
+    preview = previewer.preview(lambdas).position
+    q_ref = np.full(5000, 0.05)
+    q_ref[0] = 0.0
+    q = run(parameters, cascade_tuning(parameters, lambdas), q_ref, np.full(5000, 10.55)).q / 0.05
+    simulated = np.interp(preview.t, (np.arange(5000) - 1) * 1e-3, q)
+    assert np.max(np.abs(simulated - preview.y)) < 0.01
+
+
+def test_preview_shows_less_robustness_for_a_faster_loop(previewer: Previewer) -> None:
+    slow, fast = previewer.preview(Lambdas(lam_q=0.8)), previewer.preview(Lambdas(lam_q=0.36))
+    assert slow.position.robustness.M_s < 1.3 < fast.position.robustness.M_s < 1.7
+    assert fast.peak_voltage > slow.peak_voltage
+    assert fast.least_tension > 5.0
+
+
+def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:
+    lam_q_min, lam_S_min = previewer.safe_range()
+    previewer.require_safe(Lambdas(lam_q=lam_q_min, lam_S=lam_S_min))
+    with pytest.raises(OutOfRangeError, match="lam_q"):
+        previewer.require_safe(Lambdas(lam_q=lam_q_min - 0.01))
+    with pytest.raises(OutOfRangeError, match="lam_S"):
+        previewer.require_safe(Lambdas(lam_S=3.01))
+    with pytest.raises(OutOfRangeError, match="lam_q"):
+        previewer.require_safe(Lambdas(lam_q=float("nan")))
