@@ -1,9 +1,9 @@
 import pytest
-from tests.reports.tracking_run import PLAN, samples, source_of
 
 from backend.reports.document import Report
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
+from tests.reports.tracking_run import PLAN, samples, source_of
 
 
 @pytest.fixture(scope="session")

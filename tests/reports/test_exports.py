@@ -6,10 +6,10 @@ import io
 import numpy as np
 import pyarrow.parquet
 from scipy.io import loadmat
-from tests.reports.tracking_run import PLAN, samples
 
 from backend.reports.exports import ORDER, to_csv, to_mat, to_parquet
 from backend.sample import STORED_NAMES
+from tests.reports.tracking_run import PLAN, samples
 
 COLUMNS = {name: column[:2_000] for name, column in samples(PLAN).items()}
 

@@ -4,13 +4,13 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from tests.reports.tracking_run import PLAN, samples, source_of
 
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
+from tests.reports.tracking_run import PLAN, samples, source_of
 
 
 class _Reader(HTMLParser):
