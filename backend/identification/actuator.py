@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from backend.identification.estimate import estimate
+from backend.identification.fit import Method
 from backend.identification.record import Record, Signal
 from backend.identification.result import Estimate, Grade, Verdict
 
@@ -91,12 +92,14 @@ def identify_actuator(
     G_q = estimate(
         Record(period_s, u[start:], q[start:]),
         q_structure,
+        Method.OUTPUT_ERROR,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
     G_S = estimate(
         Record(period_s, u[start:], S[start:]),
         S_structure,
+        Method.OUTPUT_ERROR,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
     )

@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 from backend.identification.record import Record, Signal
 from backend.identification.response import free_responses, simulate
 from backend.identification.structures import Structure
+from backend.identification.uncertainty import sandwich
 
 _STEP = 1e-5
 _BLOCK = 1000
@@ -59,6 +60,48 @@ class Problem:
     def whiten(self, signal: Signal) -> Signal:
         """Pass a signal or columns of signals through the whitening polynomial."""
         return signal if self.whitening.size == 1 else np.asarray(lfilter(self.whitening, [1.0], signal, axis=0))
+
+
+@dataclass(frozen=True)
+class Projected:
+    """Linearisation at ``parameters``, whitened, orthogonal to the nuisance terms.
+
+    ``residuals`` shape (n,); ``sensitivities`` and ``instruments`` shape (n, p), both in the coordinates z.
+    """
+
+    parameters: Signal
+    residuals: Signal
+    sensitivities: Signal
+    instruments: Signal
+
+    def covariance(self) -> Signal:
+        """Covariance of the parameters, shape (p, p), robust to coloured residuals."""
+        scale = np.concatenate(([1.0], self.parameters[1:]))
+        return np.asarray(sandwich(self.instruments, self.sensitivities, self.residuals) * np.outer(scale, scale))
+
+    def distance(self, first: Signal, second: Signal) -> float:
+        """Difference of two parameter vectors as they move the output, in standard deviations of the noise."""
+        step = np.concatenate((second[:1] - first[:1], np.log(second[1:] / first[1:])))
+        noise = np.linalg.norm(self.residuals) / np.sqrt(self.residuals.size)
+        return float(np.linalg.norm(self.sensitivities @ step) / max(noise, np.finfo(float).tiny))
+
+
+def projected(problem: Problem, parameters: Signal, noise_free_input: Signal | None) -> Projected:
+    """Linearise with instruments made of ``noise_free_input``, or of the measured input where that is None."""
+    record = problem.record
+    basis = np.linalg.qr(problem.nuisance(parameters))[0]
+
+    def without_nuisance(columns: Signal) -> Signal:
+        whitened = problem.whiten(columns)
+        return np.asarray(whitened - basis @ (basis.T @ whitened))
+
+    simulated = problem.simulated(parameters, record.u)
+    sensitivities = without_nuisance(problem.sensitivities(parameters, record.u, simulated))
+    instruments = sensitivities
+    if noise_free_input is not None:
+        clean = problem.simulated(parameters, noise_free_input)
+        instruments = without_nuisance(problem.sensitivities(parameters, noise_free_input, clean))
+    return Projected(parameters, without_nuisance(record.y - simulated), sensitivities, instruments)
 
 
 def triangle(columns: Signal) -> Signal:

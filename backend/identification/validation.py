@@ -1,18 +1,9 @@
 """What a model must show before it is used for tuning: tests on residuals, fit on unseen data, a verdict."""
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.stats import norm
 
 from backend.identification.record import Signal
-from backend.identification.result import CorrelationTest, FirstOrder, Grade, Residuals, Verdict
-
-Reals = NDArray[np.floating]
-
-LEVEL = 0.01
-_WHITENESS_LAGS = 25
-_INPUT_LAGS = 50
+from backend.identification.result import FirstOrder, Grade, Residuals, Verdict
 
 MIN_COUNTS = 20.0
 MIN_FIT_PERCENT = 80.0
@@ -28,56 +19,14 @@ def fit_percent(y: Signal, simulated: Signal) -> float:
     return float(100.0 * (1.0 - np.linalg.norm(y - simulated) / np.linalg.norm(y - np.mean(y))))
 
 
-def residual_tests(residuals: Signal, u: Signal, period_s: float, slowest_s: float, parameter_count: int) -> Residuals:
-    """Whiteness, correlation with the past input over five times ``slowest_s`` [s], AIC, BIC and FPE."""
-    count = residuals.size
-    variance = float(np.mean(residuals**2))
-    log_likelihood = count * np.log(max(variance, np.finfo(float).tiny))
-    return Residuals(
-        whiteness=_whiteness(residuals, period_s),
-        input_correlation=_input_correlation(residuals, u, period_s, slowest_s),
-        std=float(np.sqrt(variance)),
-        AIC=float(log_likelihood + 2.0 * parameter_count),
-        BIC=float(log_likelihood + parameter_count * np.log(count)),
-        FPE=variance * (count + parameter_count) / (count - parameter_count),
-    )
-
-
-def _correlation(first: Signal, second: Signal) -> Signal:
-    """Sum of first[k + lag] second[k] over k for lag = 0 .. n-1, through the FFT."""
-    size = next_fast_len(2 * first.size)
-    return np.asarray(irfft(rfft(first, size) * np.conj(rfft(second, size)), size)[: first.size])
-
-
-def _whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
-    products = _correlation(residuals, residuals)
-    lags = np.arange(1, _WHITENESS_LAGS + 1)
-    deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
-    return _test(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
-
-
-def _input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
-    """Correlation of the residual with earlier inputs; its variance allows for the colour of both."""
-    u = u - np.mean(u)
-    own, drive = _correlation(residuals, residuals), _correlation(u, u)
-    reach = int(np.clip(5.0 * slowest_s / period_s, _INPUT_LAGS, residuals.size // 4))
-    lags = np.unique(np.linspace(1, reach, _INPUT_LAGS).astype(int))
-    cross = _correlation(residuals, u)[lags]
-    taper = 1.0 - np.arange(reach) / reach
-    both = own[:reach] * drive[:reach] * taper / residuals.size
-    variance = max(float(both[0] + 2.0 * np.sum(both[1:])), np.finfo(float).tiny)
-    size = np.sqrt(max(own[0] * drive[0], np.finfo(float).tiny))
-    return _test(lags * period_s, cross / size, np.full(lags.size, np.sqrt(variance) / size))
-
-
-def _test(lags_s: Reals, correlation: Reals, deviation: Reals) -> CorrelationTest:
-    alone = norm.ppf(1.0 - LEVEL / 2.0)
-    together = norm.ppf(1.0 - LEVEL / (2.0 * lags_s.size))
-    return CorrelationTest(
-        lags_s=tuple(lags_s.tolist()),
-        correlation=tuple(correlation.tolist()),
-        band=tuple((alone * deviation).tolist()),
-        passed=bool(np.all(np.abs(correlation) <= together * deviation)),
+def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float, float, float]:
+    """AIC, BIC and FPE of Gaussian residuals, shape (n,); smaller is better."""
+    count, variance = residuals.size, max(float(np.mean(residuals**2)), np.finfo(float).tiny)
+    log_likelihood = count * float(np.log(variance))
+    return (
+        log_likelihood + 2.0 * parameter_count,
+        log_likelihood + parameter_count * float(np.log(count)),
+        variance * (count + parameter_count) / (count - parameter_count),
     )
 
 

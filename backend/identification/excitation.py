@@ -1,0 +1,72 @@
+"""The part of the input that the measurement noise did not cause: what instruments in closed loop are made of."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.signal import lfilter, sosfilt, zpk2sos
+
+from backend.identification.linearisation import Problem
+from backend.identification.record import Controller, Record, Signal
+from backend.identification.response import UnstableModelError, moving_average
+
+NoiseFreeInput = Callable[[Signal], Signal]
+"""From parameters to an input of shape (n,) that does not contain the measurement noise."""
+
+_LAGS_OF_FIT = 14
+
+
+def noise_free_input(problem: Problem) -> NoiseFreeInput | None:
+    """How to rebuild the input without noise for this record; None where nothing from outside the loop is known."""
+    record = problem.record
+    if record.controller is not None:
+        numerator = _feedback(record, record.controller)
+        from_outside = record.u + lfilter(numerator, [1.0, -1.0], record.y)
+        return lambda parameters: _closed_loop_input(problem, parameters, numerator, from_outside)
+    if record.r is not None and np.ptp(record.r) > 0.0:
+        fitted = _fitted_input(record, record.r)
+        return lambda parameters: fitted
+    return None
+
+
+def _feedback(record: Record, controller: Controller) -> Signal:
+    """Numerator over 1 - z^-1 of the feedback from y to -u, as the loop seems to have computed it.
+
+    Sampled controllers differ in how they integrate and in whether they see the newest sample. The right version
+    leaves u + C y free of noise, that is smoothest.
+    """
+    k_p, k_i = controller.k_p, controller.k_i * record.period_s
+    versions = [np.array([k_p + weight * k_i, (1.0 - weight) * k_i - k_p]) for weight in (0.0, 0.5, 1.0)]
+    versions += [np.concatenate(([0.0], version)) for version in versions]
+    roughness = [
+        float(np.sum(np.diff(record.u + lfilter(version, [1.0, -1.0], record.y)) ** 2)) for version in versions
+    ]
+    return versions[int(np.argmin(roughness))]
+
+
+def _closed_loop_input(problem: Problem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
+    """Response of u to what enters the loop from outside, 1/(1 + G C), with the model for G."""
+    poles = np.exp(problem.structure.poles(parameters) * problem.record.period_s)
+    taps = parameters[0] * moving_average(problem.structure.poles(parameters), problem.record.period_s)
+    taps *= np.real(np.prod(1.0 - poles))
+    open_loop = np.convolve(np.real(np.poly(poles)), [1.0, -1.0])
+    loop = np.convolve(np.concatenate(([0.0], taps)), feedback)
+    size = max(open_loop.size, loop.size)
+    closed = np.zeros(size)
+    closed[: open_loop.size] += open_loop
+    closed[: loop.size] += loop
+    closed_poles = np.roots(closed)
+    if np.max(np.abs(closed_poles)) >= 1.0:
+        raise UnstableModelError("the loop of model and controller is unstable")
+    zeros = np.concatenate((poles, [1.0], np.zeros(closed_poles.size - poles.size - 1)))
+    # The stubs of zpk2sos leave complex zeros and poles out, which are what it is for.
+    sections = zpk2sos(zeros, closed_poles, 1.0)  # type: ignore[arg-type]
+    return np.asarray(sosfilt(sections, from_outside))
+
+
+def _fitted_input(record: Record, r: Signal) -> Signal:
+    """Least-squares fit of u by r through a bank of lags, from one sample to a fifth of the record."""
+    decays = np.exp(-record.period_s / np.geomspace(record.period_s, record.duration_s / 5.0, _LAGS_OF_FIT))
+    lagged = [lfilter([0.0, 1.0 - decay], [1.0, -decay], r) for decay in decays]
+    count = r.size
+    columns = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count), r, *lagged))
+    return np.asarray(columns @ np.linalg.lstsq(columns, record.u, rcond=1e-10)[0])
