@@ -1,6 +1,7 @@
 /** Everything that is read from the service by asking, with one key per thing. */
 
 import { queryOptions } from "@tanstack/react-query";
+import type { Stretch } from "../charts/viewport";
 import { answered, api } from "../wire/client";
 import type { IdentificationRequest } from "../wire/types";
 
@@ -95,5 +96,15 @@ export function runQuery(id: number) {
     queryKey: ["runs", id],
     queryFn: () => answered(api.GET("/api/runs/{id}", { params: { path: { id } } })),
     refetchInterval: (query) => (isRunning(query.state.data?.end_state ?? "") ? 2000 : false),
+  });
+}
+
+export function samplesQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
+  const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };
+  return queryOptions({
+    queryKey: ["runs", id, "samples", query],
+    queryFn: () => answered(api.GET("/api/runs/{id}/samples", { params: { path: { id }, query } })),
+    staleTime: Number.POSITIVE_INFINITY,
+    gcTime: 60_000,
   });
 }

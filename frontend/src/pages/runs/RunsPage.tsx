@@ -1,3 +1,10 @@
+/** Everything that was recorded: search, look, take home. */
+
+import { useParams } from "wouter";
+import { RunDetail } from "./RunDetail";
+import { RunTable } from "./RunTable";
+
 export default function RunsPage() {
-  return <h1>RunsPage</h1>;
+  const { id } = useParams();
+  return id === undefined ? <RunTable /> : <RunDetail key={id} id={Number(id)} />;
 }

@@ -1,0 +1,87 @@
+/** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
+
+import { nearest, pointTimes, pointValues } from "../samples/envelope";
+import type { Panel } from "../theme/signals";
+import type { Samples } from "../wire/types";
+import type { Curves, PlotSource } from "./source";
+import type { Stretch } from "./viewport";
+
+interface Sheet {
+  readonly stretch: Stretch;
+  readonly samples: Samples;
+  readonly times: Float64Array;
+}
+
+export class RecordedSource implements PlotSource {
+  private overview: Sheet | null = null;
+  private detail: Sheet | null = null;
+  private sheets = 0;
+
+  constructor(private readonly duration_s: number) {}
+
+  setOverview(samples: Samples): void {
+    this.overview = sheet({ from_s: 0, to_s: this.duration_s }, samples);
+    this.sheets += 1;
+  }
+
+  setDetail(stretch: Stretch, samples: Samples): void {
+    this.detail = sheet(stretch, samples);
+    this.sheets += 1;
+  }
+
+  now_s(): number {
+    return this.duration_s;
+  }
+
+  newest_s(): number {
+    return this.duration_s;
+  }
+
+  first_s(): number {
+    return 0;
+  }
+
+  version(): number {
+    return this.sheets;
+  }
+
+  curves(panel: Panel, stretch: Stretch): Curves {
+    const chosen = this.covering(stretch);
+    if (chosen === null) {
+      const nothing = new Float64Array(0);
+      const empty = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
+      return {
+        times: nothing,
+        values: panel.traces.map(() => nothing),
+        extents: panel.traces.map(() => empty),
+      };
+    }
+    const points = panel.traces.map((trace) => pointValues(chosen.samples, trace.name, panel.factor));
+    return {
+      times: chosen.times,
+      values: points.map((point) => point.values),
+      extents: points.map((point) => point.extent),
+    };
+  }
+
+  at(name: string, time_s: number): number {
+    const chosen = this.covering({ from_s: time_s, to_s: time_s });
+    if (chosen === null || chosen.samples.t.length === 0) return Number.NaN;
+    const index = nearest(chosen.samples.t, time_s);
+    const signal = chosen.samples.signals[name];
+    const minimum = signal?.minimum[index] ?? Number.NaN;
+    const maximum = signal?.maximum[index] ?? Number.NaN;
+    return (minimum + maximum) / 2;
+  }
+
+  private covering(stretch: Stretch): Sheet | null {
+    const detail = this.detail;
+    const fits =
+      detail !== null && detail.stretch.from_s <= stretch.from_s && detail.stretch.to_s >= stretch.to_s;
+    return fits ? detail : this.overview;
+  }
+}
+
+function sheet(stretch: Stretch, samples: Samples): Sheet {
+  return { stretch, samples, times: pointTimes(samples) };
+}

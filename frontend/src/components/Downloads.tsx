@@ -1,0 +1,52 @@
+/** What can be taken home from a run. */
+
+import { Button } from "@mantine/core";
+import { IconDownload, IconExternalLink } from "@tabler/icons-react";
+
+const DATA = [
+  { format: "csv", label: "Data (CSV)" },
+  { format: "parquet", label: "Data (Parquet)" },
+  { format: "mat", label: "Data (MAT)" },
+] as const;
+
+export function Downloads({ run, report }: { run: number; report: boolean }) {
+  return (
+    <>
+      {report && (
+        <>
+          <Button
+            component="a"
+            href={`./api/runs/${run}/report.html`}
+            target="_blank"
+            rel="noreferrer"
+            variant="default"
+            leftSection={<IconExternalLink size={14} />}
+          >
+            Report (HTML)
+          </Button>
+          <Button
+            component="a"
+            href={`./api/runs/${run}/report.pdf`}
+            download
+            variant="default"
+            leftSection={<IconDownload size={14} />}
+          >
+            Report (PDF)
+          </Button>
+        </>
+      )}
+      {DATA.map(({ format, label }) => (
+        <Button
+          key={format}
+          component="a"
+          href={`./api/runs/${run}/data.${format}`}
+          download
+          variant="default"
+          leftSection={<IconDownload size={14} />}
+        >
+          {label}
+        </Button>
+      ))}
+    </>
+  );
+}

@@ -1,0 +1,43 @@
+/** Makes a bank of controllers from the chosen runs. */
+
+import { Button, TextInput } from "@mantine/core";
+import { type FormEvent, useState } from "react";
+import { Link } from "wouter";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { useBuildBank } from "../../service/commands";
+import page from "../Page.module.css";
+
+export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; onBuilt: () => void }) {
+  const [name, setName] = useState("");
+  const build = useBuildBank();
+  const runs = [...chosen].sort((a, b) => a - b);
+  const ready = runs.length > 0 && name.trim() !== "";
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (ready) build.mutate({ name: name.trim(), identifications: runs }, { onSuccess: onBuilt });
+  }
+
+  return (
+    <Card title="Bank from runs">
+      <form className={page.fields} aria-label="Bank from runs" onSubmit={submit}>
+        <span className={page.dim}>
+          {runs.length === 0
+            ? "Tick the runs to use in the list."
+            : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
+        </span>
+        <TextInput label="Bank name" value={name} onChange={(event) => setName(event.currentTarget.value)} />
+        <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
+          Build bank
+        </Button>
+        {build.data && (
+          <span>
+            Built <Link href={`/banks/${build.data.id}`}>{`${build.data.name} v${build.data.version}`}</Link>.
+          </span>
+        )}
+        <Refusal text={build.error?.message} />
+      </form>
+    </Card>
+  );
+}

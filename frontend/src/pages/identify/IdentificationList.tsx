@@ -1,0 +1,77 @@
+/** All identification runs; a tick chooses one for a bank. */
+
+import { Checkbox, Table } from "@mantine/core";
+import { Link } from "wouter";
+import { Card } from "../../components/Card";
+import { RunState } from "../../components/RunState";
+import { dateTime, fixed, significant } from "../../samples/format";
+import type { Identification } from "../../wire/types";
+import page from "../Page.module.css";
+
+interface IdentificationListProps {
+  readonly identifications: readonly Identification[] | undefined;
+  readonly selected: number | undefined;
+  readonly chosen: ReadonlySet<number>;
+  onChoose(id: number): void;
+}
+
+export function IdentificationList({ identifications, selected, chosen, onChoose }: IdentificationListProps) {
+  return (
+    <Card title="Identification runs">
+      {identifications?.length === 0 && (
+        <p className={page.empty}>
+          No identification yet. Bring the loop to pretension, then start one at each tension.
+        </p>
+      )}
+      {identifications === undefined && <p className={page.empty}>Loading …</p>}
+      {identifications !== undefined && identifications.length > 0 && (
+        <div className={page.tableScroll}>
+          <Table aria-label="Identification runs" highlightOnHover>
+            <Table.Thead>
+              <Table.Tr>
+                <Table.Th>Bank</Table.Th>
+                <Table.Th>Run</Table.Th>
+                <Table.Th>When</Table.Th>
+                <Table.Th className={page.number}>Tension [N]</Table.Th>
+                <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
+                <Table.Th className={page.number}>K of G_q</Table.Th>
+                <Table.Th className={page.number}>T of G_q [s]</Table.Th>
+                <Table.Th className={page.number}>K of G_S</Table.Th>
+                <Table.Th className={page.number}>T of G_S [s]</Table.Th>
+                <Table.Th>End</Table.Th>
+              </Table.Tr>
+            </Table.Thead>
+            <Table.Tbody>
+              {identifications.map((row) => (
+                <Table.Tr key={row.id} bg={row.id === selected ? "var(--accent-soft)" : undefined}>
+                  <Table.Td>
+                    <Checkbox
+                      size="xs"
+                      aria-label={`Use run ${row.id}`}
+                      checked={chosen.has(row.id)}
+                      disabled={row.G_q === null || row.G_S === null}
+                      onChange={() => onChoose(row.id)}
+                    />
+                  </Table.Td>
+                  <Table.Td>
+                    <Link href={`/identify/${row.id}`}>Run {row.id}</Link>
+                  </Table.Td>
+                  <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
+                  <Table.Td className={page.number}>{fixed(row.tension_N, 0)}</Table.Td>
+                  <Table.Td className={page.number}>{fixed(row.S_nominal, 2)}</Table.Td>
+                  <Table.Td className={page.number}>{significant(row.G_q?.K, 3)}</Table.Td>
+                  <Table.Td className={page.number}>{significant(row.G_q?.T, 3)}</Table.Td>
+                  <Table.Td className={page.number}>{significant(row.G_S?.K, 3)}</Table.Td>
+                  <Table.Td className={page.number}>{significant(row.G_S?.T, 3)}</Table.Td>
+                  <Table.Td>
+                    <RunState state={row.status} reason={row.message} />
+                  </Table.Td>
+                </Table.Tr>
+              ))}
+            </Table.Tbody>
+          </Table>
+        </div>
+      )}
+    </Card>
+  );
+}

@@ -1,0 +1,39 @@
+import { describe, expect, it } from "vitest";
+import { nearest, pointTimes, pointValues } from "./envelope";
+
+const ENVELOPE = {
+  run: 3,
+  raw: false,
+  t: [0, 1, 2],
+  signals: { q: { unit: "rad", minimum: [0, -2, 5], maximum: [1, 3, 9] } },
+};
+
+describe("an envelope", () => {
+  it("becomes two points per bucket, passed in the order of the motion", () => {
+    expect(Array.from(pointTimes(ENVELOPE))).toEqual([0, 0.5, 1, 1.5, 2, 2.5]);
+    const { values, extent } = pointValues(ENVELOPE, "q", 10);
+    expect(Array.from(values)).toEqual([0, 10, 30, -20, 50, 90]);
+    expect(extent).toEqual({ minimum: -20, maximum: 90 });
+  });
+
+  it("has holes where samples are missing and where the signal is unknown", () => {
+    const holed = {
+      ...ENVELOPE,
+      signals: { q: { unit: "rad", minimum: [0, null, 5], maximum: [1, null, 9] } },
+    };
+    expect(Array.from(pointValues(holed, "q", 1).values.slice(2, 4))).toEqual([Number.NaN, Number.NaN]);
+    expect(pointValues(ENVELOPE, "S", 1).values.every(Number.isNaN)).toBe(true);
+  });
+});
+
+it("raw samples stay one point each", () => {
+  const raw = { ...ENVELOPE, raw: true };
+  expect(Array.from(pointTimes(raw))).toEqual([0, 1, 2]);
+  expect(Array.from(pointValues(raw, "q", 1).values)).toEqual([0, -2, 5]);
+});
+
+it("finds the nearest time", () => {
+  const times = [0, 1, 2, 5];
+  expect([-3, 0.4, 0.6, 3.4, 3.6, 99].map((wanted) => nearest(times, wanted))).toEqual([0, 0, 1, 2, 3, 3]);
+  expect(nearest([4], 100)).toBe(0);
+});

@@ -1,0 +1,63 @@
+/** Stored samples or their min/max envelope as points of a curve. Pure. */
+
+import type { Samples } from "../wire/types";
+import type { Extent } from "./decimate";
+
+export interface Points {
+  readonly times: Float64Array;
+  readonly values: Float64Array;
+  readonly extent: Extent;
+}
+
+/** Times of the points of all signals: one per raw sample, two per bucket of an envelope. */
+export function pointTimes(samples: Samples): Float64Array {
+  if (samples.raw) return Float64Array.from(samples.t);
+  const times = new Float64Array(2 * samples.t.length);
+  for (const [index, t] of samples.t.entries()) {
+    const next = samples.t[index + 1] ?? 2 * t - (samples.t[index - 1] ?? t);
+    times[2 * index] = t;
+    times[2 * index + 1] = (t + next) / 2;
+  }
+  return times;
+}
+
+/** Values of one signal times `factor`; of each bucket, the extreme nearer to the point before comes first. */
+export function pointValues(
+  samples: Samples,
+  name: string,
+  factor: number,
+): { values: Float64Array; extent: Extent } {
+  const signal = samples.signals[name];
+  const perBucket = samples.raw ? 1 : 2;
+  const values = new Float64Array(perBucket * samples.t.length).fill(Number.NaN);
+  const extent: Extent = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
+  if (signal === undefined) return { values, extent };
+  let before = 0;
+  for (let index = 0; index < samples.t.length; index++) {
+    const minimum = factor * (signal.minimum[index] ?? Number.NaN);
+    const maximum = factor * (signal.maximum[index] ?? Number.NaN);
+    if (minimum < extent.minimum) extent.minimum = minimum;
+    if (maximum > extent.maximum) extent.maximum = maximum;
+    if (samples.raw) {
+      values[index] = minimum;
+      continue;
+    }
+    const lowFirst = Math.abs(minimum - before) <= Math.abs(maximum - before);
+    values[2 * index] = lowFirst ? minimum : maximum;
+    values[2 * index + 1] = lowFirst ? maximum : minimum;
+    before = lowFirst ? maximum : minimum;
+  }
+  return { values, extent };
+}
+
+/** Index of the time nearest to `wanted` in ascending `times`. */
+export function nearest(times: ArrayLike<number>, wanted: number): number {
+  let low = 0;
+  let high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if ((times[middle] as number) <= wanted) low = middle;
+    else high = middle;
+  }
+  return wanted - (times[low] as number) <= (times[high] as number) - wanted ? low : high;
+}
