@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
 
-from sqlalchemy import ColumnElement, String, cast, or_, select, update
+from sqlalchemy import ColumnElement, String, cast, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from backend.storage.records import require, to_record
@@ -90,17 +90,23 @@ def get(session: Session, run_id: int) -> Run:
 
 
 def find(
-    session: Session, *, kinds: Sequence[RunKind] = (), search: str = "", limit: int = 200, before_id: int | None = None
+    session: Session, *, kinds: Sequence[RunKind] = (), search: str = "", limit: int = 200, offset: int = 0
 ) -> list[Run]:
     """Return runs, newest first; ``search`` looks into number, kind, who, note, parameters' name and end state."""
-    query = select(RunRow).order_by(RunRow.id.desc()).limit(limit)
-    if kinds:
-        query = query.where(RunRow.kind.in_([kind.value for kind in kinds]))
-    if before_id is not None:
-        query = query.where(RunRow.id < before_id)
-    for word in search.split():
-        query = query.where(_contains(word))
+    query = select(RunRow).where(*_matching(kinds, search)).order_by(RunRow.id.desc()).limit(limit).offset(offset)
     return [to_record(Run, row) for row in session.scalars(query)]
+
+
+def count(session: Session, *, kinds: Sequence[RunKind] = (), search: str = "") -> int:
+    """Return how many runs ``find`` would give without a limit."""
+    return session.scalar(select(func.count()).select_from(RunRow).where(*_matching(kinds, search))) or 0
+
+
+def _matching(kinds: Sequence[RunKind], search: str) -> list[ColumnElement[bool]]:
+    conditions = [_contains(word) for word in search.split()]
+    if kinds:
+        conditions.append(RunRow.kind.in_([kind.value for kind in kinds]))
+    return conditions
 
 
 def _contains(word: str) -> ColumnElement[bool]:
@@ -120,9 +126,14 @@ def set_note(session: Session, run_id: int, note: str) -> Run:
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
-    """Close a run that is still open; the first reason stays. Raises UnknownRecordError."""
+    """Close a run. The first reason stays, except one that was only inferred. Raises UnknownRecordError.
+
+    Samples alone show a program that somebody ended early as completed, and a second service that starts on the same
+    data takes runs of the first for interrupted ones: whoever witnessed the end corrects that.
+    """
     row = require(session, RunRow, run_id, "run")
-    if row.end_state == EndState.RUNNING:
+    corrected = row.end_state == EndState.COMPLETED and end_state is EndState.STOPPED
+    if row.end_state in (EndState.RUNNING, EndState.SERVICE_DIED) or corrected:
         row.end_state = end_state.value
         row.end_detail = detail
         row.ended_at = datetime.now(UTC)

@@ -1,0 +1,152 @@
+"""Read recordings back: raw samples, or the envelope of smallest and largest values for drawing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy.orm import Session
+
+from backend.recording.codec import BUCKET_TICKS, Table, unpack
+from backend.storage import recordings
+from backend.storage.recordings import Extent, Recording
+
+Column = NDArray[np.float32]
+
+
+class UnknownSignalError(ValueError):
+    """The recording has no such signal; the message lists those it has."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Raw samples: ``t`` [n] in seconds since the first sample of the run, and a column [n] per signal (SI).
+
+    Where samples are missing ``t`` jumps. ``first_tick`` is the tick of t = 0 on the time axis of the loop.
+    """
+
+    first_tick: int
+    t: NDArray[np.float64]
+    columns: dict[str, Column]
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Smallest and largest value per bucket of ``width_s``, which begin at ``t`` [n] since the run's first sample.
+
+    Buckets stand at fixed places whatever the slice, so that a moving window does not wiggle; one without any number
+    (samples missing, or nan) is nan.
+    """
+
+    first_tick: int
+    width_s: float
+    t: NDArray[np.float64]
+    minimum: dict[str, Column]
+    maximum: dict[str, Column]
+
+
+def read_samples(
+    session: Session, run_id: int, names: Sequence[str] = (), from_s: float = 0.0, to_s: float = np.inf
+) -> Samples:
+    """Return the samples with from_s <= t < to_s; no names means all signals.
+
+    Raises UnknownRecordError when nothing of the run was recorded, UnknownSignalError.
+    """
+    recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+    chosen = _columns(recording, names)
+    from_tick, to_tick = _ticks(recording, extent, from_s, to_s)
+    ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
+    t = np.asarray((ticks - extent.first_tick) * recording.period_s, np.float64)
+    return Samples(extent.first_tick, t, {name: tables[:, i] for i, (name, _) in enumerate(chosen)})
+
+
+def read_envelope(
+    session: Session,
+    run_id: int,
+    points: int,
+    names: Sequence[str] = (),
+    from_s: float = 0.0,
+    to_s: float = np.inf,
+) -> Envelope:
+    """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
+
+    Buckets longer than the stored summaries' are made of these, without reading the samples. Raises like
+    ``read_samples``, and ValueError for fewer than one point.
+    """
+    if points < 1:
+        raise ValueError(f"points = {points} is out of range: it must be at least 1")
+    recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+    chosen = _columns(recording, names)
+    indices = [index for _, index in chosen]
+    from_tick, to_tick = _ticks(recording, extent, from_s, to_s)
+    width = max(1, -(-(to_tick - from_tick) // points))
+    if width < BUCKET_TICKS:
+        ticks, tables = _raw(session, recording, from_tick, to_tick, indices)
+        low = high = tables
+    else:
+        width = -(-width // BUCKET_TICKS) * BUCKET_TICKS
+        ticks, low, high = _summarised(session, recording, from_tick, to_tick, indices)
+    first = (from_tick - extent.first_tick) // width
+    last = -(-(to_tick - extent.first_tick) // width)
+    buckets = (ticks - extent.first_tick) // width - first
+    low, high = _gathered(np.fmin, low, buckets, last - first), _gathered(np.fmax, high, buckets, last - first)
+    return Envelope(
+        first_tick=extent.first_tick,
+        width_s=width * recording.period_s,
+        t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
+        minimum={name: low[:, i] for i, (name, _) in enumerate(chosen)},
+        maximum={name: high[:, i] for i, (name, _) in enumerate(chosen)},
+    )
+
+
+def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]]:
+    unknown = [name for name in names if name not in recording.fields]
+    if unknown:
+        raise UnknownSignalError(
+            f"no signal {', '.join(unknown)} in this recording; it has {', '.join(recording.fields)}"
+        )
+    return [(name, recording.fields.index(name)) for name in names or recording.fields]
+
+
+def _ticks(recording: Recording, extent: Extent, from_s: float, to_s: float) -> tuple[int, int]:
+    """Ticks [from, to) of the slice, within the recording."""
+    last_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    # Half a period of tolerance: 0.3 s is tick 300, although 0.3 / 0.001 falls just below.
+    ticks = [int(np.ceil(np.clip(s, 0.0, last_s) / recording.period_s - 0.5)) for s in (from_s, to_s)]
+    return extent.first_tick + ticks[0], extent.first_tick + max(ticks)
+
+
+def _raw(
+    session: Session, recording: Recording, from_tick: int, to_tick: int, indices: list[int]
+) -> tuple[NDArray[np.int64], Table]:
+    ticks, tables = [np.empty(0, np.int64)], [np.empty((0, len(indices)), np.float32)]
+    for chunk in recordings.chunks(session, recording.run_id, from_tick, to_tick):
+        table = unpack(chunk.samples, len(recording.fields))
+        begin, end = max(from_tick - chunk.first_tick, 0), min(to_tick - chunk.first_tick, chunk.count)
+        ticks.append(chunk.first_tick + np.arange(begin, end))
+        tables.append(table[begin:end, indices])
+    return np.concatenate(ticks), np.concatenate(tables)
+
+
+def _summarised(
+    session: Session, recording: Recording, from_tick: int, to_tick: int, indices: list[int]
+) -> tuple[NDArray[np.int64], Table, Table]:
+    ticks = [np.empty(0, np.int64)]
+    lows, highs = [np.empty((0, len(indices)), np.float32)], [np.empty((0, len(indices)), np.float32)]
+    for summary in recordings.summaries(session, recording.run_id, from_tick, to_tick):
+        low, high = np.split(unpack(summary.summary, len(recording.fields))[:, indices], 2)
+        begins = summary.first_tick + np.arange(len(low)) * BUCKET_TICKS
+        inside = (begins < to_tick) & (begins + BUCKET_TICKS > from_tick)
+        # A stored bucket that the slice cuts counts where the slice begins.
+        ticks.append(np.maximum(begins, from_tick)[inside])
+        lows.append(low[inside])
+        highs.append(high[inside])
+    return np.concatenate(ticks), np.concatenate(lows), np.concatenate(highs)
+
+
+def _gathered(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64], count: int) -> Table:
+    gathered = np.full((count, table.shape[1]), np.nan, np.float32)
+    if len(table):
+        starts = np.flatnonzero(np.diff(buckets, prepend=-1))
+        gathered[buckets[starts]] = extreme.reduceat(table, starts, axis=0)
+    return gathered

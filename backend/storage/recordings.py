@@ -1,0 +1,116 @@
+"""Recordings: the samples of a run in chunks of up to one second, each committed whole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sqlalchemy import ColumnElement, and_, func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import UnknownRecordError, require, to_record
+from backend.storage.runs import EndState
+from backend.storage.schema import ChunkRow, RecordingRow, RunRow
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was kept of a run: ``fields`` names the columns; ``missed`` ticks are lacking, ``problem`` says why."""
+
+    run_id: int
+    fields: list[str]
+    period_s: float
+    missed: int
+    problem: str
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Ticks ``first_tick`` to ``end_tick`` (exclusive), of which ``count`` are there."""
+
+    first_tick: int
+    end_tick: int
+    count: int
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive samples from ``first_tick`` on, and their summary, both packed by ``backend.recording.codec``."""
+
+    first_tick: int
+    count: int
+    summary: bytes
+    samples: bytes
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A chunk without its samples."""
+
+    first_tick: int
+    count: int
+    summary: bytes
+
+
+class NotRecordableError(ValueError):
+    """The run is over, or has its recording already."""
+
+
+def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> Recording:
+    """Open the recording of a running run. Raises UnknownRecordError, NotRecordableError."""
+    run = require(session, RunRow, run_id, "run")
+    if run.end_state != EndState.RUNNING or session.get(RecordingRow, run_id) is not None:
+        raise NotRecordableError(f"run {run_id} is over or recorded already: samples need a new run")
+    row = RecordingRow(run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="")
+    session.add(row)
+    session.flush()
+    return to_record(Recording, row)
+
+
+def add_chunk(session: Session, run_id: int, chunk: Chunk) -> None:
+    """Append a chunk to an open recording."""
+    session.add(ChunkRow(run_id=run_id, **chunk.__dict__))
+    session.flush()
+
+
+def add_gap(session: Session, run_id: int, missed: int, problem: str) -> None:
+    """Note that ticks are lacking, and why. Raises UnknownRecordError."""
+    row = require(session, RecordingRow, run_id, "recording of run")
+    row.missed += missed
+    row.problem = f"{row.problem}; {problem}" if row.problem else problem
+    session.flush()
+
+
+def get(session: Session, run_id: int) -> Recording:
+    """Return the recording of a run. Raises UnknownRecordError when nothing of it was recorded."""
+    return to_record(Recording, require(session, RecordingRow, run_id, "recording of run"))
+
+
+def extent(session: Session, run_id: int) -> Extent:
+    """Return the ticks a recording spans. Raises UnknownRecordError when nothing of the run was recorded."""
+    query = select(
+        func.min(ChunkRow.first_tick), func.max(ChunkRow.first_tick + ChunkRow.count), func.sum(ChunkRow.count)
+    ).where(ChunkRow.run_id == run_id)
+    first_tick, end_tick, count = session.execute(query).one()
+    if first_tick is None:
+        raise UnknownRecordError(f"there is no recording of run {run_id}")
+    return Extent(int(first_tick), int(end_tick), int(count))
+
+
+def chunks(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Chunk]:
+    """Yield the chunks that have ticks in [from_tick, to_tick), in order."""
+    columns = (ChunkRow.first_tick, ChunkRow.count, ChunkRow.summary, ChunkRow.samples)
+    query = select(*columns).where(_within(run_id, from_tick, to_tick)).order_by(ChunkRow.first_tick)
+    for row in session.execute(query.execution_options(yield_per=64)):
+        yield Chunk(*row)
+
+
+def summaries(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Summary]:
+    """Yield the summaries of the chunks that have ticks in [from_tick, to_tick), in order."""
+    columns = (ChunkRow.first_tick, ChunkRow.count, ChunkRow.summary)
+    query = select(*columns).where(_within(run_id, from_tick, to_tick)).order_by(ChunkRow.first_tick)
+    for row in session.execute(query.execution_options(yield_per=1024)):
+        yield Summary(*row)
+
+
+def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
+    end_tick = ChunkRow.first_tick + ChunkRow.count
+    return and_(ChunkRow.run_id == run_id, ChunkRow.first_tick < to_tick, end_tick > from_tick)

@@ -1,0 +1,22 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.loop.ring import Ring
+from backend.storage import Database, open_database
+from tests.recording.stand_in import Writer
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def writer() -> Iterator[Writer]:
+    ring = Ring.create(8192)
+    yield Writer(ring)
+    ring.close()

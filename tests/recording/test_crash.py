@@ -1,0 +1,69 @@
+"""A recorder killed while it writes loses nothing that was committed, and leaves nothing half-written."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from backend.loop.ring import Ring
+from backend.recording.reader import read_samples
+from backend.sample import INDEX
+from backend.storage import open_database, runs
+from backend.storage.runs import EndState
+from tests.recording.stand_in import Writer, new_run
+
+ROOT = Path(__file__).parents[2]
+STAND_IN = Path(__file__).with_name("recorder_stand_in.py")
+
+
+def test_killed_while_recording_loses_at_most_the_last_second(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    run = new_run(database)
+    writer = Writer(Ring.create(65536))
+    command = [sys.executable, str(STAND_IN), str(writer.ring.fd), str(tmp_path)]
+    recorder = subprocess.Popen(
+        command, pass_fds=[writer.ring.fd], stdout=subprocess.PIPE, text=True, env={"PYTHONPATH": str(ROOT)}
+    )
+    assert recorder.stdout is not None
+    recorder.stdout.readline()
+    rows = np.concatenate([writer.write(500, run.id) for _ in range(31)])
+    committed = 0
+    for line in recorder.stdout:
+        committed = int(line)
+        if committed >= 4000:
+            break
+    recorder.kill()
+    remaining, _ = recorder.communicate()
+    committed = max([committed, *map(int, remaining.split()[:-1])])
+    with database.session() as session:
+        samples = read_samples(session, run.id)
+        assert runs.close_interrupted(session) == [run.id]
+    kept = len(samples.t)
+    assert kept >= committed
+    np.testing.assert_array_equal(samples.columns["q"], rows[:kept, INDEX["q"]].astype(np.float32))
+    with database.reading() as session:
+        assert runs.get(session, run.id).end_state == EndState.SERVICE_DIED
+    database.close()
+    writer.ring.close()
+
+
+def test_a_drained_recorder_is_less_than_a_second_behind(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    run = new_run(database)
+    writer = Writer(Ring.create(65536))
+    command = [sys.executable, str(STAND_IN), str(writer.ring.fd), str(tmp_path)]
+    with subprocess.Popen(
+        command, pass_fds=[writer.ring.fd], stdout=subprocess.PIPE, text=True, env={"PYTHONPATH": str(ROOT)}
+    ) as recorder:
+        assert recorder.stdout is not None
+        recorder.stdout.readline()
+        writer.write(3999, run.id)
+        for line in recorder.stdout:
+            if int(line) > 2999:
+                break
+        recorder.kill()
+    with database.reading() as session:
+        assert len(read_samples(session, run.id).t) == 3000
+    database.close()
+    writer.ring.close()

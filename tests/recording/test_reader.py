@@ -1,0 +1,126 @@
+"""Slices and envelopes agree with what was written, drawn together by a plain loop."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from backend.loop.ring import Ring
+from backend.recording.reader import Envelope, UnknownSignalError, read_envelope, read_samples
+from backend.recording.recorder import Recorder
+from backend.sample import INDEX, STORED_NAMES
+from backend.storage import Database, open_database
+from backend.storage.records import UnknownRecordError
+from tests.recording.stand_in import Rows, Writer, new_run
+
+TICKS = 12_000
+
+
+class Recorded:
+    """A run whose samples 3000 to 4699 were lost."""
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self.run_id = new_run(database).id
+        writer = Writer(Ring.create(TICKS + 100))
+        recorder = Recorder(database, writer.ring)
+        writer.write(50)
+        head = writer.write(3000, self.run_id)
+        recorder.drain()
+        recorder._position += 1700
+        writer.write(1700, self.run_id)
+        tail = writer.write(TICKS - 4700, self.run_id)
+        writer.write(1)
+        recorder.close()
+        writer.ring.close()
+        self.rows: Rows = np.concatenate((head, tail))
+        self.ticks = self.rows[:, INDEX["tick"]].astype(int) - 50
+
+    def column(self, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+        return self.rows[:, INDEX[name]].astype(np.float32)
+
+    def envelope(self, points: int, from_s: float = 0.0, to_s: float = np.inf) -> Envelope:
+        with self.database.reading() as session:
+            return read_envelope(session, self.run_id, points, ["q", "S_true"], from_s, to_s)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    return Recorded(open_database(Path(tmp_path_factory.mktemp("reader"))))
+
+
+@given(a=st.integers(-500, TICKS + 500), b=st.integers(-500, TICKS + 500))
+@settings(max_examples=40, deadline=None)
+def test_a_slice_holds_exactly_the_samples_within(recorded: Recorded, a: int, b: int) -> None:
+    with recorded.database.reading() as session:
+        samples = read_samples(session, recorded.run_id, ["F_A"], a * 1e-3, b * 1e-3)
+    inside = (recorded.ticks >= a) & (recorded.ticks < b)
+    assert samples.first_tick == 50
+    np.testing.assert_allclose(samples.t, recorded.ticks[inside] * 1e-3, atol=1e-9)
+    np.testing.assert_array_equal(samples.columns["F_A"], recorded.column("F_A")[inside])
+
+
+@given(a=st.integers(0, TICKS), length=st.integers(1, TICKS), points=st.integers(1, 3000))
+@settings(max_examples=60, deadline=None)
+def test_envelope_bounds_the_samples_and_stands_still(recorded: Recorded, a: int, length: int, points: int) -> None:
+    b = min(a + length, TICKS)
+    envelope = recorded.envelope(points, a * 1e-3, b * 1e-3)
+    width = round(envelope.width_s / 1e-3)
+    assert len(envelope.t) <= points + 2
+    begins = np.rint(envelope.t / 1e-3).astype(int)
+    assert np.all(begins % width == 0)
+    q = recorded.column("q")
+    for begin, low, high in zip(begins, envelope.minimum["q"], envelope.maximum["q"], strict=True):
+        within = q[(recorded.ticks >= max(a, begin)) & (recorded.ticks < min(b, begin + width))]
+        around = q[(recorded.ticks >= begin) & (recorded.ticks < begin + width)]
+        if len(within):
+            assert around.min() <= low <= within.min()
+            assert around.max() >= high >= within.max()
+        else:
+            assert np.isnan(low) or low in around
+    assert np.all(np.isnan(envelope.minimum["S_true"]))
+
+
+@pytest.mark.parametrize("points", [1, 7, 240, 300, 5000, 100_000])
+def test_whole_envelope_is_the_plain_minimum_and_maximum(recorded: Recorded, points: int) -> None:
+    envelope = recorded.envelope(points)
+    width = round(envelope.width_s / 1e-3)
+    buckets = recorded.ticks // width
+    q = recorded.column("q")
+    for bucket, (low, high) in enumerate(zip(envelope.minimum["q"], envelope.maximum["q"], strict=True)):
+        values = q[buckets == bucket]
+        if len(values):
+            assert (low, high) == (values.min(), values.max())
+        else:
+            assert np.isnan(low)
+            assert np.isnan(high)
+
+
+def test_lost_samples_are_a_hole(recorded: Recorded) -> None:
+    envelope = recorded.envelope(240)
+    hole = (envelope.t > 3.0) & (envelope.t < 4.65)
+    assert np.all(np.isnan(envelope.minimum["q"][hole]))
+    assert not np.any(np.isnan(envelope.minimum["q"][(envelope.t < 2.9) | (envelope.t > 4.8)]))
+
+
+def test_no_names_means_all_signals(recorded: Recorded) -> None:
+    with recorded.database.reading() as session:
+        assert tuple(read_samples(session, recorded.run_id, to_s=0.01).columns) == STORED_NAMES
+
+
+def test_what_cannot_be_read_is_refused(recorded: Recorded) -> None:
+    with recorded.database.reading() as session:
+        with pytest.raises(UnknownSignalError, match=r"no signal Q.*mode, run, q"):
+            read_samples(session, recorded.run_id, ["Q"])
+        with pytest.raises(UnknownRecordError, match="recording of run 99"):
+            read_samples(session, 99)
+        with pytest.raises(ValueError, match="points = 0"):
+            read_envelope(session, recorded.run_id, 0)
+
+
+def test_a_run_without_samples_yet_has_no_recording(recorded: Recorded) -> None:
+    run = new_run(recorded.database)
+    with recorded.database.reading() as session, pytest.raises(UnknownRecordError, match=f"run {run.id}"):
+        read_samples(session, run.id)

@@ -1,0 +1,279 @@
+"""Every sample of a run is stored once, gaps are told, and runs end with the reason that the samples give."""
+
+import itertools
+import sqlite3
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sqlalchemy import event
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.access import LoopDied
+from backend.loop.commands import ProgramEnded
+from backend.loop.ring import Ring
+from backend.recording.codec import unpack
+from backend.recording.reader import read_samples
+from backend.recording.recorder import Recorder, RecordingError
+from backend.sample import INDEX, STORED_NAMES
+from backend.storage import Database, events, recordings
+from backend.storage.runs import EndState
+from tests.recording.stand_in import Writer, new_run, stored_run
+
+
+def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    with database.reading() as session:
+        samples = read_samples(session, run_id)
+    np.testing.assert_allclose(samples.first_tick + samples.t / 1e-3, rows[:, INDEX["tick"]], atol=1e-6)
+    assert set(samples.columns) == set(STORED_NAMES)
+    for name, column in samples.columns.items():
+        np.testing.assert_array_equal(column, rows[:, INDEX[name]].astype(np.float32), err_msg=name)
+
+
+@pytest.mark.parametrize("lengths", [(1,), (999,), (1000,), (1001,), (2500,), (300, 1700)])
+def test_all_samples_of_a_run_come_back(database: Database, writer: Writer, lengths: tuple[int, ...]) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(37)
+    written = []
+    for length in lengths:
+        written.append(writer.write(length, run.id))
+        recorder.drain()
+    writer.write(5)
+    recorder.drain()
+    assert_stored(database, run.id, np.concatenate(written))
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (EndState.COMPLETED, "")
+    with database.reading() as session:
+        assert recordings.get(session, run.id).missed == 0
+    recorder.close()
+
+
+def test_runs_that_follow_each_other_are_kept_apart(database: Database, writer: Writer) -> None:
+    first, second = new_run(database), new_run(database)
+    recorder = Recorder(database, writer.ring)
+    rows = [writer.write(450, first.id), writer.write(1200, second.id)]
+    recorder.drain()
+    assert stored_run(database, first.id).end_state == EndState.COMPLETED
+    assert stored_run(database, second.id).end_state == EndState.RUNNING
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, first.id, rows[0])
+    assert_stored(database, second.id, rows[1])
+
+
+@pytest.mark.parametrize(
+    ("fault", "end_state"),
+    [
+        (Fault.STOP_PRESSED, EndState.STOPPED),
+        (Fault.OPERATOR_LOST, EndState.LINK_LOST),
+        (Fault.SERVICE_LOST, EndState.SERVICE_DIED),
+        (Fault.FORCE_LIMIT, EndState.TRIPPED),
+        (Fault.SAFETY_MODULE, EndState.TRIPPED),
+    ],
+)
+def test_the_sample_after_a_run_says_why_it_ended(
+    database: Database, writer: Writer, fault: Fault, end_state: EndState
+) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(10, run.id)
+    writer.write(1, fault=FAULT_CODE[fault])
+    recorder.drain()
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (end_state, fault.value)
+
+
+@pytest.mark.parametrize("told", ["before", "between", "after"])
+def test_a_program_ended_early_is_stopped_whenever_that_is_told(database: Database, writer: Writer, told: str) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    ended_early = ProgramEnded(tick=10, run=run.id, completed=False)
+    if told == "before":
+        recorder.hear(ended_early)
+        recorder.drain()
+    writer.write(10, run.id)
+    recorder.drain()
+    if told == "between":
+        recorder.hear(ended_early)
+    writer.write(1)
+    recorder.drain()
+    if told == "after":
+        recorder.hear(ended_early)
+    recorder.drain()
+    assert stored_run(database, run.id).end_state == EndState.STOPPED
+
+
+def test_a_trip_stays_a_trip_although_its_program_ended_early(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(10, run.id)
+    recorder.hear(ProgramEnded(tick=10, run=run.id, completed=False))
+    writer.write(1, fault=FAULT_CODE[Fault.SLACK])
+    recorder.drain()
+    assert stored_run(database, run.id).end_state == EndState.TRIPPED
+
+
+def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    head = writer.write(1000, run.id)
+    recorder.drain()
+    writer.write(500, run.id)
+    tail = writer.write(writer.ring.capacity - 1, run.id)
+    recorder.drain()
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, run.id, np.concatenate((head, tail)))
+    with database.reading() as session:
+        recording = recordings.get(session, run.id)
+    assert recording.missed == 500
+    assert "500 samples from tick 1000 on were overwritten" in recording.problem
+
+
+def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(20)
+    recorder.drain()
+    writer.write(100, run.id)
+    writer.write(writer.ring.capacity - 1, run.id)
+    recorder.drain()
+    with database.reading() as session:
+        assert recordings.get(session, run.id).missed == 100
+
+
+def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    rows = writer.write(1234, run.id)
+    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.drain()
+    assert_stored(database, run.id, rows)
+    ended = stored_run(database, run.id)
+    assert ended.end_state == EndState.LINK_LOST
+    assert "SIGKILL" in ended.end_detail
+    successor = Writer(Ring.create(4096))
+    recorder.follow(successor.ring)
+    second = new_run(database)
+    rows = successor.write(50, second.id)
+    successor.write(1)
+    recorder.drain()
+    assert_stored(database, second.id, rows)
+    recorder.close()
+
+
+def test_closing_keeps_what_is_there_and_ends_the_run(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    rows = writer.write(1500, run.id)
+    recorder.close()
+    assert_stored(database, run.id, rows)
+    assert stored_run(database, run.id).end_state == EndState.STOPPED
+
+
+def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Database, writer: Writer) -> None:
+    recorder = Recorder(database, writer.ring)
+    writer.write(1500, run=99)
+    known = new_run(database)
+    rows = writer.write(10, known.id)
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, known.id, rows)
+    with database.reading() as session:
+        (told,) = events.find(session, kind="recording")
+    assert "run 99" in told.text
+
+
+def test_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    recorder.start()
+    rows = np.concatenate([writer.write(100, run.id) for _ in range(30)])
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, run.id, rows)
+    assert stored_run(database, run.id).end_state == EndState.COMPLETED
+
+
+class Hindrance:
+    """A pragma put on every connection: SQLite then refuses to write as on a full disk or a read-only file."""
+
+    def __init__(self, database: Database) -> None:
+        self.pragma = "PRAGMA query_only=OFF"
+        event.listen(database.engine, "checkout", lambda connection, *_: connection.execute(self.pragma))
+
+
+HINDRANCES = [
+    ("PRAGMA max_page_count=60", "PRAGMA max_page_count=1000000", "disk is full"),
+    ("PRAGMA query_only=ON", "PRAGMA query_only=OFF", "readonly"),
+]
+
+
+@pytest.mark.parametrize(("hinder", "relieve", "reason"), HINDRANCES)
+def test_a_database_that_takes_nothing_is_reported_and_tried_again(
+    database: Database, writer: Writer, hinder: str, relieve: str, reason: str
+) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    hindrance = Hindrance(database)
+    hindrance.pragma = hinder
+    rows = [writer.write(3000, run.id)]
+    recorder.drain()
+    assert reason in recorder.problem
+    assert "free space" in recorder.problem
+    rows.append(writer.write(2000, run.id))
+    recorder.drain()
+    assert recorder.problem
+    with database.reading() as session:
+        for chunk in recordings.chunks(session, run.id, 0, 10_000):
+            assert len(unpack(chunk.samples, len(STORED_NAMES))) == chunk.count == 1000
+    hindrance.pragma = relieve
+    recorder.drain()
+    assert recorder.problem == ""
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, run.id, np.concatenate(rows))
+
+
+def test_closing_on_a_database_that_takes_nothing_is_an_error(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(1500, run.id)
+    Hindrance(database).pragma = "PRAGMA query_only=ON"
+    with pytest.raises(RecordingError, match="readonly"):
+        recorder.close()
+    assert stored_run(database, run.id).end_state == EndState.RUNNING
+
+
+def test_locked_database_delays_nothing_but_the_storing(database: Database, writer: Writer, tmp_path: Path) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    rows = [writer.write(1000, run.id)]
+    other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None, check_same_thread=False)
+    other.execute("BEGIN IMMEDIATE")
+    draining = threading.Thread(target=recorder.drain)
+    draining.start()
+    rows.append(writer.write(1000, run.id))
+    other.execute("COMMIT")
+    other.close()
+    draining.join()
+    writer.write(1)
+    recorder.close()
+    assert_stored(database, run.id, np.concatenate(rows))
+
+
+def test_chunks_cover_the_run_without_overlap(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    for length in (1, 700, 1300, 999):
+        writer.write(length, run.id)
+        recorder.drain()
+    writer.write(1)
+    recorder.close()
+    with database.reading() as session:
+        chunks = list(recordings.chunks(session, run.id, 0, 10_000))
+    assert [chunk.count for chunk in chunks] == [1000, 1000, 1000]
+    ends = itertools.accumulate(chunk.count for chunk in chunks)
+    assert [chunk.first_tick for chunk in chunks] == [0, *list(ends)[:-1]]
