@@ -49,5 +49,13 @@ def gains_at(schedule: Schedule, active: float) -> tuple[i_p.Gains, i_p.Gains]:
     lower = int(active)
     upper = min(lower + 1, schedule.entries.shape[0] - 1)
     share = active - lower
-    mixed = (1.0 - share) * schedule.entries[lower] + share * schedule.entries[upper]
-    return i_p.Gains(mixed[1], mixed[2], mixed[3]), i_p.Gains(mixed[4], mixed[5], mixed[6])
+    low, high = schedule.entries[lower], schedule.entries[upper]
+    return (
+        i_p.Gains(_mix(low[1], high[1], share), _mix(low[2], high[2], share), _mix(low[3], high[3], share)),
+        i_p.Gains(_mix(low[4], high[4], share), _mix(low[5], high[5], share), _mix(low[6], high[6], share)),
+    )
+
+
+@compiled
+def _mix(low: float, high: float, share: float) -> float:
+    return (1.0 - share) * low + share * high

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers import cascade, decoupler, motors
-from plant.compiled import compiled
+from plant.compiled import compiled, compiled_run
 from plant.dynamics import Dynamics, PlantState
 from plant.interface import Measurement, MotorCommand
 from plant.joint import elongation_A, elongation_B
@@ -35,37 +35,58 @@ class Rig(NamedTuple):
     u_max: float
 
 
+class Inputs(NamedTuple):
+    """What acts on the closed loop in each tick.
+
+    ``q_ref`` [rad], ``S_ref`` [N·m/rad], ``F_push`` [N], each (ticks,); ``noise`` of the load cells (ticks, 2) [N].
+    """
+
+    q_ref: Array
+    S_ref: Array
+    F_push: Array
+    noise: Array
+
+
 @compiled
+def fill_delay_line(rig: Rig, x: PlantState, line: Array) -> None:
+    """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
+    for slot in range(DELAY_SLOTS):
+        sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
+
+
+@compiled
+def record(row: Array, m: Measurement, y: cascade.Output) -> None:
+    """Put a tick into its row (len(COLUMNS),)."""
+    row[0], row[1], row[2] = m.q, y.S, m.S_true
+    row[3], row[4] = m.theta_A, m.theta_B
+    row[5], row[6] = m.F_A, m.F_B
+    row[7], row[8] = y.u_A, y.u_B
+    row[9], row[10] = y.theta_A_ref, y.theta_B_ref
+    row[11], row[12] = y.q_ref_gov, y.S_ref_gov
+
+
+@compiled_run
 def simulate(
     rig: Rig,
     tuning: cascade.Tuning,
     x: PlantState,
     controller: cascade.State,
-    q_ref: Array,
-    S_ref: Array,
-    F_push: Array,
-    noise: Array,
+    inputs: Inputs,
+    line: Array,
     out: Array,
 ) -> tuple[PlantState, cascade.State, int]:
-    """Run the cascade on the simulated plant for len(q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
+    """Run the cascade on the simulated plant for len(inputs.q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
 
-    ``noise`` (ticks, 2) [N]. Returns the final states and the tick at which the safety module tripped (−1: never),
-    where the run ends.
+    ``line`` (2, DELAY_SLOTS) is the load cells' memory. Returns the final states and the tick at which the safety
+    module tripped (−1: never), where the run ends.
     """
-    line = np.zeros((2, DELAY_SLOTS))
-    for slot in range(DELAY_SLOTS):
-        sense(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
-    for k in range(q_ref.shape[0]):
-        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[k, 0], noise[k, 1], F_push[k], 0.0)
-        y, controller = cascade.step(tuning, controller, q_ref[k], S_ref[k], True, m)
-        row = out[k]
-        row[0], row[1], row[2] = m.q, y.S, m.S_true
-        row[3], row[4] = m.theta_A, m.theta_B
-        row[5], row[6] = m.F_A, m.F_B
-        row[7], row[8] = y.u_A, y.u_B
-        row[9], row[10] = y.theta_A_ref, y.theta_B_ref
-        row[11], row[12] = y.q_ref_gov, y.S_ref_gov
-        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push[k])
+    fill_delay_line(rig, x, line)
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        y, controller = cascade.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], True, m)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
         if exceeded(rig.plant, rig.bounds, x):
             return x, controller, k
     return x, controller, -1
@@ -135,13 +156,25 @@ def run(
     ``F_push`` (ticks,) [N] defaults to none. The same arguments give the same trajectory to the last bit.
     """
     rig = rig_of(parameters)
-    theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
+    x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
+    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
+    line, out = np.zeros((2, DELAY_SLOTS)), np.full((q_ref.size, len(COLUMNS)), np.nan)
+    _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
+    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
+
+
+def at_rest(rig: Rig, tuning: cascade.Tuning, q_ref: float, S_ref: float) -> tuple[PlantState, cascade.State]:
+    """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
+    theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
     m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
     inner = motors.at_rest(tuning.motors, theta_A, theta_B, u_A, u_B)
-    controller = cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m)
+    return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m)
+
+
+def inputs_of(
+    parameters: PlantParameters, q_ref: Array, S_ref: Array, F_push: Array | None = None, seed: int = 0
+) -> Inputs:
+    """Return references and push (ticks,) together with the load cell noise that the seed gives."""
     noise = parameters.sensors.force_noise * np.random.default_rng(seed).standard_normal((q_ref.size, 2))
-    out = np.full((q_ref.size, len(COLUMNS)), np.nan)
-    push = np.zeros(q_ref.size) if F_push is None else F_push
-    _, _, tripped_at = simulate(rig, tuning, x, controller, q_ref, S_ref, push, noise, out)
-    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
+    return Inputs(q_ref, S_ref, np.zeros(q_ref.size) if F_push is None else F_push, noise)
