@@ -30,13 +30,17 @@ def _cache_folder() -> Path:
 numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]  # numba fills this module at run time
 
 
+# A dictionary, because numba's own types leave out "_nrt": its runtime that allocates arrays and counts references.
+_STRICT: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+
+
 def compiled(function: _F) -> _F:
     """Compile with numba in strict IEEE arithmetic (division by zero gives inf, as in numpy), cached on disk.
 
     Without numba's reference counting: a function that allocates an array is refused when it is compiled, and passing
     a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
     """
-    return cast(_F, numba.njit(cache=True, error_model="numpy", _nrt=False)(function))
+    return cast(_F, numba.njit(**_STRICT)(function))
 
 
 def compiled_run(function: _F) -> _F:
@@ -44,4 +48,4 @@ def compiled_run(function: _F) -> _F:
 
     Not for what the tick calls: giving up and taking back Python's lock would let another thread delay the tick.
     """
-    return cast(_F, numba.njit(cache=True, error_model="numpy", _nrt=False, nogil=True)(function))
+    return cast(_F, numba.njit(nogil=True, **_STRICT)(function))
