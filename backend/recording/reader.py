@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy.orm import Session
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack
-from backend.storage import recordings
+from backend.storage import Session, recordings
 from backend.storage.recordings import Extent, Recording
 
 Column = NDArray[np.float32]

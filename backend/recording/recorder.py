@@ -11,8 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy.exc import SQLAlchemyError
-from sqlalchemy.orm import Session
 
 from backend.faults import FAULTS, Fault
 from backend.loop.access import LoopDied
@@ -20,7 +18,7 @@ from backend.loop.commands import Event, ProgramEnded
 from backend.loop.ring import Ring
 from backend.recording.codec import pack, summarise
 from backend.sample import INDEX, STORED_NAMES
-from backend.storage import Database, events, recordings, runs
+from backend.storage import Database, Session, StorageError, events, recordings, runs
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState
@@ -101,9 +99,8 @@ class Recorder:
     def _attempt(self, step: Callable[[], None]) -> None:
         try:
             step()
-        except SQLAlchemyError as error:
-            cause = getattr(error, "orig", None) or error
-            self._report(f"samples cannot be stored: {cause}; free space on the disk or make the database writable")
+        except StorageError as error:
+            self._report(f"samples cannot be stored: {error}; free space on the disk or make the database writable")
         except Exception as error:
             _LOG.exception("recording failed")
             self._report(f"samples cannot be stored: {error}")

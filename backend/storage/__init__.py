@@ -11,6 +11,8 @@ dataclasses::
 Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
 """
 
-from backend.storage.database import Database, open_database
+from sqlalchemy.orm import Session
 
-__all__ = ["Database", "open_database"]
+from backend.storage.database import Database, StorageError, open_database
+
+__all__ = ["Database", "Session", "StorageError", "open_database"]

@@ -9,11 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from backend.storage.migrate import upgrade
 
 FILE_NAME = "sinew.db"
+
+
+class StorageError(Exception):
+    """The database cannot be reached, read or written, or refuses what breaks its rules; the message is its own."""
 
 
 class Database:
@@ -28,15 +33,15 @@ class Database:
         """One writing transaction: committed at the end of the block, rolled back whole on any exception.
 
         On SQLite it takes the write lock at once (waiting up to 5 s): a transaction that first reads and then writes
-        would otherwise fail without waiting when another one wrote in between.
+        would otherwise fail without waiting when another one wrote in between. Raises StorageError.
         """
-        with Session(self.engine, expire_on_commit=False) as session, session.begin():
+        with _told(), Session(self.engine, expire_on_commit=False) as session, session.begin():
             yield session
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """One consistent snapshot to read from; waits for no writer and delays none."""
-        with Session(self._reading_engine) as session:
+        """One consistent snapshot to read from; waits for no writer and delays none. Raises StorageError."""
+        with _told(), Session(self._reading_engine) as session:
             yield session
 
     def close(self) -> None:
@@ -48,16 +53,26 @@ def open_database(data_dir: Path, url: str | None = None) -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
 
     ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``. Raises ``SchemaError`` when the database was
-    written by a newer version, sqlalchemy.exc.OperationalError when it cannot be reached.
+    written by a newer version, ``StorageError`` when it cannot be reached.
     """
     data_dir.mkdir(parents=True, exist_ok=True)
     engine = connect(url or sqlite_url(data_dir))
     try:
-        upgrade(engine)
+        with _told():
+            upgrade(engine)
     except BaseException:
         engine.dispose()
         raise
     return Database(engine)
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    try:
+        yield
+    except SQLAlchemyError as error:
+        # The driver's sentence; SQLAlchemy's own carries the statement with all its values.
+        raise StorageError(str(getattr(error, "orig", None) or error)) from error
 
 
 def sqlite_url(data_dir: Path) -> str:

@@ -93,20 +93,18 @@ def find(
     session: Session, *, kinds: Sequence[RunKind] = (), search: str = "", limit: int = 200, offset: int = 0
 ) -> list[Run]:
     """Return runs, newest first; ``search`` looks into number, kind, who, note, parameters' name and end state."""
-    query = select(RunRow).where(*_matching(kinds, search)).order_by(RunRow.id.desc()).limit(limit).offset(offset)
+    query = select(RunRow).where(*_conditions(kinds, search)).order_by(RunRow.id.desc()).limit(limit).offset(offset)
     return [to_record(Run, row) for row in session.scalars(query)]
 
 
 def count(session: Session, *, kinds: Sequence[RunKind] = (), search: str = "") -> int:
-    """Return how many runs ``find`` would give without a limit."""
-    return session.scalar(select(func.count()).select_from(RunRow).where(*_matching(kinds, search))) or 0
+    """Count the runs that ``find`` would return without a limit."""
+    return session.scalar(select(func.count()).select_from(RunRow).where(*_conditions(kinds, search))) or 0
 
 
-def _matching(kinds: Sequence[RunKind], search: str) -> list[ColumnElement[bool]]:
-    conditions = [_contains(word) for word in search.split()]
-    if kinds:
-        conditions.append(RunRow.kind.in_([kind.value for kind in kinds]))
-    return conditions
+def _conditions(kinds: Sequence[RunKind], search: str) -> list[ColumnElement[bool]]:
+    of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
+    return [*of_kind, *(_contains(word) for word in search.split())]
 
 
 def _contains(word: str) -> ColumnElement[bool]:
