@@ -11,8 +11,6 @@ dataclasses::
 Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
 """
 
-from sqlalchemy.orm import Session
-
-from backend.storage.database import Database, StorageError, open_database
+from backend.storage.database import Database, Session, StorageError, open_database
 
 __all__ = ["Database", "Session", "StorageError", "open_database"]

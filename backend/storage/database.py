@@ -14,6 +14,8 @@ from sqlalchemy.orm import Session
 
 from backend.storage.migrate import upgrade
 
+__all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
+
 FILE_NAME = "sinew.db"
 
 
