@@ -1,0 +1,82 @@
+"""What a person does at the dashboard, by the names that the page gives to its controls."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.service import Service
+
+MOTION_TIMEOUT_MS = 30_000
+"""Long enough for anything the loop does by itself, also on a machine that is busy with other things."""
+
+
+class Operator:
+    """One person, one page, one service."""
+
+    def __init__(self, page: Page, service: Service) -> None:
+        self.page = page
+        self.service = service
+
+    def sign_in(self) -> None:
+        """Open the sign-in link."""
+        self.page.goto(self.service.link)
+        expect(self.page.get_by_role("banner")).to_be_visible()
+
+    def go(self, name: str) -> None:
+        """Change the page by its link in the navigation."""
+        self.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
+        expect(self.page.get_by_role("heading", level=1, name=name)).to_be_attached()
+
+    def press(self, name: str) -> None:
+        """Press a button that may be pressed now."""
+        button = self.page.get_by_role("button", name=name, exact=True)
+        expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
+        button.click()
+
+    def bring_up(self) -> None:
+        """Pretension, unless it is held already, then run."""
+        self.go("Operate")
+        if self.page.get_by_role("status", name="Mode", exact=True).inner_text() != "pretension":
+            self.press("Pretension")
+        self.press("Run")
+        self.expect_mode("run")
+
+    def expect_mode(self, mode: str, timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
+        """Wait for the mode in the header."""
+        expect(self.page.get_by_role("status", name="Mode", exact=True)).to_have_text(mode, timeout=timeout_ms)
+
+    def fill(self, label: str, value: float) -> None:
+        """Type a value into a box."""
+        self.page.get_by_role("textbox", name=label, exact=True).fill(f"{value:g}")
+
+    def enter(self, label: str, value: float) -> None:
+        """Type a value into a number box and send it."""
+        self.fill(label, value)
+        self.page.get_by_role("textbox", name=label, exact=True).press("Enter")
+
+    def wait(self, condition: Callable[[], bool], timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
+        """Look again with each new animation frame until the condition holds."""
+        deadline = time.monotonic() + timeout_ms / 1000
+        while not condition():
+            assert time.monotonic() < deadline, "what was waited for did not happen"
+            self.page.evaluate("new Promise(requestAnimationFrame)")
+
+    def legend(self, figure: str, signal: str) -> Locator:
+        """Entry of a signal in the legend of a chart, with its newest value."""
+        return self.page.get_by_role("figure", name=figure, exact=True).get_by_role("button", name=signal, exact=True)
+
+    def reading(self, figure: str, signal: str) -> float:
+        """Newest value of a signal as the chart's legend shows it."""
+        return float(self.legend(figure, signal).inner_text().split()[-1].replace("\u2212", "-"))
+
+    def picture(self, figure: str) -> bytes:
+        """A chart as it looks now."""
+        return self.page.get_by_role("figure", name=figure, exact=True).locator("canvas").first.screenshot()
+
+    def download(self, link: str) -> Path:
+        """Follow a download link to its end."""
+        with self.page.expect_download() as download:
+            self.page.get_by_role("link", name=link, exact=True).click()
+        return download.value.path()

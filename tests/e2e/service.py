@@ -1,0 +1,63 @@
+"""The real service for browser tests: own process, own loop process, own data folder, own port."""
+
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+LINK = re.compile(r"(http://127\.0\.0\.1:\d+)/\?token=[\w-]+")
+END_TIMEOUT_S = 30
+
+
+@dataclass(frozen=True)
+class Service:
+    """A running service: where it answers, the sign-in link it printed, its data folder, what it said."""
+
+    url: str
+    link: str
+    data: Path
+    log: Path
+
+
+@contextmanager
+def running_service(data: Path, params: str = "lab") -> Iterator[Service]:
+    """Start ``sinew serve`` on the simulator and wait for its sign-in link; end it as Ctrl+C does."""
+    data.mkdir(parents=True, exist_ok=True)
+    log = data / "service.log"
+    command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", "simulator", "--params", params]
+    command += ["--port", "0", "--data", str(data)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        found = _read_until_link(process, log)
+        yield Service(found[1], found[0], data, log)
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(END_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+
+
+def _read_until_link(process: subprocess.Popen[str], log: Path) -> re.Match[str]:
+    """Return the sign-in link; a thread goes on copying what the service says into its log."""
+    assert process.stdout is not None
+    with log.open("a", encoding="utf-8") as kept:
+        for line in process.stdout:
+            kept.write(line)
+            if found := LINK.search(line):
+                threading.Thread(target=_copy, args=(process, log), daemon=True).start()
+                return found
+    raise AssertionError(f"the service ended before it printed a sign-in link:\n{log.read_text(encoding='utf-8')}")
+
+
+def _copy(process: subprocess.Popen[str], log: Path) -> None:
+    assert process.stdout is not None
+    with log.open("a", encoding="utf-8") as kept:
+        for line in process.stdout:
+            kept.write(line)

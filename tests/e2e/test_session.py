@@ -1,0 +1,129 @@
+"""The whole job as a person does it, in real time: sign in, move, tune, identify, build a bank, track, report, STOP."""
+
+import io
+
+import pytest
+from playwright.sync_api import expect
+from pypdf import PdfReader
+
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+IDENTIFICATION_TIMEOUT_MS = 90_000
+TRACKING_TIMEOUT_MS = 150_000
+
+
+def test_a_session_from_the_sign_in_link_to_stop(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    assert "token" not in page.url
+    expect(page.get_by_role("img", name="Simulator", exact=True)).to_be_visible()
+    operator.expect_mode("off")
+
+    operator.bring_up()
+    see_curves_move(operator)
+    step_the_joint(operator)
+    move_lambda(operator)
+    run = identify(operator)
+    build_and_activate_a_bank(operator, run)
+    track(operator)
+    check_the_report(operator)
+    press_stop(operator)
+
+
+def see_curves_move(operator: Operator) -> None:
+    """The charts scroll: the same stretch of paper does not show the same picture a moment later."""
+    before = operator.picture("Joint position")
+    for figure in ("Joint stiffness", "Tendon force", "Motor voltage"):
+        expect(operator.page.get_by_role("figure", name=figure, exact=True).locator("canvas").first).to_be_visible()
+    operator.wait(lambda: operator.picture("Joint position") != before)
+    assert operator.reading("Tendon force", "F_A") > 4.0
+    assert operator.reading("Tendon force", "F_B") > 4.0
+
+
+def step_the_joint(operator: Operator) -> None:
+    operator.enter("q_ref value [deg]", 20.0)
+    operator.wait(lambda: operator.reading("Joint position", "q") == pytest.approx(20.0, abs=0.2))
+    assert operator.reading("Joint position", "q_ref") == pytest.approx(20.0, abs=0.01)
+
+
+def move_lambda(operator: Operator) -> None:
+    page = operator.page
+    before = operator.reading("Joint position", "q")
+    operator.enter("λ_q value [s]", 0.45)
+    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("M_s")
+    page.reload()
+    box = page.get_by_role("textbox", name="λ_q value [s]", exact=True)
+    expect(box).to_have_value("0.450", timeout=MOTION_TIMEOUT_MS)
+    operator.wait(lambda: operator.reading("Joint position", "q") == pytest.approx(before, abs=0.1))
+
+
+def identify(operator: Operator) -> str:
+    """One short identification at 20 N; returns the name of the run."""
+    page = operator.page
+    operator.go("Identify")
+    operator.fill("Register bits", 6)
+    prediction = page.get_by_role("status", name="Prediction", exact=True)
+    expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
+    operator.press("Start identification")
+    expect(page.get_by_role("progressbar", name="Task progress", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    result = page.get_by_role("region", name="Result", exact=True)
+    expect(result).to_contain_text("G_q", timeout=IDENTIFICATION_TIMEOUT_MS)
+    expect(result).to_contain_text("G_S")
+    link = page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first
+    return link.inner_text()
+
+
+def build_and_activate_a_bank(operator: Operator, run: str) -> None:
+    page = operator.page
+    page.get_by_role("checkbox", name=f"Use {run.lower()}", exact=True).check()
+    page.get_by_role("textbox", name="Bank name", exact=True).fill("bench")
+    operator.press("Build bank")
+    expect(page.get_by_role("link", name="bench v1", exact=True)).to_be_visible()
+    operator.go("Banks")
+    operator.press("Activate bench v1")
+    row = page.get_by_role("table", name="Banks", exact=True).get_by_role("row").filter(has_text="bench v1")
+    expect(row).to_contain_text("active")
+    entries = page.get_by_role("table", name="Entries", exact=True)
+    expect(entries.get_by_role("link", name="Identification")).to_have_count(1)
+
+
+def track(operator: Operator) -> None:
+    """Tracking with shorter holds than the paper's; every criterion is met all the same."""
+    page = operator.page
+    operator.go("Experiments")
+    operator.fill("Time each position reference is held [s]", 3)
+    operator.fill("Time each stiffness reference is held [s]", 3)
+    page.get_by_role("button", name="Start tracking").click()
+    operator.expect_mode("experiment")
+    criteria = page.get_by_role("table", name="Criteria", exact=True)
+    expect(criteria).to_be_visible(timeout=TRACKING_TIMEOUT_MS)
+    expect(criteria).to_contain_text("pass")
+    expect(criteria).not_to_contain_text("fail")
+
+
+def check_the_report(operator: Operator) -> None:
+    content = operator.download("Report (PDF)").read_bytes()
+    assert content.startswith(b"%PDF-")
+    reader = PdfReader(io.BytesIO(content))
+    assert len(reader.pages) >= 2
+    text = "\n".join(page.extract_text() for page in reader.pages)
+    for expected in ("Tracking", "lab", "bench", "Overshoot"):
+        assert expected.lower() in text.lower(), f"the report does not mention {expected}"
+    header = operator.download("Data (CSV)").read_text(encoding="utf-8").splitlines()[0]
+    assert header.startswith("t,q,q_ref,S,S_ref,theta_A,theta_B,F_A,F_B,u_A,u_B")
+
+
+def press_stop(operator: Operator) -> None:
+    """STOP says in which tick the outputs were at zero, and stays latched until it is acknowledged."""
+    page = operator.page
+    operator.bring_up()
+    page.get_by_role("button", name="STOP", exact=True).click()
+    expect(page.get_by_role("status", name="Stop result", exact=True)).to_contain_text("Zero volts in")
+    operator.expect_mode("tripped")
+    expect(page.get_by_role("alert", name="Fault", exact=True)).to_contain_text("STOP was pressed")
+    operator.wait(lambda: operator.reading("Motor voltage", "u_A") == 0.0)
+    assert operator.reading("Motor voltage", "u_B") == 0.0
+    page.reload()
+    operator.expect_mode("tripped")
+    page.get_by_role("button", name="Reset", exact=True).click()
+    operator.expect_mode("off")
