@@ -1,11 +1,15 @@
 """The FastAPI application: routes, refusals, documentation."""
 
-from fastapi import FastAPI
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+
+from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
 
 from backend import __version__
 from backend.api import errors
-from backend.api.routes import experiments, identifications, operate, runs, session, tuning
+from backend.api.routes import experiments, identifications, operate, runs, session, site, stream, tuning
+from backend.api.security import Guard
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "
@@ -13,9 +17,18 @@ DESCRIPTION = (
     "Live samples come over the websocket `/api/live`."
 )
 
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
-def create_app() -> FastAPI:
-    """Build the application without starting anything; ``app.state`` receives the gate and the service."""
+
+@asynccontextmanager
+async def _nothing(_app: FastAPI) -> AsyncIterator[None]:
+    yield
+
+
+def create_app(
+    lifespan: Lifespan = _nothing, further_routes: Iterable[APIRouter] = (), allowed_hosts: Iterable[str] = ()
+) -> FastAPI:
+    """Build the application; ``lifespan`` gives ``app.state`` its gate and its service."""
     app = FastAPI(
         title="Sinew",
         version=__version__,
@@ -23,12 +36,17 @@ def create_app() -> FastAPI:
         openapi_url="/api/openapi.json",
         docs_url=None,
         redoc_url=None,
+        lifespan=lifespan,
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
     )
     for part in (session, operate, tuning, identifications, experiments, runs):
         app.include_router(part.router, responses=errors.RESPONSES)
+    for router in (stream.router, *further_routes, site.router):
+        app.include_router(router)
+    site.mount_static(app)
     errors.install(app)
+    app.add_middleware(Guard, allowed_hosts=tuple(allowed_hosts))
     return app
 
 

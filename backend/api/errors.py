@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -11,7 +11,16 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from backend.api.schemas.base import UNITS, Problem, Refusal
+from backend.experiments.bank_building import BankError
+from backend.experiments.playing import BenchNotReadyError
+from backend.experiments.settings import SettingError
+from backend.loop.access import LoopDiedError
+from backend.loop.mode import LEGAL
+from backend.recording.reader import UnknownSignalError
 from backend.refusal import OutOfRangeError
+from backend.storage import StorageError
+from backend.storage.records import UnknownRecordError
+from backend.tuning.formulas import TuningError
 
 _log = logging.getLogger(__name__)
 
@@ -43,6 +52,17 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 """The refusals that any route may answer with, for the documentation."""
 
 
+_STATUS: dict[type[Exception], int] = {
+    UnknownRecordError: 404,
+    BankError: 422,
+    TuningError: 422,
+    UnknownSignalError: 422,
+    LoopDiedError: 503,
+    StorageError: 503,
+}
+"""Refusals of the parts below whose message says everything."""
+
+
 class ApiError(Exception):
     """A refusal with its HTTP status; ``legal`` lists what would be accepted."""
 
@@ -72,6 +92,25 @@ def install(app: FastAPI) -> None:
     async def out_of_range(_request: Request, error: OutOfRangeError) -> JSONResponse:
         return _answer(422, problem_of(error))
 
+    @app.exception_handler(SettingError)
+    async def setting_refused(_request: Request, error: SettingError) -> JSONResponse:
+        problem = Problem(
+            code="bad_setting",
+            message=str(error),
+            quantity=error.quantity,
+            value=_plain(error.value),
+            unit=error.unit or None,
+            legal=list(error.legal) or None,
+        )
+        return _answer(422, problem)
+
+    @app.exception_handler(BenchNotReadyError)
+    async def not_ready(_request: Request, error: BenchNotReadyError) -> JSONResponse:
+        return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
+
+    for kind, status in _STATUS.items():
+        app.add_exception_handler(kind, _plain_handler(status))
+
     @app.exception_handler(RequestValidationError)
     async def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
         return _answer(422, _first_problem(error))
@@ -85,6 +124,13 @@ def install(app: FastAPI) -> None:
     async def unexpected(request: Request, error: Exception) -> JSONResponse:
         _log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
         return _answer(500, Problem(code="internal_error", message="the service failed on this request; see its log"))
+
+
+def _plain_handler(status: int) -> Callable[[Request, Exception], Awaitable[JSONResponse]]:
+    async def handle(_request: Request, error: Exception) -> JSONResponse:
+        return _answer(status, Problem(code=_CODES[status], message=str(error)))
+
+    return handle
 
 
 def problem_of(error: OutOfRangeError) -> Problem:

@@ -1,10 +1,16 @@
 """The parts of a running service that routes call."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
+
+from backend.api.bench import Bench
+from backend.api.downloads import Downloads
+from backend.api.library import Library
+from backend.api.live import LiveStream
+from backend.api.tasks import Tasks
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -13,9 +19,11 @@ RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the datab
 class Service:
     """What the routes act on."""
 
-    bench: Any
-    tasks: Any
-    library: Any
+    bench: Bench
+    tasks: Tasks
+    library: Library
+    downloads: Downloads
+    live: LiveStream
 
 
 def service_of(connection: HTTPConnection) -> Service:

@@ -3,6 +3,8 @@
 import threading
 import time
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 
 import numpy as np
 import viser
@@ -26,7 +28,8 @@ class SceneMirror:
         self._newest = newest
         self._geometry = parameters.geometry
         self._spring = parameters.nominal_spring
-        self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        with redirect_stdout(StringIO()):  # it would print its address, which is nobody's business
+            self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._stage = Stage(self._server, self._geometry.r_j, self._geometry.r_m)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
@@ -41,7 +44,8 @@ class SceneMirror:
         """Stop the thread and the server."""
         self._ending.set()
         self._thread.join(timeout=2.0)
-        self._server.stop()
+        with redirect_stdout(StringIO()):
+            self._server.stop()
 
     def step(self) -> None:
         """Show the newest sample."""

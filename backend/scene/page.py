@@ -9,9 +9,16 @@ POLICY = (
 """Content-Security-Policy of the scene's page: one self-contained file with inline scripts."""
 
 # Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
-# dashboard's business, and the dashboard's own background, light or dark, is to show through.
+# dashboard's business, and the dashboard's background is to show through, so the client follows its light or dark: it
+# reads that from its address, once.
 _HEAD = """<head>
-<script>document.hasFocus = () => true</script>
+<script>
+  document.hasFocus = () => true
+  const dashboard = parent.document.documentElement, scheme = "data-mantine-color-scheme"
+  const dark = () => dashboard.getAttribute(scheme) === "dark"
+  history.replaceState(null, "", dark() ? "?hideViserLogo&darkMode" : "?hideViserLogo")
+  if (parent !== window) new MutationObserver(() => location.reload()).observe(dashboard, { attributeFilter: [scheme] })
+</script>
 <style>
   .mantine-Paper-root, .mantine-Notifications-root { display: none !important }
   html, body, #root div { background-color: transparent !important }

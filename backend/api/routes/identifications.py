@@ -63,5 +63,5 @@ async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankV
 @router.post("/banks/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: Operator) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    await service.bench.activate_bank(id, person.name)
+    await service.bench.use_bank(await service.library.stored_bank(id), person.name)
     return await service.library.bank(id)

@@ -12,7 +12,7 @@ router = APIRouter(prefix="/api", tags=["operate"])
 @router.get("/state")
 async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
     """Return everything the status line and the controls show."""
-    return service.bench.state()
+    return service.bench.picture.state()
 
 
 @router.post("/stop")

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Response
 from backend.api.auth import Operator, SignedIn
 from backend.api.schemas.base import Finite
 from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
+from backend.api.security import DOCUMENT_POLICY
 from backend.api.service import RowId, ServiceInUse
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
@@ -72,14 +73,14 @@ async def get_samples(
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
 async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return the report of a run as one self-contained page."""
-    report = await service.library.report_html(id)
-    return Response(report, media_type="text/html; charset=utf-8")
+    report = await service.downloads.report_html(id)
+    return Response(report, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
 
 
 @router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return the report of a run as PDF."""
-    return _download(await service.library.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
+    return _download(await service.downloads.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
 
 
 @router.get(
@@ -89,7 +90,7 @@ async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) ->
 )
 async def get_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return all samples of a run as CSV, Parquet or MATLAB file; SI units, columns named as in the notation."""
-    return _download(await service.library.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+    return _download(await service.downloads.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
 def _download(content: bytes, media_type: str, name: str) -> Response:

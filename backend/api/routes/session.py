@@ -12,7 +12,7 @@ router = APIRouter(prefix="/api", tags=["session"])
 @router.get("/health")
 async def get_health(service: ServiceInUse) -> Health:
     """Tell whether the loop is alive; open to all, without secrets."""
-    return service.bench.health()
+    return service.bench.picture.health()
 
 
 @router.get("/session")

@@ -15,7 +15,8 @@ router = APIRouter(prefix="/api/tuning", tags=["tuning"])
 @router.get("")
 async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
     """Return the tuning in force and its ranges."""
-    return service.bench.tuning_view()
+    picture = service.bench.picture
+    return picture.tuning.view(picture.entry)
 
 
 @router.put("")

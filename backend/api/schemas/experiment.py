@@ -60,9 +60,9 @@ class Criterion(Schema):
     label: str
     value: float | None
     bound: float
-    relation: str = Field(description="'<=' or '>='")
+    relation: str = Field(description="'<' or '>'")
     unit: str
-    passed: bool
+    passed: bool | None = Field(description="null when the run gives no figure to judge by")
 
 
 class ExperimentView(Schema):

@@ -1,22 +1,32 @@
 """Identification runs: what to do, what to expect of it, what came out; banks built from them."""
 
 from datetime import datetime
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.experiment import SettingValue
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.settings import describe
+
+
+def _declared(name: str) -> Any:
+    """Return the field of a setting that the plan declares, with its bounds."""
+    setting = next(setting for setting in describe(ActuatorIdentificationPlan) if setting.name == name)
+    bounds = {"ge": setting.minimum, "le": setting.maximum}
+    return quantity(setting.unit, setting.meaning, default=setting.default, **bounds)
 
 
 class IdentificationRequest(Schema):
     """The closed-loop experiment of method section 4 at one tension."""
 
     kind: Literal["actuator"] = "actuator"
-    tension_N: float = quantity("N", "tendon tension held during the run", ge=5.0, le=45.0)
-    amplitude_rad: float = quantity("rad", "amplitude of the PRBS on θ_A,ref, either way", default=1.0, gt=0.0, le=2.0)
-    chip_s: float = quantity("s", "length of one chip of the PRBS", default=0.080, ge=0.001, le=1.0)
-    bits: int = Field(default=7, ge=3, le=16, description="length of the shift register")
-    periods: int = Field(default=2, ge=1, le=20, description="how many whole sequences")
+    tension_N: float = _declared("tension_N")
+    amplitude_rad: float = _declared("amplitude_rad")
+    chip_s: float = _declared("chip_s")
+    bits: int = _declared("bits")
+    periods: int = _declared("periods")
 
 
 class Prediction(Schema):
@@ -62,7 +72,7 @@ class IdentificationView(Schema):
     progress: float = Field(ge=0.0, le=1.0)
     tension_N: float
     S_nominal: float | None = quantity("N·m/rad", "stiffness at which the run was held")
-    settings: dict[str, float | int | str]
+    settings: dict[str, SettingValue]
     G_q: ModelView | None
     G_S: ModelView | None
     message: str
@@ -84,8 +94,8 @@ class BankRequest(Schema):
 class BankEntryView(Schema):
     """One point of a bank and the identification it came from."""
 
-    identification: int
-    tension_N: float = quantity("N", "tendon tension of the point")
+    identification: int | None = Field(description="identification run it came from; null for an imported entry")
+    tension_N: float | None = quantity("N", "tendon tension of the point")
     S_nominal: float = quantity("N·m/rad", "stiffness of the point")
     K_q: float
     T_q: float = quantity("s", "time constant of G_q")

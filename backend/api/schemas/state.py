@@ -112,3 +112,4 @@ class State(Schema):
     holder: HolderView | None
     task: TaskView | None
     recording_run: int | None = Field(description="run that the samples belong to at present")
+    problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")

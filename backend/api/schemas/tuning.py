@@ -46,9 +46,11 @@ class LoopPreview(Schema):
     lam_min: float = quantity("s", "where the safe range begins")
     lam_max: float = quantity("s", "where the offered range ends")
     stable: bool
-    M_s: float | None = Field(description="maximum of the sensitivity function; None when unstable")
-    gain_margin: float | None = Field(description="factor of gain left before instability; None when unstable")
-    phase_margin_deg: float | None = quantity("deg", "phase left before instability; None when unstable")
+    M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
+    gain_margin: float | None = Field(
+        description="factor of gain left before instability; null when unstable or unlimited"
+    )
+    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
     t: list[float] = quantity("s", "time of the predicted unit step")
     y: list[float] = Field(description="predicted response to a unit reference step [1]")
 
@@ -58,3 +60,5 @@ class TuningPreview(Schema):
 
     position: LoopPreview
     stiffness: LoopPreview
+    u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")
+    F_min_N: float = quantity("N", "least tendon tension of that step")

@@ -1,0 +1,212 @@
+"""The one actuator and what may be asked of it.
+
+Every command goes to the loop and is in force only once the loop has accepted it. STOP waits for nothing else.
+"""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from backend.api.errors import ApiError
+from backend.api.journal import Journal
+from backend.api.picture import F_PUSH_MAX, Picture, described, proof_of
+from backend.api.schemas.live import MarkKind
+from backend.api.schemas.state import Push, References, State, StopProof
+from backend.api.schemas.tuning import TuningPreview, TuningRequest, TuningView
+from backend.api.session_runs import RECORDED, SessionRuns
+from backend.api.tuning_in_use import TuningInUse
+from backend.experiments.loop_settings import LoopSettings
+from backend.faults import Fault
+from backend.loop import commands
+from backend.loop.access import LoopDied, LoopDiedError
+from backend.loop.commands import Accepted, Command, Event, ModeChanged, PretensionReached, Refused, Stopped
+from backend.loop.mode import LEGAL, Mode
+from backend.loop.ring import Ring
+from backend.loop.supervisor import Supervisor
+from backend.refusal import require_within
+from backend.storage.banks import Bank
+
+STOP_PROOF_S = 1.0
+"""How long a stop may take to be confirmed; the loop itself takes two ticks."""
+
+_SHOWN_S = 0.2
+
+
+class Bench:
+    """Commands to the actuator. All methods belong to the service's event loop.
+
+    ``on_new_ring`` is told the ring of a loop process that was started anew.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        picture: Picture,
+        session_runs: SessionRuns,
+        journal: Journal,
+        on_new_ring: Callable[[Ring], None],
+    ) -> None:
+        self.picture = picture
+        self._supervisor = supervisor
+        self._session_runs = session_runs
+        self._journal = journal
+        self._on_new_ring = on_new_ring
+        self._stop_waiters: list[asyncio.Future[Stopped]] = []
+        self._changed: list[Callable[[], None]] = []
+        self._turn = asyncio.Lock()
+        supervisor.listen(self._hear)
+
+    def on_change(self, changed: Callable[[], None]) -> None:
+        """Call ``changed`` when the state is worth telling at once."""
+        self._changed.append(changed)
+
+    def changed(self) -> None:
+        """Tell that the state has changed."""
+        for changed in self._changed:
+            changed()
+
+    async def stop(self, who: str) -> StopProof:
+        """Stop hard and wait for the proof. Raises ApiError 503 when the loop does not give it."""
+        waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+        self._stop_waiters.append(waiter)
+        try:
+            await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
+            stopped = await asyncio.wait_for(waiter, STOP_PROOF_S)
+        except TimeoutError:
+            raise ApiError(503, "the loop has not confirmed zero volts: use the e-stop at the rig") from None
+        finally:
+            self._stop_waiters.remove(waiter)
+        self._journal.note(MarkKind.FAULT, "STOP", stopped.arrived_tick, who)
+        return proof_of(stopped)
+
+    async def reset(self, who: str) -> State:
+        """Clear the latched fault after its cause is gone; start the loop process anew if it has died."""
+        async with self._turn:
+            if self._supervisor.alive:
+                accepted = await self._command(commands.Reset())
+                self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
+            else:
+                await self._supervisor.restart()
+                self._on_new_ring(self._supervisor.ring)
+                self.picture.starts += 1
+                self._journal.note(MarkKind.FAULT, "loop started again", 0, who)
+        self.picture.forget_stop()
+        return await self._state_once(lambda: self.picture.fault is Fault.NONE)
+
+    async def set_mode(self, mode: Mode, who: str) -> State:
+        """Move to another mode; one in which a person moves the joint is recorded as a session."""
+        async with self._turn:
+            self._require_legal(mode)
+            if mode in RECORDED:
+                run = await self._session_runs.begin(mode, self.picture.tuning, who)
+                try:
+                    await self._command(commands.SetMode(mode, run))
+                except BaseException:
+                    await self._session_runs.abandon(run)
+                    raise
+            else:
+                await self._command(commands.SetMode(mode))
+        return await self._state_once(lambda: self.picture.mode is mode)
+
+    async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
+        """Set the references of the cascade. Raises OutOfRangeError."""
+        b = self.picture.bounds
+        require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
+        require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        accepted = await self._command(commands.SetReferences(q_ref, S_ref))
+        text = f"q_ref {q_ref:.3f} rad, S_ref {S_ref:.2f} N·m/rad"
+        self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
+        self.changed()
+        return References(q_ref=q_ref, S_ref=S_ref)
+
+    async def push(self, F_push: float, who: str) -> Push:
+        """Push the joint from outside, where the plant can. Raises OutOfRangeError."""
+        require_within("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        accepted = await self._command(commands.Push(F_push))
+        self._journal.note(MarkKind.NOTE, f"push {F_push:.1f} N", accepted.tick, who)
+        return Push(F_push=F_push)
+
+    async def set_tuning(self, request: TuningRequest, who: str) -> TuningView:
+        """Change λ while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        async with self._turn:
+            before = self.picture.tuning
+            after = await asyncio.to_thread(before.changed, request)
+            tick = await self._put_in_force(after)
+            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+        return after.view(self.picture.entry)
+
+    async def use_bank(self, bank: Bank, who: str) -> None:
+        """Use the models of a bank from now on. Raises OutOfRangeError when λ in force is not safe on them."""
+        async with self._turn:
+            tick = await self._put_in_force(await asyncio.to_thread(self.picture.tuning.with_bank, bank))
+            self._journal.note(MarkKind.BANK, f"bank {bank.name}, version {bank.version}", tick, who)
+
+    async def use_settings(self, settings: LoopSettings, bank: Bank | None, who: str) -> None:
+        """Put in force what an experiment asks for. Raises OutOfRangeError; nothing changes then."""
+        async with self._turn:
+            before = self.picture.tuning
+            after = await asyncio.to_thread(before.with_settings, settings, bank)
+            tick = await self._put_in_force(after)
+            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+
+    async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
+        """Predict what λ would do at the active entry of the bank."""
+        return await asyncio.to_thread(self.picture.tuning.preview, lam_q, lam_S, round(self.picture.entry))
+
+    async def _put_in_force(self, tuning: TuningInUse) -> int:
+        task = self.picture.task
+        if task is not None:
+            raise ApiError(409, f"{task.kind} is running and its tuning is part of its record: stop it first")
+        command = tuning.command()
+        accepted = await self._command(command)
+        self.picture.tuning = tuning
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=command)
+        self.changed()
+        return accepted.tick
+
+    async def _command(self, command: Command) -> Accepted:
+        answer = await self._supervisor.send(command)
+        if isinstance(answer, Refused):
+            raise ApiError(409, answer.reason, code="refused", legal=[str(mode) for mode in answer.legal] or None)
+        return answer
+
+    async def _state_once(self, reached: Callable[[], bool]) -> State:
+        """Return the state as soon as the samples show what was accepted, a moment later at most."""
+        with suppress(TimeoutError, LoopDiedError):
+            await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
+        self.changed()
+        return self.picture.state()
+
+    def _require_legal(self, wanted: Mode) -> None:
+        mode = self.picture.mode
+        legal = self.picture.legal(mode)
+        if wanted in legal or not self._supervisor.alive:  # a dead loop gives its own answer
+            return
+        if mode is Mode.TRIPPED:
+            reason = "a fault is latched: reset it first"
+        elif wanted in LEGAL[mode]:
+            reason = f"{wanted} has to wait until both tendons hold the pretension"
+        else:
+            reason = f"{mode} cannot go to {wanted}"
+        names = [str(choice) for choice in legal]
+        raise ApiError(409, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names)
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        self.picture.hear(event)
+        match event:
+            case ModeChanged(tick, before, after):
+                self._journal.note(MarkKind.MODE, f"{before} → {after}", tick)
+            case PretensionReached(tick):
+                self._journal.note(MarkKind.MODE, "pretension reached", tick)
+            case Stopped():
+                if event.fault is not Fault.STOP_PRESSED:
+                    self._journal.note(MarkKind.FAULT, described(event), event.arrived_tick)
+                for waiter in self._stop_waiters:
+                    if not waiter.done():
+                        waiter.set_result(event)
+            case LoopDied(reason):
+                self._journal.note(MarkKind.FAULT, f"the control loop died: {reason}", self.picture.tick)
+            case _:
+                return
+        self.changed()

@@ -1,0 +1,94 @@
+"""Reports and exports of runs, made in a process of their own so that the live stream does not stutter."""
+
+import asyncio
+import multiprocessing
+import os
+import threading
+from concurrent.futures import ProcessPoolExecutor
+
+from backend.api.errors import ApiError
+from backend.experiments.evaluation import Columns, recorded_columns
+from backend.reports.document import Report
+from backend.reports.exports import to_csv, to_mat, to_parquet
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source
+from backend.reports.tracking import tracking_report
+from backend.storage import Database, banks, results, runs
+from backend.storage.runs import EndState, RunKind
+
+EXPORTS = {"csv": to_csv, "parquet": to_parquet, "mat": to_mat}
+_REPORTS = {RunKind.TRACKING: tracking_report}
+
+
+class Downloads:
+    """Makes what is downloaded; the first one starts the process that makes them."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+
+    async def report_html(self, run_id: int) -> bytes:
+        """Return the report as one self-contained page. Raises UnknownRecordError, ApiError."""
+        return await self._report(run_id, "html")
+
+    async def report_pdf(self, run_id: int) -> bytes:
+        """Return the report as PDF. Raises UnknownRecordError, ApiError."""
+        return await self._report(run_id, "pdf")
+
+    async def data(self, run_id: int, kind: str) -> bytes:
+        """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
+        columns = await asyncio.to_thread(self._columns, run_id)
+        return await asyncio.get_running_loop().run_in_executor(self._pool, EXPORTS[kind], columns)
+
+    def close(self) -> None:
+        """End the process."""
+        self._pool.shutdown(cancel_futures=True)
+
+    async def _report(self, run_id: int, kind: str) -> bytes:
+        source = await asyncio.to_thread(self._source, run_id)
+        content = await asyncio.get_running_loop().run_in_executor(self._pool, _rendered, source, kind)
+        await asyncio.to_thread(self._keep, run_id, kind, content)
+        return content
+
+    def _source(self, run_id: int) -> Source:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            result = results.newest(session, run_id)
+            bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+        if run.kind not in _REPORTS:
+            known = ", ".join(_REPORTS)
+            raise ApiError(
+                404, f"there is no report of run {run_id}: it is of kind {run.kind}, reports are for {known}"
+            )
+        if run.end_state == EndState.RUNNING or result is None:
+            raise ApiError(409, f"run {run_id} has no result yet: its report follows when it is over")
+        return Source(run, result, recorded_columns(self._database, run_id)[0], bank)
+
+    def _columns(self, run_id: int) -> Columns:
+        with self._database.reading() as session:
+            runs.get(session, run_id)
+        return recorded_columns(self._database, run_id)[0]
+
+    def _keep(self, run_id: int, kind: str, content: bytes) -> None:
+        with self._database.session() as session:
+            newest = results.newest_report(session, run_id, kind)
+            if newest is None or newest.content != content:
+                results.add_report(session, run_id, kind, content)
+
+
+def _rendered(source: Source, kind: str) -> bytes:
+    report: Report = _REPORTS[RunKind(source.run.kind)](source)
+    return to_pdf(report) if kind == "pdf" else to_html(report).encode()
+
+
+def _end_with_parent() -> None:
+    """End this process when the service dies without telling: nobody else would."""
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

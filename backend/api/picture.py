@@ -1,0 +1,156 @@
+"""What the actuator does at present, put together from samples, events and the tuning in force."""
+
+from collections.abc import Callable
+
+from backend import __version__
+from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
+from backend.api.schemas.session import Health
+from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView
+from backend.api.tuning_in_use import TuningInUse
+from backend.controllers.limits import bounds_for
+from backend.faults import EXPLAINED, Fault
+from backend.loop.access import LoopDied
+from backend.loop.commands import Event, ModeChanged, PretensionReached, Stopped
+from backend.loop.mode import LEGAL, Mode
+from backend.loop.supervisor import Supervisor
+from plant.parameters import PlantParameters
+
+F_PUSH_MAX = 30.0
+"""Largest push [N] that an operator may ask the simulator for."""
+
+
+class Picture:
+    """The present state. ``tuning`` and ``task`` are set by whoever changes them; the rest is seen and heard.
+
+    ``problems`` tells what is wrong with the service without being a fault of the loop.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        parameters: PlantParameters,
+        tuning: TuningInUse,
+        problems: Callable[[], list[str]],
+    ) -> None:
+        self.tuning = tuning
+        self.task: TaskView | None = None
+        self.starts = 1
+        self.bounds = bounds_for(parameters)
+        self._parameters = parameters
+        self._supervisor = supervisor
+        self._problems = problems
+        self._observation = Observation(lambda: supervisor.ring)
+        self._pretension_done = False
+        self._stop: Stopped | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of the newest sample."""
+        return mode_of(self._observation.sample())
+
+    @property
+    def fault(self) -> Fault:
+        """Fault latched in the newest sample."""
+        return fault_of(self._observation.sample())
+
+    @property
+    def tick(self) -> int:
+        """Index of the newest sample."""
+        sample = self._observation.sample()
+        return 0 if sample is None else int(sample["tick"])
+
+    @property
+    def entry(self) -> float:
+        """Active entry of the bank, fractional while interpolating."""
+        return entry_of(self._observation.sample())
+
+    def legal(self, mode: Mode) -> list[Mode]:
+        """Return where an operator may go from ``mode`` now."""
+        if not self._supervisor.alive:
+            return []
+        if mode is Mode.PRETENSION and not self._pretension_done:
+            return [Mode.STOPPING, Mode.OFF]
+        return list(LEGAL[mode])
+
+    def hear(self, event: Event | LoopDied) -> None:
+        """Take in what the loop tells."""
+        match event:
+            case ModeChanged() | LoopDied():
+                self._pretension_done = False
+            case PretensionReached():
+                self._pretension_done = True
+            case Stopped():
+                self._stop = event
+
+    def forget_stop(self) -> None:
+        """Drop the proof of a stop that has been reset."""
+        self._stop = None
+
+    def health(self) -> Health:
+        """Return what anybody may know."""
+        timing = self._observation.timing()
+        alive = self._supervisor.alive
+        return Health(
+            alive=alive,
+            mode=self.mode if alive else None,
+            rate_Hz=timing.rate_Hz,
+            overruns=timing.overruns,
+            version=__version__,
+        )
+
+    def state(self) -> State:
+        """Return everything the status line and the controls show."""
+        sample = self._observation.sample()
+        mode = mode_of(sample)
+        return State(
+            mode=mode,
+            legal_modes=self.legal(mode),
+            plant=self._supervisor.setup.plant,
+            parameters=self._parameters.name,
+            tick=self.tick,
+            link=self._observation.link(self._supervisor.alive, self.starts),
+            timing=self._observation.timing(),
+            references=references_of(sample),
+            tuning=self.tuning.view(entry_of(sample)),
+            limits=self._limits(),
+            fault=self._fault_view(sample),
+            pretension_done=self._pretension_done,
+            stop_proof=None if self._stop is None else proof_of(self._stop),
+            holder=None,
+            task=self.task,
+            recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
+            problems=self._problems(),
+        )
+
+    def _limits(self) -> LimitsView:
+        b = self.bounds
+        return LimitsView(
+            q_min=b.q_min,
+            q_max=b.q_max,
+            S_min=b.S_min,
+            S_max=b.S_max,
+            F_min=b.F_slack,
+            F_max=b.F_max,
+            F_push_max=F_PUSH_MAX if self._supervisor.setup.plant == "simulator" else 0.0,
+            u_max=b.u_max,
+        )
+
+    def _fault_view(self, sample: Sample | None) -> FaultView | None:
+        fault = fault_of(sample)
+        if fault is Fault.NONE:
+            return None
+        message, remedy = EXPLAINED[fault]
+        if self._stop is None or self._stop.fault is not fault:
+            return FaultView(code=fault, message=message, remedy=remedy, tick=self.tick)
+        return FaultView(code=fault, message=described(self._stop), remedy=remedy, tick=self._stop.arrived_tick)
+
+
+def proof_of(stopped: Stopped) -> StopProof:
+    """Return the proof as the page shows it."""
+    return StopProof(arrived_tick=stopped.arrived_tick, zero_tick=stopped.zero_tick, milliseconds=stopped.milliseconds)
+
+
+def described(stopped: Stopped) -> str:
+    """Return why the loop stopped, with what was seen where a check found it."""
+    message = EXPLAINED[stopped.fault].message
+    return message if stopped.detail in ("", "asked for") else f"{message} {stopped.detail}"

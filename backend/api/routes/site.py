@@ -1,0 +1,54 @@
+"""The pages: sign-in by link, the dashboard's built files, the documentation of the interface."""
+
+import html
+from pathlib import Path
+
+from fastapi import APIRouter, FastAPI, Request
+from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
+from fastapi.staticfiles import StaticFiles
+
+from backend.api.auth import address_of, gate_of
+from backend.api.errors import ApiError
+from backend.api.security import DOCUMENT_POLICY
+
+STATIC = Path(__file__).parents[2] / "static"
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/")
+async def index(request: Request, token: str | None = None, name: str = "") -> Response:
+    """Sign in by the link's token, then show the dashboard under an address without it."""
+    if token is None:
+        return _file("index.html")
+    gate = gate_of(request)
+    try:
+        person = gate.sign_in(token, name[:40], address_of(request))
+    except ApiError as error:
+        return _message(error.status, str(error))
+    answer = RedirectResponse("/", status_code=303)
+    gate.grant(answer, person)
+    return answer
+
+
+@router.get("/api/docs")
+async def documentation() -> Response:
+    """Show the documentation of this interface, from files of this service alone."""
+    return _file("docs.html")
+
+
+def mount_static(app: FastAPI) -> None:
+    """Serve the dashboard's built files; its pages are told apart behind the #, so "/" is all of them."""
+    if STATIC.is_dir():
+        app.mount("/", StaticFiles(directory=STATIC))
+
+
+def _file(name: str) -> Response:
+    if not (STATIC / name).is_file():
+        return _message(503, "The dashboard's pages are not built yet: run make frontend, then load this page again.")
+    return FileResponse(STATIC / name, headers={"Cache-Control": "no-cache"})
+
+
+def _message(status: int, text: str) -> HTMLResponse:
+    content = f"<!doctype html><title>Sinew</title><p>{html.escape(text)}</p>"
+    return HTMLResponse(content, status_code=status, headers={"Content-Security-Policy": DOCUMENT_POLICY})

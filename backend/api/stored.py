@@ -1,0 +1,144 @@
+"""From stored records to what the interface shows of them; no record is changed here."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.api.schemas.experiment import Criterion, ExperimentView, Metric
+from backend.api.schemas.identification import BankEntryView, BankView, IdentificationView, ModelView
+from backend.api.schemas.run import Envelope, RunView, SamplesView
+from backend.recording import reader
+from backend.sample import STORED
+from backend.storage.banks import Bank
+from backend.storage.identifications import Identification
+from backend.storage.results import Result
+from backend.storage.runs import Run
+
+_UNITS = {field.name: field.unit for field in STORED}
+
+
+def run_view(run: Run, samples: int, period_s: float, missed: int) -> RunView:
+    """Return a run with the extent of what was recorded of it."""
+    return RunView(
+        id=run.id,
+        kind=run.kind,
+        plant=run.plant,
+        parameters=run.parameters_name,
+        who=run.who,
+        started=run.started_at,
+        ended=run.ended_at,
+        end_state=run.end_state,
+        end_reason=run.end_detail,
+        duration_s=samples * period_s,
+        samples=samples,
+        missing_samples=missed,
+        settings=run.settings,
+        note=run.note,
+    )
+
+
+def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> SamplesView:
+    """Return an envelope of samples; nan is null."""
+    return SamplesView(
+        run=run_id,
+        raw=raw,
+        t=envelope.t.tolist(),
+        signals={
+            name: Envelope(
+                unit=_UNITS[name], minimum=_plain(envelope.minimum[name]), maximum=_plain(envelope.maximum[name])
+            )
+            for name in envelope.minimum
+        },
+    )
+
+
+def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
+    """Return an identification run with its models, where it has any."""
+    plan = run.settings.get("plan", {})
+    return IdentificationView(
+        id=run.id,
+        run=run.id,
+        kind="actuator",
+        status=run.end_state,
+        created=run.started_at,
+        progress=progress,
+        tension_N=plan["tension_N"],
+        S_nominal=None if estimate is None else estimate.model["S_nominal"],
+        settings=plan,
+        G_q=None if estimate is None else _model_view(estimate, "G_q"),
+        G_S=None if estimate is None else _model_view(estimate, "G_S"),
+        message=run.end_detail if estimate is None else estimate.verdict,
+    )
+
+
+def bank_view(bank: Bank, runs_of: Mapping[int, int | None], in_use: int | None) -> BankView:
+    """Return a bank; ``runs_of`` maps its estimates to the runs they came from."""
+    return BankView(
+        id=bank.id,
+        name=bank.name,
+        version=bank.version,
+        created=bank.created_at,
+        active=bank.id == in_use,
+        entries=[
+            BankEntryView(
+                identification=None if entry.identification_id is None else runs_of.get(entry.identification_id),
+                tension_N=entry.model.get("tension_N"),
+                S_nominal=entry.S_nominal,
+                **{name: entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")},
+            )
+            for entry in bank.entries
+        ],
+    )
+
+
+def experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
+    """Return an experiment run with metrics and criteria, where they have been computed."""
+    metrics: dict[str, Any] = {} if result is None else result.metrics
+    return ExperimentView(
+        id=run.id,
+        name=run.kind,
+        status=run.end_state,
+        created=run.started_at,
+        progress=progress,
+        settings={**run.settings.get("plan", {}), **run.settings.get("loop", {})},
+        metrics=[
+            Metric(name=figure["name"], label=figure["label"], value=figure["value"], unit=figure["unit"])
+            for figure in metrics.get("figures", [])
+        ],
+        criteria=[
+            Criterion(
+                name=item["name"],
+                label=item["title"],
+                value=item["figure"],
+                bound=item["bound"],
+                relation=item["relation"],
+                unit=item["unit"],
+                passed=item["passed"],
+            )
+            for item in (result.criteria if result is not None else [])
+        ],
+        message=run.end_detail or str(metrics.get("problem", "")),
+    )
+
+
+def _model_view(estimate: Identification, channel: str) -> ModelView:
+    model, quality = estimate.model[channel], estimate.quality[channel]
+    return ModelView(
+        structure=model["structure"],
+        method=model["method"],
+        parameters=model["parameters"],
+        std_errors=model["std_errors"],
+        fit_percent=quality["fit_percent"],
+        gain_geometry=quality["gain_geometry"],
+        K=model["first_order"]["K"],
+        T=model["first_order"]["T"],
+        usable=quality["usable"],
+        verdict=quality["verdict"],
+    )
+
+
+def _plain(values: NDArray[np.float32]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]

@@ -1,0 +1,148 @@
+"""Identifications and experiments that run in this service, one at a time."""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+
+from backend.api.bench import Bench
+from backend.api.errors import ApiError
+from backend.api.library import Library
+from backend.api.schemas.experiment import ExperimentKind, ExperimentRequest, SettingView
+from backend.api.schemas.identification import IdentificationRequest, Prediction
+from backend.api.schemas.state import TaskView
+from backend.experiments.loop_settings import LoopSettings, split_values
+from backend.experiments.plans import ActuatorIdentificationPlan, TrackingPlan
+from backend.experiments.prediction import predict
+from backend.experiments.runner import Order, Station, create_run, perform
+from backend.experiments.settings import Setting, SettingError, describe, from_values
+from backend.storage.runs import Run
+
+EXPERIMENTS: Mapping[str, type[TrackingPlan]] = {TrackingPlan.kind: TrackingPlan}
+_TITLES = {TrackingPlan.kind: "Tracking of position and stiffness"}
+
+_log = logging.getLogger(__name__)
+
+
+class Tasks:
+    """Starts what takes its time and keeps the state informed of how far it is."""
+
+    def __init__(self, station: Station, bench: Bench, library: Library, seed: int) -> None:
+        self._station = station
+        self._bench = bench
+        self._library = library
+        self._seed = seed
+        self._running: asyncio.Task[None] | None = None
+        self._starting = asyncio.Lock()
+
+    def experiment_kinds(self) -> list[ExperimentKind]:
+        """Return the experiments there are, with their settings and those of the loop as in force."""
+        return [
+            ExperimentKind(
+                name=name,
+                title=_TITLES[name],
+                description=(plan.__doc__ or "").partition("\n")[0],
+                duration_s=plan().program().duration_s,
+                settings=[_setting_view(setting) for setting in (*describe(plan), *describe(LoopSettings))],
+            )
+            for name, plan in EXPERIMENTS.items()
+        ]
+
+    async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
+        """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
+        if request.name not in EXPERIMENTS:
+            known = list(EXPERIMENTS)
+            raise ApiError(422, f"there is no experiment {request.name!r}; known: {', '.join(known)}", legal=known)
+        in_force = self._loop_settings()
+        plan, wanted = split_values(EXPERIMENTS[request.name], {**_values(in_force), **request.settings})
+        async with self._starting:
+            self._require_free()
+            if wanted != in_force:
+                await self._use(wanted, who)
+            return await self._start(Order(plan, wanted, who))
+
+    async def start_identification(self, request: IdentificationRequest, who: str) -> int:
+        """Start an identification and return its run. Raises ApiError, SettingError, OutOfRangeError."""
+        plan = _identification_plan(request)
+        plan.program()
+        async with self._starting:
+            self._require_free()
+            return await self._start(Order(plan, self._loop_settings(), who))
+
+    async def predict_identification(self, request: IdentificationRequest) -> Prediction:
+        """Tell what an identification run would do to the joint. Raises SettingError, OutOfRangeError."""
+        tuning = self._bench.picture.tuning
+        plan = _identification_plan(request)
+        predicted = await asyncio.to_thread(predict, plan, tuning.parameters, tuning.lambdas.lam_motor)
+        return Prediction(
+            duration_s=plan.program().duration_s,
+            q_counts=predicted.q_counts,
+            u_peak_V=predicted.u_peak_V,
+            F_min_N=predicted.F_min_N,
+            enough_motion=predicted.enough_motion,
+            message=predicted.message,
+        )
+
+    async def close(self) -> None:
+        """Give up what is running; its run is closed as such."""
+        if self._running is not None:
+            self._running.cancel()
+            await asyncio.gather(self._running, return_exceptions=True)
+
+    def _require_free(self) -> None:
+        task = self._bench.picture.task
+        if task is not None:
+            raise ApiError(409, f"run {task.run}, {task.kind}, is under way: wait for its end or stop it")
+
+    async def _start(self, order: Order) -> int:
+        run = await asyncio.to_thread(create_run, self._station, order)
+        self._show(order, run, "starting", 0.0)
+        self._running = asyncio.create_task(self._perform(order, run))
+        return run.id
+
+    async def _perform(self, order: Order, run: Run) -> None:
+        try:
+            await perform(self._station, order, run, lambda phase, elapsed_s: self._show(order, run, phase, elapsed_s))
+        except Exception:
+            _log.exception("run %s failed", run.id)
+        finally:
+            self._bench.picture.task = None
+            self._bench.changed()
+
+    def _show(self, order: Order, run: Run, phase: str, elapsed_s: float) -> None:
+        self._bench.picture.task = TaskView(
+            kind=order.plan.kind,
+            run=run.id,
+            elapsed_s=elapsed_s,
+            duration_s=order.plan.program().duration_s,
+            phase=phase,
+        )
+
+    async def _use(self, wanted: LoopSettings, who: str) -> None:
+        if wanted.seed != self._seed:
+            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
+            raise SettingError("seed", wanted.seed, remedy)
+        bank = await self._library.stored_bank(wanted.bank) if wanted.bank else None
+        await self._bench.use_settings(wanted, bank, who)
+
+    def _loop_settings(self) -> LoopSettings:
+        return self._bench.picture.tuning.loop_settings(self._seed)
+
+
+def _identification_plan(request: IdentificationRequest) -> ActuatorIdentificationPlan:
+    return from_values(ActuatorIdentificationPlan, request.model_dump(exclude={"kind"}))
+
+
+def _values(settings: LoopSettings) -> dict[str, object]:
+    return {setting.name: getattr(settings, setting.name) for setting in describe(LoopSettings)}
+
+
+def _setting_view(setting: Setting) -> SettingView:
+    return SettingView(
+        name=setting.name,
+        meaning=setting.meaning,
+        unit=setting.unit,
+        default=setting.default,
+        minimum=setting.minimum,
+        maximum=setting.maximum,
+        choices=list(setting.choices) or None,
+    )

@@ -1,0 +1,142 @@
+"""The tuning in force: λ, the bank whose models it is applied to, and what follows from both."""
+
+from dataclasses import asdict, dataclass, replace
+from math import degrees, isfinite
+
+from backend.api.schemas.tuning import BankReference, LoopPreview, TuningPreview, TuningRequest, TuningView
+from backend.experiments.bank_building import points_of
+from backend.experiments.loop_settings import LoopSettings
+from backend.loop.commands import SetTuning
+from backend.loop.tuned import tuning_for
+from backend.refusal import require_within
+from backend.storage.banks import Bank
+from backend.tuning import preview
+from backend.tuning.models import LAM_MAX, Lambdas
+from backend.tuning.preview import Previewer
+from backend.tuning.robustness import LAM_MOTOR_MAX
+from plant.parameters import PlantParameters
+
+LAMBDAS = Lambdas()
+
+LAM_MOTOR_MIN = 0.05
+"""Below it [s] the motors saturate on ordinary steps (erratum E5)."""
+
+
+@dataclass(frozen=True)
+class TuningInUse:
+    """λ and models that the loop's gains come from; without a bank the models follow from geometry."""
+
+    parameters: PlantParameters
+    lambdas: Lambdas
+    bank: Bank | None
+    interpolate: bool
+    previewer: Previewer
+
+    def command(self) -> SetTuning:
+        """Return what tells the loop."""
+        return tuning_for(self.parameters, self.lambdas, self.previewer.points, interpolate=self.interpolate)
+
+    def document(self) -> dict[str, object]:
+        """Return what a run and the settings remember of it."""
+        return {
+            "lam_q": self.lambdas.lam_q,
+            "lam_S": self.lambdas.lam_S,
+            "lam_motor": self.lambdas.lam_motor,
+            "interpolate": self.interpolate,
+            "bank": None if self.bank is None else self.bank.id,
+        }
+
+    def changed(self, request: TuningRequest) -> "TuningInUse":
+        """Return the tuning after ``request``. Raises OutOfRangeError; takes a while when λ_motor changes."""
+        wanted = {name: value for name, value in request.model_dump(exclude_none=True).items() if name != "interpolate"}
+        lambdas = replace(self.lambdas, **wanted)
+        interpolate = self.interpolate if request.interpolate is None else request.interpolate
+        return _checked(self.parameters, lambdas, self.bank, interpolate, self)
+
+    def with_settings(self, settings: LoopSettings, bank: Bank | None) -> "TuningInUse":
+        """Return the tuning that an experiment asks for. Raises OutOfRangeError where a λ is not safe on its models."""
+        return _checked(self.parameters, settings.lambdas, bank, settings.interpolate, self)
+
+    def with_bank(self, bank: Bank | None) -> "TuningInUse":
+        """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
+        return _checked(self.parameters, self.lambdas, bank, self.interpolate, self)
+
+    def loop_settings(self, seed: int) -> LoopSettings:
+        """Return λ, bank and the simulator's seed as an experiment's order has them."""
+        lam = self.lambdas
+        return LoopSettings(
+            lam.lam_q, lam.lam_S, lam.lam_motor, self.bank.id if self.bank else 0, self.interpolate, seed
+        )
+
+    def difference(self, before: "TuningInUse") -> str:
+        """Return in words what differs from ``before``."""
+        symbols = {"lam_q": "λ_q", "lam_S": "λ_S", "lam_motor": "λ_motor"}
+        old, new = asdict(before.lambdas), asdict(self.lambdas)
+        parts = [f"{symbols[n]} {old[n]:.3f} → {new[n]:.3f} s" for n in symbols if old[n] != new[n]]
+        if before.interpolate != self.interpolate:
+            parts.append("interpolating between entries" if self.interpolate else "switching between entries")
+        return ", ".join(parts) or "the same tuning again"
+
+    def view(self, entry: float) -> TuningView:
+        """Return what the page shows; ``entry`` is the active entry of the bank."""
+        lam_q_min, lam_S_min = self.previewer.safe_range()
+        bank = self.bank
+        return TuningView(
+            lam_q=self.lambdas.lam_q,
+            lam_S=self.lambdas.lam_S,
+            lam_motor=self.lambdas.lam_motor,
+            lam_q_min=lam_q_min,
+            lam_q_max=LAM_MAX,
+            lam_S_min=lam_S_min,
+            lam_S_max=LAM_MAX,
+            lam_motor_min=LAM_MOTOR_MIN,
+            lam_motor_max=LAM_MOTOR_MAX,
+            bank=None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version),
+            entry=entry,
+            interpolate=self.interpolate,
+        )
+
+    def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
+        """Predict what both outer loops would do at these λ."""
+        predicted = self.previewer.preview(replace(self.lambdas, lam_q=lam_q, lam_S=lam_S), entry)
+        return TuningPreview(
+            position=_loop(lam_q, predicted.position),
+            stiffness=_loop(lam_S, predicted.stiffness),
+            u_peak_V=predicted.peak_voltage,
+            F_min_N=predicted.least_tension,
+        )
+
+
+def initial(
+    parameters: PlantParameters, lambdas: Lambdas = LAMBDAS, bank: Bank | None = None, interpolate: bool = False
+) -> TuningInUse:
+    """Return a tuning to start from. Raises OutOfRangeError."""
+    return _checked(parameters, lambdas, bank, interpolate, None)
+
+
+def _checked(
+    parameters: PlantParameters, lambdas: Lambdas, bank: Bank | None, interpolate: bool, before: TuningInUse | None
+) -> TuningInUse:
+    require_within("lam_motor", lambdas.lam_motor, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s")
+    if before is not None and before.lambdas.lam_motor == lambdas.lam_motor and before.bank == bank:
+        previewer = before.previewer
+    else:
+        previewer = Previewer(parameters, points_of(bank), lam_motor=lambdas.lam_motor)
+    previewer.require_safe(lambdas)
+    return TuningInUse(parameters, lambdas, bank, interpolate, previewer)
+
+
+def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
+    robustness = predicted.robustness
+    stable = robustness.stable
+    return LoopPreview(
+        lam=lam,
+        lam_min=predicted.lam_min,
+        lam_max=predicted.lam_max,
+        stable=stable,
+        M_s=robustness.M_s if stable else None,
+        gain_margin=robustness.gain_margin if stable and isfinite(robustness.gain_margin) else None,
+        phase_margin_deg=degrees(robustness.phase_margin) if stable and isfinite(robustness.phase_margin) else None,
+        t=predicted.t.tolist(),
+        y=predicted.y.tolist(),
+    )

@@ -1,0 +1,79 @@
+"""What an actuator identification will do to the rig, told before it starts (method section 4). Pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification.validation import MIN_COUNTS
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+from plant.spring import elongation, tension
+
+_COUNTS_WHERE_EXACT = 4000
+"""Joint counts per turn of the paper's encoder, for parameter sets with ideal sensors."""
+
+
+@dataclass(frozen=True)
+class PredictedMotion:
+    """Joint motion peak to peak in encoder counts, largest voltage, least tension; and whether that is enough."""
+
+    q_counts: float
+    u_peak_V: float
+    F_min_N: float
+    enough_motion: bool
+    message: str
+
+
+def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:
+    """Send the excitation through the inner loop's four lags of ``lam_motor`` [s] and take the joint at equilibrium.
+
+    With theta_B = 0 both springs carry the same x = r_m theta_A / 2, so q = r_m theta_A / (2 r_j) (equation 15). The
+    voltage is what moves the motor (equation 17) against tendon and friction.
+    """
+    g, m = parameters.geometry, parameters.motor
+    spring = parameters.nominal_spring
+    theta_A, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
+    theta_A = theta_A + 2.0 * elongation(spring, plan.tension_N) / g.r_m
+    F = np.array([tension(spring, 0.5 * g.r_m * angle) for angle in theta_A[::10]])
+    resistance = g.r_m * F + (m.c0 + m.c1 * g.r_m * F) * np.tanh(speed[::10] / m.omega_smooth)
+    u = (m.T_m * acceleration[::10] + speed[::10]) / m.K_m + resistance / m.K_t
+    counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
+    q_counts = float(np.ptp(theta_A)) * g.r_m / (2.0 * g.r_j) * counts_per_turn / (2.0 * math.pi)
+    u_peak, F_min = float(np.abs(u).max()), float(F.min())
+    problem = _problem(q_counts, u_peak, F_min, m.u_max)
+    message = problem or f"the joint will move by {q_counts:.0f} encoder counts, peak to peak"
+    return PredictedMotion(q_counts, u_peak, F_min, q_counts >= MIN_COUNTS, message)
+
+
+def _excitation(plan: ActuatorIdentificationPlan) -> NDArray[np.float64]:
+    excitation = plan.excitation()
+    levels = np.array([1.0 if level == "+" else -1.0 for level in excitation.levels * excitation.periods])
+    return excitation.amplitude_rad * np.repeat(levels, max(round(excitation.chip_s / T_s), 1))
+
+
+def _through_four_lags(
+    u: NDArray[np.float64], lam: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Response of 1/(λ s + 1)^4 with its first two derivatives, from the differences between the lags."""
+    pole = math.exp(-T_s / lam)
+    lags = [u]
+    for _ in range(4):
+        lags.append(lfilter([0.0, 1.0 - pole], [1.0, -pole], lags[-1]))
+    return lags[4], (lags[3] - lags[4]) / lam, (lags[2] - 2.0 * lags[3] + lags[4]) / lam**2
+
+
+def _problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
+    if F_min <= 0.0:
+        return "a tendon would go slack: use a smaller amplitude or a higher tension"
+    if u_peak > u_max:
+        return f"the motors would need {u_peak:.1f} V of {u_max:g} V: use a smaller amplitude or a longer chip"
+    if q_counts < MIN_COUNTS:
+        return (
+            f"not enough motion: {q_counts:.1f} encoder counts expected, {MIN_COUNTS:g} needed: "
+            "use a longer chip or a larger amplitude"
+        )
+    return ""

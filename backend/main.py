@@ -1,0 +1,171 @@
+"""The service: puts the parts together, runs them while the web server runs, and takes them down again."""
+
+import asyncio
+import fcntl
+import logging
+import socket
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI
+
+from backend.api.app import create_app
+from backend.api.auth import Gate, signed_in
+from backend.api.bench import Bench
+from backend.api.downloads import Downloads
+from backend.api.journal import Journal
+from backend.api.library import Library
+from backend.api.live import LiveStream
+from backend.api.picture import Picture
+from backend.api.schemas.live import StateMessage
+from backend.api.service import Service
+from backend.api.session_runs import SessionRuns
+from backend.api.tasks import Tasks
+from backend.api.tokens import Tokens, load_tokens
+from backend.api.tuning_in_use import TuningInUse, initial
+from backend.experiments.runner import Station
+from backend.loop.channel import Setup
+from backend.loop.supervisor import Supervisor
+from backend.recording.recorder import Recorder
+from backend.scene.mirror import SceneMirror
+from backend.scene.proxy import router as scene_router
+from backend.settings import Settings
+from backend.storage import Database, open_database, runs
+from plant.parameters import load_parameters
+
+SEED = 0
+_log = logging.getLogger(__name__)
+
+
+class AlreadyRunningError(Exception):
+    """Another service works on this data folder."""
+
+
+def build(settings: Settings) -> FastAPI:
+    """Return the application; its parts start with the web server."""
+    tokens = load_tokens(settings.data) if settings.require_token else None
+    scenes: list[SceneMirror] = []
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.gate = Gate(tokens)
+        async with AsyncExitStack() as stack:
+            app.state.service, scene = await _start(settings, stack)
+            scenes.append(scene)
+            yield
+
+    scene_routes = scene_router(signed_in, lambda: scenes[-1].port)
+    return create_app(lifespan, [scene_routes], settings.allowed_hosts)
+
+
+def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
+    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers."""
+    with _only_service_on(settings.data):
+        app = build(settings)
+        config = uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            access_log=False,  # it would write the token of the sign-in link
+            log_level="warning",
+            server_header=False,
+            ws_per_message_deflate=False,
+            ws_max_size=1 << 20,
+            timeout_graceful_shutdown=3,
+        )
+        listening = config.bind_socket()
+        port = listening.getsockname()[1]
+        tokens = load_tokens(settings.data) if settings.require_token else None
+        server = _AnnouncingServer(config, lambda: ready(f"http://{settings.host}:{port}", tokens))
+        server.run(sockets=[listening])
+
+
+class _AnnouncingServer(uvicorn.Server):
+    """Tells when it answers, not when it begins to start."""
+
+    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._announce = announce
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if self.started:
+            self._announce()
+
+
+async def _start(settings: Settings, stack: AsyncExitStack) -> tuple[Service, SceneMirror]:
+    """Start all parts, each taken down again by ``stack``, in reverse."""
+    parameters = load_parameters(settings.params)
+    database = await asyncio.to_thread(open_database, settings.data, settings.database_url)
+    stack.callback(database.close)
+    _close_interrupted(database)
+    tuning = await asyncio.to_thread(initial, parameters)
+
+    supervisor = Supervisor(Setup(settings.plant, settings.params, SEED, tuning.command()))
+    await supervisor.start()
+    recorder = _start_recorder(database, supervisor, stack)
+    stack.push_async_callback(supervisor.stop)
+
+    journal = Journal(database)
+    _run_until_closed(journal.run(), stack)
+    picture = Picture(supervisor, parameters, tuning, lambda: [recorder.problem] if recorder.problem else [])
+    sessions = SessionRuns(database, settings.plant, parameters)
+    bench = Bench(supervisor, picture, sessions, journal, recorder.follow)
+    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(picture.state())))
+    journal.on_mark(live.announce)
+    bench.on_change(live.state_changed)
+    _run_until_closed(live.run(), stack)
+
+    library = Library(database, lambda: picture.task, lambda: _id_of_bank(picture.tuning))
+    downloads = Downloads(database)
+    stack.callback(downloads.close)
+    tasks = Tasks(Station(supervisor, database, settings.plant, parameters), bench, library, SEED)
+    stack.push_async_callback(tasks.close)
+
+    scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
+    stack.callback(scene.close)
+    return Service(bench, tasks, library, downloads, live), scene
+
+
+def _start_recorder(database: Database, supervisor: Supervisor, stack: AsyncExitStack) -> Recorder:
+    recorder = Recorder(database, supervisor.ring)
+    supervisor.listen(recorder.hear)
+    recorder.start()
+    stack.push_async_callback(asyncio.to_thread, recorder.close)
+    return recorder
+
+
+def _run_until_closed(coroutine: Coroutine[Any, Any, None], stack: AsyncExitStack) -> None:
+    task = asyncio.create_task(coroutine)
+
+    async def end() -> None:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    stack.push_async_callback(end)
+
+
+def _close_interrupted(database: Database) -> None:
+    with database.session() as session:
+        interrupted = runs.close_interrupted(session)
+    if interrupted:
+        _log.warning("runs closed that the last service left open: %s", interrupted)
+
+
+def _id_of_bank(tuning: TuningInUse) -> int | None:
+    return None if tuning.bank is None else tuning.bank.id
+
+
+@contextmanager
+def _only_service_on(data: Path) -> Iterator[None]:
+    """Hold the data folder, so that no second service takes its open runs for interrupted ones."""
+    data.mkdir(parents=True, exist_ok=True)
+    with (data / "service.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
+        yield
