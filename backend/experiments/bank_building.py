@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from sqlalchemy.orm import Session
-
 from backend.experiments.loop_settings import LoopSettings
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
-from backend.storage import banks, identifications
+from backend.storage import Database, banks, identifications
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
 from backend.tuning.models import PointModel
@@ -41,18 +39,18 @@ def entry_of(identification: Identification) -> BankEntry:
     return BankEntry(identification.model["S_nominal"], model, identification.id)
 
 
-def build_bank(session: Session, name: str, chosen: Sequence[int], who: str, note: str = "") -> Bank:
+def build_bank(database: Database, name: str, chosen: Sequence[int], who: str, note: str = "") -> Bank:
     """Store the next version of a bank from identifications, ordered by stiffness.
 
     Raises BankError, UnknownRecordError.
     """
     if not name.strip():
         raise BankError("a bank needs a name")
-    entries = sorted(
-        (entry_of(identifications.get(session, number)) for number in chosen), key=lambda entry: entry.S_nominal
-    )
-    if not entries:
+    if not chosen:
         raise BankError("a bank needs at least one identification")
+    with database.reading() as session:
+        found = [identifications.get(session, number) for number in chosen]
+    entries = sorted((entry_of(identification) for identification in found), key=lambda entry: entry.S_nominal)
     for below, above in pairwise(entries):
         if above.S_nominal - below.S_nominal < LEAST_DISTANCE:
             distance = above.S_nominal - below.S_nominal
@@ -60,7 +58,8 @@ def build_bank(session: Session, name: str, chosen: Sequence[int], who: str, not
                 f"identifications {below.identification_id} and {above.identification_id} are {distance:.2f} N·m/rad "
                 f"apart, less than {LEAST_DISTANCE:g}: choose one of them"
             )
-    return banks.add(session, name.strip(), entries, who, note)
+    with database.session() as session:
+        return banks.add(session, name.strip(), entries, who, note)
 
 
 def points_of(bank: Bank | None) -> tuple[PointModel, ...]:

@@ -51,7 +51,8 @@ class StepMetrics:
     cross_coupling: float | None
 
 
-def _figure(unit: str, label: str, definition: str) -> Any:
+def figure(unit: str, label: str, definition: str) -> Any:
+    """Declare a figure of a result with what its reader needs to know."""
     return field(metadata={"unit": unit, "label": label, "definition": definition})
 
 
@@ -59,19 +60,19 @@ def _figure(unit: str, label: str, definition: str) -> Any:
 class Overall:
     """Figures over all samples of the program; a maximum over steps is None when not every step has a figure."""
 
-    rise_q_s: float | None = _figure("s", "Rise time of q", "longest 10-90 % time of all q steps")
-    rise_S_s: float | None = _figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
-    settling_q_s: float | None = _figure("s", "Settling time of q", "latest last exit from ±2 % of the step, q steps")
-    settling_S_s: float | None = _figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
-    overshoot_q_percent: float | None = _figure("%", "Overshoot of q", "largest, in per cent of its step")
-    overshoot_S_percent: float | None = _figure("%", "Overshoot of S", "largest, in per cent of its step")
-    deviation_S: float | None = _figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
-    deviation_q: float | None = _figure("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
-    rmse_q: float = _figure("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
-    rmse_S: float = _figure("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
-    min_tension_N: float = _figure("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = _figure("N", "Largest tension", "of both load cells from the start of the program")
-    peak_voltage_V: float = _figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    rise_q_s: float | None = figure("s", "Rise time of q", "longest 10-90 % time of all q steps")
+    rise_S_s: float | None = figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
+    settling_q_s: float | None = figure("s", "Settling time of q", "latest last exit from ±2 % of the step, q steps")
+    settling_S_s: float | None = figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
+    overshoot_q_percent: float | None = figure("%", "Overshoot of q", "largest, in per cent of its step")
+    overshoot_S_percent: float | None = figure("%", "Overshoot of S", "largest, in per cent of its step")
+    deviation_S: float | None = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
+    deviation_q: float | None = figure("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
+    rmse_q: float = figure("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
+    rmse_S: float = figure("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
+    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ Angles in rad, stiffness in N·m/rad, tensions and pushes in N, times in s.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from scipy.signal import max_len_seq
 
@@ -28,20 +28,6 @@ class Phase:
     title: str
     start_s: float
     end_s: float
-
-
-class Plan(Protocol):
-    """What the runner asks of every plan."""
-
-    kind: ClassVar[str]
-
-    def program(self) -> Program:
-        """Return what the loop plays."""
-        ...
-
-    def phases(self) -> tuple[Phase, ...]:
-        """Return the named stretches of the program, in order, without a gap."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -125,6 +111,10 @@ class ActuatorIdentificationPlan:
 
     def program(self) -> Program:
         """Return the force hold with its excitation."""
+        return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=self.excitation())
+
+    def excitation(self) -> Excitation:
+        """Return the sequence with its timing. Raises OutOfRangeError when it would last too long."""
         register, _ = max_len_seq(self.bits)
         levels = "".join("+" if chip else "-" for chip in register)
         excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)
@@ -136,7 +126,7 @@ class ActuatorIdentificationPlan:
             "s",
             "take a shorter chip, fewer bits or fewer periods",
         )
-        return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=excitation)
+        return excitation
 
     def phases(self) -> tuple[Phase, ...]:
         """Return settling and excitation."""
@@ -170,6 +160,10 @@ class SequencePlan:
     def phases(self) -> tuple[Phase, ...]:
         """Return one phase: the sequence."""
         return (Phase("sequence", "Own sequence", 0.0, self.program().duration_s),)
+
+
+Plan = TrackingPlan | ActuatorIdentificationPlan | SequencePlan
+"""Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""
 
 
 def _steps(duration_s: float, references: Iterable[tuple[float, float]]) -> tuple[Segment, ...]:

@@ -4,12 +4,12 @@ Reports, the page and the command line show what stands here; none of them needs
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
 from backend.experiments.criteria import Criterion
-from backend.experiments.metrics import Overall, TrackingMetrics
+from backend.experiments.metrics import StepMetrics, TrackingMetrics
 from backend.experiments.plans import Phase
 
 Document = dict[str, Any]
@@ -17,29 +17,41 @@ Document = dict[str, Any]
 
 def tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase]) -> Document:
     """Return completeness, overall figures (name, label, unit, definition, value), steps and phases."""
-    figures = [
-        {"name": f.name, **f.metadata, "value": _plain(getattr(metrics.overall, f.name))} for f in fields(Overall)
-    ]
-    steps = [{**asdict(item.step), **_figures(asdict(item))} for item in metrics.steps]
     return {
         "complete": metrics.complete,
         "played_s": metrics.played_s,
         "planned_s": metrics.planned_s,
-        "figures": figures,
-        "steps": steps,
+        "figures": figure_documents(metrics.overall),
+        "steps": [_step(item) for item in metrics.steps],
         "phases": [asdict(phase) for phase in phases],
     }
 
 
+def figure_documents(figures: Any) -> list[Document]:
+    """Return the fields of a dataclass made of ``figure`` declarations as self-describing JSON objects."""
+    values = json_ready(asdict(figures))
+    return [{"name": item.name, **item.metadata, "value": values[item.name]} for item in fields(figures)]
+
+
 def criteria_documents(criteria: Sequence[Criterion]) -> list[Document]:
     """Return the criteria as JSON objects."""
-    return [_figures(asdict(item)) for item in criteria]
+    return [json_ready(asdict(item)) for item in criteria]
 
 
-def _figures(item: Document) -> Document:
-    return {name: _plain(value) for name, value in item.items() if name != "step"}
+def json_ready(document: Mapping[str, Any]) -> Document:
+    """Return the same document with null for nan and infinity, which JSON does not have."""
+    return {name: _ready(value) for name, value in document.items()}
 
 
-def _plain(value: Any) -> Any:
-    """JSON has no nan: a figure that cannot be told is null."""
+def _step(metrics: StepMetrics) -> Document:
+    figures = json_ready(asdict(metrics))
+    step: Document = figures.pop("step")
+    return {**step, **figures}
+
+
+def _ready(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return json_ready(value)
+    if isinstance(value, list | tuple):
+        return [_ready(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,93 @@
+"""Compute the result of a stored run, and store it beside earlier ones: nothing is overwritten."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend import __version__
+from backend.experiments.actuator_identification import figures_of, identify, to_store
+from backend.experiments.criteria import Criterion, bounds_for, tracking_criteria
+from backend.experiments.metrics import NoSamplesError, tracking_metrics
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
+from backend.recording.reader import read_samples
+from backend.sample import STORED_NAMES
+from backend.storage import Database, identifications, recordings, results
+from backend.storage.identifications import Identification, NewIdentification
+from backend.storage.records import UnknownRecordError
+from backend.storage.results import NewResult, Result
+from backend.storage.runs import EndState, Run
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What a run gave; ``problem`` says why there is no result or no model."""
+
+    result: Result | None
+    identification: Identification | None
+    problem: str
+
+
+def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
+    """Return all signals of a run with ``t`` [s] from its first sample, and how many samples are missing."""
+    try:
+        with database.reading() as session:
+            samples = read_samples(session, run_id)
+            missed = recordings.get(session, run_id).missed
+    except UnknownRecordError:
+        return {name: np.empty(0) for name in ("t", *STORED_NAMES)}, 0
+    return {"t": samples.t} | {name: column.astype(np.float64) for name, column in samples.columns.items()}, missed
+
+
+def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
+    """Compute what the plan's kind of run gives, and store it."""
+    columns, missed = recorded_columns(database, run.id)
+    try:
+        if isinstance(plan, ActuatorIdentificationPlan):
+            metrics, estimate, problem = _identified(columns, parameters, plan, run)
+            criteria: list[Document] = []
+        else:
+            metrics, criteria = _tracked(columns, plan, run)
+            estimate, problem = None, ""
+    except NoSamplesError as error:
+        return Evaluation(None, None, str(error))
+    metrics["missing_samples"] = missed
+    metrics["problem"] = problem
+    with database.session() as session:
+        result = results.add(session, NewResult(run.id, metrics, criteria, __version__))
+        stored = None if estimate is None else identifications.add(session, estimate)
+    return Evaluation(result, stored, problem)
+
+
+def _tracked(columns: Columns, plan: Plan, run: Run) -> tuple[Document, list[Document]]:
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    criteria: tuple[Criterion, ...] = ()
+    if isinstance(plan, TrackingPlan):
+        criteria = tracking_criteria(metrics, bounds_for(run.parameters_name))
+    return tracking_document(metrics, plan.phases()), criteria_documents(criteria)
+
+
+def _identified(
+    columns: Columns, parameters: PlantParameters, plan: ActuatorIdentificationPlan, run: Run
+) -> tuple[Document, NewIdentification | None, str]:
+    """Estimate a model from a whole run; one that ended early gives none, for half a sequence would mislead."""
+    document: Document = {
+        "complete": run.end_state == EndState.COMPLETED,
+        "played_s": columns["t"].size * T_s,
+        "planned_s": plan.program().duration_s,
+        "figures": [],
+        "phases": [asdict(phase) for phase in plan.phases()],
+    }
+    if not document["complete"]:
+        return document, None, f"no model was estimated: the run ended early ({run.end_state})"
+    try:
+        estimate = identify(columns, plan.excitation(), parameters)
+    except ValueError as error:
+        return document, None, f"no model was estimated: {error}"
+    document["figures"] = figure_documents(figures_of(columns, plan.excitation(), estimate))
+    return document, to_store(run, plan, columns, estimate, __version__), ""

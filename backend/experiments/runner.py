@@ -1,0 +1,122 @@
+"""Run an experiment from order to stored result: one path for the browser and the command line, live and headless.
+
+What is handed over is plain data; reports are made from what is stored here.
+"""
+
+import asyncio
+import platform
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+
+from backend import __version__
+from backend.experiments.evaluation import Evaluation, evaluate
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.plans import Plan
+from backend.experiments.playing import SLICE_S, Ending, Notify, play, require_ready
+from backend.experiments.settings import declared_values
+from backend.loop.access import LoopAccess, LoopDiedError
+from backend.storage import Database, runs
+from backend.storage.runs import EndState, NewRun, Run, RunKind
+from plant.parameters import PlantParameters
+
+STORING_TIMEOUT_S = 10.0
+"""The recorder stores what is left of a run within a second; after this long [s] something is wrong with it."""
+
+_PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-control": "control"}
+
+
+@dataclass(frozen=True)
+class Station:
+    """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
+
+    ``plant`` is "simulator" or "rig".
+    """
+
+    loop: LoopAccess
+    database: Database
+    plant: str
+    parameters: PlantParameters
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to run, with the loop settings in force, for whom."""
+
+    plan: Plan
+    loop_settings: LoopSettings
+    who: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The run as it ended and what was computed from it."""
+
+    run: Run
+    evaluation: Evaluation
+
+
+def create_run(station: Station, order: Order) -> Run:
+    """Store the run before anything moves. Raises BenchNotReadyError when the loop could not start it now."""
+    require_ready(station.loop)
+    settings = {
+        "plan": asdict(order.plan),
+        "loop": asdict(order.loop_settings),
+        "declared": declared_values(order.plan, order.loop_settings),
+        "versions": {"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
+    }
+    new = NewRun(
+        kind=RunKind(order.plan.kind),
+        plant=station.plant,
+        parameters_name=station.parameters.name,
+        parameters=station.parameters.document(),
+        who=order.who,
+        software=__version__,
+        settings=settings,
+        bank_id=order.loop_settings.bank or None,
+        note=order.note,
+    )
+    with station.database.session() as session:
+        return runs.create(session, new)
+
+
+async def perform(station: Station, order: Order, run: Run, notify: Notify) -> Outcome:
+    """Play the order's program as ``run``, wait until it is stored, compute, and store the result.
+
+    Whatever stops it midway, the run is closed with its end state, and what was played is evaluated as incomplete.
+    """
+    try:
+        ending = await play(station.loop, order.plan.program(), run.id, notify)
+        await _stored(station, run.id)
+    except BaseException as error:
+        _close(station, run.id, Ending(EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}", None))
+        raise
+    closed = _close(station, run.id, ending)
+    notify("evaluation", 0.0)
+    return Outcome(closed, await asyncio.to_thread(evaluate, station.database, station.parameters, order.plan, closed))
+
+
+async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:
+    """Create the run and perform it. Raises BenchNotReadyError."""
+    return await perform(station, order, create_run(station, order), notify)
+
+
+async def _stored(station: Station, run_id: int) -> None:
+    """Wait until the recorder has stored the run's last samples and closed it."""
+    waited_s = 0.0
+    while waited_s < STORING_TIMEOUT_S and _is_open(station, run_id):
+        try:
+            await station.loop.advance(SLICE_S)
+        except LoopDiedError:
+            await asyncio.sleep(SLICE_S)
+        waited_s += SLICE_S
+
+
+def _is_open(station: Station, run_id: int) -> bool:
+    with station.database.reading() as session:
+        return runs.get(session, run_id).end_state == EndState.RUNNING
+
+
+def _close(station: Station, run_id: int, ending: Ending) -> Run:
+    with station.database.session() as session:
+        return runs.end(session, run_id, ending.end_state, ending.detail)

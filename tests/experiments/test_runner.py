@@ -1,0 +1,166 @@
+"""Whole experiments on the simulator: loop, recorder, database and computation together."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.experiments.bank_building import BankError, build_bank, points_of, tuning_command
+from backend.experiments.evaluation import recorded_columns
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.playing import BenchNotReadyError
+from backend.experiments.runner import Order, Outcome, Station, create_run, run_experiment
+from backend.faults import Fault
+from backend.loop.commands import Reset, Stop
+from backend.storage import identifications, results, runs
+from tests.experiments.headless_station import station
+
+HASTY = TrackingPlan(q_duration_s=0.6, S_duration_s=0.5)
+
+
+def perform(where: Station, plan: Plan, during: Callable[[str, float], Awaitable[None]] | None = None) -> Outcome:
+    async def work() -> Outcome:
+        waiting: list[asyncio.Task[None]] = []
+
+        def notify(phase: str, elapsed_s: float) -> None:
+            if during is not None:
+                waiting.append(asyncio.ensure_future(during(phase, elapsed_s)))
+
+        outcome = await run_experiment(where, Order(plan, LoopSettings(seed=3), "A. Operator", "a note"), notify)
+        await asyncio.gather(*waiting)
+        return outcome
+
+    return asyncio.run(work())
+
+
+def test_a_run_is_stored_whole_with_its_settings_and_its_result(tmp_path: Path) -> None:
+    where = station(tmp_path, "lab")
+    outcome = perform(where, HASTY)
+    run, result = outcome.run, outcome.evaluation.result
+    assert (run.end_state, run.end_detail, run.who, run.note) == ("completed", "", "A. Operator", "a note")
+    assert run.settings["plan"]["q_duration_s"] == 0.6
+    assert run.settings["loop"]["seed"] == 3
+    assert {"name": "lam_q", "symbol": "λ_q", "unit": "s", "value": 0.5}.items() <= next(
+        item for item in run.settings["declared"] if item["name"] == "lam_q"
+    ).items()
+    assert run.parameters["geometry"]["r_j"] == {
+        "value": 0.075,
+        "unit": "m",
+        "source": where.parameters.sources["geometry.r_j"],
+    }
+
+    columns, missed = recorded_columns(where.database, run.id)
+    assert missed == 0
+    assert columns["t"].size == round(HASTY.program().duration_s * 1000)
+    assert np.allclose(np.diff(columns["t"]), 1e-3)
+    assert columns["q_ref"][0] == 0.0
+    assert columns["S_ref"][0] == 10.0
+
+    assert result is not None
+    assert result.metrics["complete"]
+    assert len(result.metrics["steps"]) == 17
+    figures = {item["name"]: item["value"] for item in result.metrics["figures"]}
+    assert figures["max_tension_N"] == pytest.approx(max(columns["F_A"].max(), columns["F_B"].max()))
+    with where.database.reading() as session:
+        assert results.newest(session, run.id) == result
+
+
+@pytest.mark.parametrize(
+    ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.3, 4)]
+)
+def test_tracking_keeps_what_it_promises(
+    tmp_path: Path, parameters: str, overshoot: float, deviation_S: float, tension: float
+) -> None:
+    outcome = perform(station(tmp_path, parameters), TrackingPlan(q_duration_s=3.0, S_duration_s=3.0))
+    assert outcome.evaluation.result is not None
+    figures = {item["name"]: item["value"] for item in outcome.evaluation.result.metrics["figures"]}
+    assert figures["overshoot_q_percent"] < overshoot
+    assert figures["overshoot_S_percent"] < overshoot
+    assert figures["deviation_S"] < deviation_S
+    assert figures["min_tension_N"] > tension
+    assert all(item["passed"] for item in outcome.evaluation.result.criteria)
+
+
+@pytest.mark.parametrize(
+    ("command", "end_state", "detail"),
+    [
+        (Stop(hard=True), "stopped", "stop_pressed"),
+        (Stop(hard=False), "stopped", "stop_pressed"),
+        (Stop(Fault.OPERATOR_LOST, hard=False), "link_lost", "operator_lost"),
+        (Stop(Fault.FORCE_LIMIT), "tripped", "force_limit"),
+    ],
+)
+def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
+    tmp_path: Path, command: Stop, end_state: str, detail: str
+) -> None:
+    where = station(tmp_path, "ideal")
+    sent = False
+
+    async def interfere(phase: str, elapsed_s: float) -> None:
+        nonlocal sent
+        if phase == "program" and elapsed_s >= 2.0 and not sent:
+            sent = True
+            await where.loop.send(command)
+
+    outcome = perform(where, HASTY, interfere)
+    assert sent
+    assert outcome.run.end_state == end_state
+    assert detail in outcome.run.end_detail
+    assert outcome.run.end_detail
+    result = outcome.evaluation.result
+    assert result is not None
+    assert not result.metrics["complete"]
+    assert 2.0 <= result.metrics["played_s"] < 3.5
+    assert not any(item["passed"] for item in result.criteria)
+    columns, _ = recorded_columns(where.database, outcome.run.id)
+    assert columns["t"].size == round(result.metrics["played_s"] * 1000)
+
+    with pytest.raises(BenchNotReadyError, match="reset"):
+        create_run(where, Order(HASTY, LoopSettings(), "A. Operator"))
+    assert asyncio.run(where.loop.send(Reset()))
+
+
+def test_identification_finds_the_geometric_gains_and_feeds_a_bank(tmp_path: Path) -> None:
+    where = station(tmp_path, "ideal")
+    outcome = perform(where, ActuatorIdentificationPlan(tension_N=20.0))
+    found = outcome.evaluation.identification
+    assert found is not None, outcome.evaluation.problem
+    assert found.run_id == outcome.run.id
+    assert found.options["tension_N"] == 20.0
+    assert found.data["samples"] == 20_320
+    assert found.model["G_q"]["first_order"]["K"] == pytest.approx(0.05, rel=0.03)
+    assert found.model["G_S"]["first_order"]["K"] == pytest.approx(0.721, rel=0.03)
+    assert found.model["S_nominal"] == pytest.approx(10.55, abs=0.02)
+
+    bank = build_bank(where.database, "first", [found.id], "A. Operator")
+    with pytest.raises(BankError, match="apart"):
+        build_bank(where.database, "twice", [found.id, found.id], "A. Operator")
+    with pytest.raises(BankError, match="needs at least one"):
+        build_bank(where.database, "none", [], "A. Operator")
+    (entry,) = bank.entries
+    with where.database.reading() as session:
+        run_id = identifications.get(session, entry.identification_id or 0).run_id or 0
+        assert runs.get(session, run_id).kind == "actuator_identification"
+    (point,) = points_of(bank)
+    assert point.T_q == found.model["G_q"]["first_order"]["T"]
+    command = tuning_command(where.parameters, LoopSettings(lam_q=0.6), bank)
+    assert (command.lam_q, len(command.entries)) == (0.6, 1)
+    assert command.entries[0].S_nominal == point.S_nominal
+
+
+def test_an_identification_that_ends_early_gives_no_model(tmp_path: Path) -> None:
+    where = station(tmp_path, "ideal")
+
+    async def stop(phase: str, elapsed_s: float) -> None:
+        if phase == "program" and elapsed_s >= 3.0:
+            await where.loop.send(Stop())
+
+    outcome = perform(where, ActuatorIdentificationPlan(), stop)
+    assert outcome.run.end_state == "stopped"
+    assert outcome.evaluation.identification is None
+    assert "ended early" in outcome.evaluation.problem
+    with where.database.reading() as session:
+        assert identifications.find(session) == []
