@@ -62,6 +62,7 @@ class Headless:
                 self._each_batch(self.ring)
                 await asyncio.sleep(0)
         self._each_batch(self.ring)
+        await asyncio.sleep(0)  # whoever else waits on this event loop gets its turn, however short the advance
         return reached()
 
     def _deliver(self) -> list[Event]:
