@@ -66,7 +66,7 @@ class Simulator:
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
-        self._F_push = F_push
+        self._F_push = float(F_push)
 
     def acknowledge(self) -> None:
         """Re-arm the safety module. PlantError while force or joint position is still beyond its bound."""

@@ -121,7 +121,7 @@ class ModeMachine:
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
         self._require_references(command.q_ref, command.S_ref)
-        self.motion.target = Target(command.q_ref, command.S_ref, 0.0)
+        self.motion.target = Target(float(command.q_ref), float(command.S_ref), 0.0)
 
     def reset(self) -> None:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""

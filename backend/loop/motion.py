@@ -3,9 +3,10 @@
 Every motion hands the state of the motor loops on to the next one, so that no change of mode makes the voltages jump.
 """
 
+import math
 from typing import NamedTuple, Protocol
 
-from backend.controllers import cascade, decoupler, force_hold, motors, pretension
+from backend.controllers import brake, cascade, decoupler, force_hold, motors, pretension
 from backend.controllers.limits import Bounds
 from backend.faults import Limit
 from backend.loop.player import ExcitationPlayer, SegmentPlayer, Target
@@ -18,14 +19,8 @@ TRAVEL_SPEED = 3.0
 PRETENSION_N = 10.0
 """Tension that pretension winds up to (method section 7)."""
 
-REST_SPEED = 0.02
-"""Joint speed below which the joint counts as standing [rad/s]."""
-
-REST_S = 0.2
-"""How long it must stand before the soft stop lets go [s]."""
-
-BRAKING_MAX_S = 2.0
-"""A soft stop lets go after this time in any case [s]."""
+BRAKING_S = 0.5
+"""Length of a soft stop [s]: the joint stands after 0.15 s, the rest lets it settle before the outputs go to zero."""
 
 
 class Carry(NamedTuple):
@@ -62,7 +57,7 @@ class Motion(Protocol):
         ...
 
     def carry(self) -> Carry:
-        """The motor loops for the next motion."""
+        """Return the motor loops for the next motion."""
         ...
 
 
@@ -158,23 +153,21 @@ class ForceHold(_MotorPositions):
 
 
 class Braking(_MotorPositions):
-    """Soft stop: motor references frozen where the motors are, until the joint stands."""
+    """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
     def __init__(self, carry: Carry, target: Target, m: Measurement) -> None:
         super().__init__(carry, target)
-        self._goal = m.theta_A, m.theta_B
-        self._standing_s = 0.0
+        self._brake = brake.State(m.theta_A, m.theta_B, 0.0, 0.0)
         self._elapsed_s = 0.0
-        self._q = m.q
 
     def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
         """One tick of braking."""
-        moved = abs(m.q - self._q) > REST_SPEED * REST_S
-        self._q = m.q if moved else self._q
-        self._standing_s = 0.0 if moved else self._standing_s + T_s
+        u_A, u_B, self._brake = brake.step(self._brake, m.theta_A, m.theta_B, tuning.u_max)
         self._elapsed_s += T_s
-        self.done = self._standing_s >= REST_S or self._elapsed_s >= BRAKING_MAX_S
-        return self._follow(tuning, m, *self._goal)
+        self.done = self._elapsed_s >= BRAKING_S
+        limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
+        nan = math.nan
+        return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, limits)
 
 
 class Tracking:
@@ -222,7 +215,7 @@ class Tracking:
         )
 
     def carry(self) -> Carry:
-        """The motor loops for the next motion."""
+        """Return the motor loops for the next motion."""
         return self._carry
 
 

@@ -57,10 +57,10 @@ def printed_outer_gains(K: float, T: float, lam: float) -> i_p.Gains:
 
 
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
-    """Static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3). K_q in rad/rad."""
+    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3). K_q in rad/rad."""
     return 2.0 * K_q * r_j / r_m
 
 
 def stiffness_loop_gain(K_S: float, r_m: float, r_j: float, k_2: float) -> float:
-    """Static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3)."""
+    """Return the static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3)."""
     return 2.0 * K_S / (4.0 * k_2 * r_j**2 * r_m)

@@ -161,21 +161,25 @@ def test_hard_stop_works_from_every_mode(ideal: PlantParameters, mode: Mode) -> 
     assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
 
 
-def test_soft_stop_stands_under_tension_before_it_lets_go(ideal: PlantParameters) -> None:
-    bench = BenchTop(ideal)
+@pytest.mark.parametrize("name", ["ideal", "lab"])
+@pytest.mark.parametrize("moving_s", [0.3, 0.6, 0.9])
+def test_soft_stop_brakes_under_tension_before_it_lets_go(name: str, moving_s: float) -> None:
+    bench = BenchTop(load_parameters(name))
     bench.run()
-    bench.send(SetReferences(1.0, 12.0))
-    bench.advance(0.8)
+    bench.send(SetReferences(1.2, 12.0))
+    bench.advance(moving_s)
+    speed = abs(bench.column("q_dot")[-1])
     bench.send(Stop(Fault.SERVICE_LOST, hard=False))
     bench.advance(3.0)
-    modes = bench.column("mode", last=3000)
-    braking = modes == MODE_CODE[Mode.STOPPING]
-    assert braking.any()
-    assert np.min(bench.column("F_A", last=3000)[braking]) > 2.0
-    assert np.min(bench.column("F_B", last=3000)[braking]) > 2.0
-    released = int(np.argmin(braking))
-    assert abs(bench.column("q_dot", last=3000)[released]) < 0.05
-    assert modes[-1] == MODE_CODE[Mode.TRIPPED]
+    modes, q_dot = bench.column("mode", last=3000), bench.column("q_dot", last=3000)
+    F = np.minimum(bench.column("F_A", last=3000), bench.column("F_B", last=3000))
+    released = int(np.argmax(modes == MODE_CODE[Mode.TRIPPED]))
+    assert released > 300
+    assert F[:released].min() > 5.0
+    # Encoder quantisation alone makes the estimate of a standing joint read up to one count in ten ticks.
+    noise = 0.16 if name == "lab" else 0.0
+    assert np.max(np.abs(q_dot[250:released])) < 0.05 * speed + noise
+    assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
     assert bench.column("fault")[-1] == FAULT_CODE[Fault.SERVICE_LOST]
 
 
