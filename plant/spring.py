@@ -126,7 +126,7 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _monotone_slopes(h: NDArray[np.float64], secant: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Slopes at the nodes of a rising table: weighted harmonic means inside, limited three-point formula at the ends."""
+    """Slopes at the nodes of a table: weighted harmonic means inside, limited three-point formula at the ends."""
     w_left, w_right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
     inner = (w_left + w_right) / (w_left / secant[:-1] + w_right / secant[1:])
 
@@ -140,14 +140,14 @@ def _monotone_slopes(h: NDArray[np.float64], secant: NDArray[np.float64]) -> NDA
 
 def _zero_force_root(spring: Spring) -> float:
     """Return the largest root of F(x) = 0 below x_solid, after checking that the curve rises and stiffens above it."""
+    curve = np.polynomial.Polynomial(spring.coefficients[0])
     x = np.linspace(-spring.x_solid, spring.x_solid, 4001)
-    F = np.array([polynomial(spring, value) for value in x])
-    negative = np.flatnonzero(F <= 0.0)
+    negative = np.flatnonzero(curve(x) <= 0.0)
     if negative.size == 0 or negative[-1] == x.size - 1:
         raise ValueError(f"the spring polynomial has no zero-force root below x_solid = {spring.x_solid:g} m")
     below = int(negative[-1])
     x_slack = _root(lambda value: polynomial(spring, value), float(x[below]), float(x[below + 1]))
-    taut = np.array([slope(spring, value) for value in x[below + 1 :]])
+    taut = curve.deriv()(x[below + 1 :])
     if np.any(taut <= 0.0) or np.any(np.diff(taut) < 0.0):
         raise ValueError("the spring polynomial must rise and stiffen between its zero-force root and x_solid")
     return x_slack
