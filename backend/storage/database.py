@@ -4,6 +4,7 @@ import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from backend.storage.migrate import upgrade
+from backend.storage.maintenance import backup
+from backend.storage.migrate import is_outdated, revision, upgrade
 
 __all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
 
@@ -54,13 +56,16 @@ class Database:
 def open_database(data_dir: Path, url: str | None = None) -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
 
+    Before an SQLite database of an earlier schema is migrated, a copy goes to ``data_dir/backups``.
     ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``. Raises ``SchemaError`` when the database was
-    written by a newer version, ``StorageError`` when it cannot be reached.
+    written by a newer version, ``StorageError`` when it cannot be reached, ``BackupError``.
     """
     data_dir.mkdir(parents=True, exist_ok=True)
     engine = connect(url or sqlite_url(data_dir))
     try:
         with _told():
+            if is_outdated(engine) and engine.dialect.name == "sqlite":
+                backup(engine, data_dir / "backups" / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
             upgrade(engine)
     except BaseException:
         engine.dispose()

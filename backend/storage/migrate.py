@@ -1,5 +1,8 @@
 """Schema versions: bring a database to the newest, say where it stands."""
 
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from alembic import command
@@ -10,26 +13,36 @@ from sqlalchemy import Connection, Engine
 
 import migrations
 
+SCRIPTS = Path(migrations.__file__).parent
+
 
 class SchemaError(Exception):
     """The schema of the database is not one this version can work with; the message says what to do."""
 
 
+def is_outdated(engine: Engine) -> bool:
+    """Tell whether the database holds an earlier schema than the newest. Raises SchemaError for a later one."""
+    found = revision(engine)
+    if found is None or found == newest_revision():
+        return False
+    known = {script.revision for script in ScriptDirectory(str(SCRIPTS)).walk_revisions()}
+    if found not in known:
+        raise SchemaError(
+            f"the database has schema {found}, this version knows up to {newest_revision()}: "
+            "it was written by a newer version; install that one, or choose another data folder"
+        )
+    return True
+
+
 def upgrade(engine: Engine) -> None:
-    """Migrate to the newest schema, in one transaction where the database can. Raises SchemaError."""
-    with engine.begin() as connection:
-        configuration = _configuration(connection)
-        found = MigrationContext.configure(connection).get_current_revision()
-        newest = newest_revision()
-        if found == newest:
-            return
-        known = {script.revision for script in ScriptDirectory.from_config(configuration).walk_revisions()}
-        if found is not None and found not in known:
-            raise SchemaError(
-                f"the database has schema {found}, this version knows up to {newest}: "
-                "it was written by a newer version; install that one, or choose another data folder"
-            )
-        command.upgrade(configuration, "head")
+    """Migrate to the newest schema in one transaction: all of it or nothing."""
+    if revision(engine) == newest_revision():
+        return
+    with engine.connect() as connection, _free_to_rebuild_tables(connection), connection.begin():
+        command.upgrade(_configuration(connection), "head")
+        broken = broken_references(connection)
+        if broken:
+            raise SchemaError(f"the migration would break references in {', '.join(broken)}: nothing was changed")
 
 
 def revision(engine: Engine) -> str | None:
@@ -40,7 +53,7 @@ def revision(engine: Engine) -> str | None:
 
 def newest_revision() -> str | None:
     """Return the revision that this version of the program works with."""
-    return ScriptDirectory.from_config(_configuration(None)).get_current_head()
+    return ScriptDirectory(str(SCRIPTS)).get_current_head()
 
 
 def require_models_match(engine: Engine) -> None:
@@ -49,8 +62,29 @@ def require_models_match(engine: Engine) -> None:
         command.check(_configuration(connection))
 
 
-def _configuration(connection: Connection | None) -> Config:
-    configuration = Config()
-    configuration.set_main_option("script_location", str(Path(migrations.__file__).parent).replace("%", "%%"))
+def broken_references(connection: Connection) -> list[str]:
+    """Return the tables with references to rows that are not there; other databases than SQLite do not allow any."""
+    if connection.dialect.name != "sqlite":
+        return []
+    return sorted({row[0] for row in connection.exec_driver_sql("PRAGMA foreign_key_check")})
+
+
+@contextmanager
+def _free_to_rebuild_tables(connection: Connection) -> Iterator[None]:
+    """Switch foreign keys off, outside any transaction: SQLite alters a table by dropping and making it anew."""
+    driver = connection.connection.dbapi_connection
+    if connection.dialect.name != "sqlite" or driver is None:
+        yield
+        return
+    driver.cursor().execute("PRAGMA foreign_keys=OFF")
+    try:
+        yield
+    finally:
+        driver.cursor().execute("PRAGMA foreign_keys=ON")
+
+
+def _configuration(connection: Connection) -> Config:
+    configuration = Config(stdout=io.StringIO())  # Alembic prints what it finds; here it is returned or raised
+    configuration.set_main_option("script_location", str(SCRIPTS).replace("%", "%%"))
     configuration.attributes["connection"] = connection
     return configuration

@@ -1,12 +1,52 @@
-"""The schema made by the migrations is the one the models describe, from any earlier state."""
+"""The schema made by the migrations is the one the models describe, from any earlier state, all or nothing."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 from sqlalchemy import inspect, text
 
+from backend.storage import migrate, runs
 from backend.storage.database import connect, open_database, sqlite_url
 from backend.storage.migrate import SchemaError, newest_revision, require_models_match, revision, upgrade
+from tests.storage.test_lineage import NEW_RUN
+
+REBUILDING = '''
+"""Rebuild a table that others refer to."""
+import sqlalchemy as sa
+from alembic import op
+revision = "0099_rebuild"
+down_revision = "{before}"
+
+def upgrade():
+    with op.batch_alter_table("run", recreate="always") as batch:
+        batch.add_column(sa.Column("weather", sa.Text(), nullable=False, server_default="fair"))
+    {then}
+'''
+
+
+@pytest.fixture
+def later_scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the migrations that a later version might have."""
+    folder = tmp_path / "later"
+    shutil.copytree(migrate.SCRIPTS, folder)
+    monkeypatch.setattr(migrate, "SCRIPTS", folder)
+    return folder
+
+
+def add_later_revision(folder: Path, before: str, then: str = "") -> None:
+    (folder / "versions" / "0099_rebuild.py").write_text(REBUILDING.format(before=before, then=then))
+
+
+def make_with_data(data_dir: Path) -> str:
+    database = open_database(data_dir)
+    with database.session() as session:
+        run = runs.create(session, NEW_RUN)
+        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '')"), {"run": run.id})
+    database.close()
+    newest = newest_revision()
+    assert newest is not None
+    return newest
 
 
 def test_migrated_database_matches_models(tmp_path: Path) -> None:
@@ -18,11 +58,12 @@ def test_migrated_database_matches_models(tmp_path: Path) -> None:
     engine.dispose()
 
 
-def test_upgrade_twice_changes_nothing(tmp_path: Path) -> None:
+def test_opening_again_changes_nothing(tmp_path: Path) -> None:
     open_database(tmp_path).close()
     before = (tmp_path / "sinew.db").read_bytes()
     open_database(tmp_path).close()
     assert (tmp_path / "sinew.db").read_bytes() == before
+    assert not (tmp_path / "backups").exists()
 
 
 def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
@@ -34,4 +75,40 @@ def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
         open_database(tmp_path)
     engine = connect(sqlite_url(tmp_path))
     assert "run" in inspect(engine).get_table_names()
+    engine.dispose()
+
+
+def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:
+    before = make_with_data(tmp_path)
+    add_later_revision(later_scripts, before)
+    database = open_database(tmp_path)
+    with database.reading() as session:
+        assert session.scalar(text("SELECT weather FROM run")) == "fair"
+        assert session.scalar(text("SELECT count(*) FROM recording")) == 1
+        assert session.scalar(text("PRAGMA foreign_keys")) == 1
+    database.close()
+    (copy,) = (tmp_path / "backups").iterdir()
+    engine = connect(f"sqlite:///{copy}")
+    assert copy.name.startswith(before)
+    assert revision(engine) == before
+    engine.dispose()
+
+
+@pytest.mark.parametrize(
+    ("then", "error"),
+    [
+        ("raise RuntimeError('power cut')", RuntimeError),
+        ('op.execute("UPDATE recording SET run_id = 77")', SchemaError),
+    ],
+)
+def test_a_failing_migration_changes_nothing(
+    tmp_path: Path, later_scripts: Path, then: str, error: type[Exception]
+) -> None:
+    before = make_with_data(tmp_path)
+    add_later_revision(later_scripts, before, then)
+    with pytest.raises(error):
+        open_database(tmp_path)
+    engine = connect(sqlite_url(tmp_path))
+    assert revision(engine) == before
+    assert "weather" not in {column["name"] for column in inspect(engine).get_columns("run")}
     engine.dispose()
