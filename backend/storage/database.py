@@ -30,7 +30,9 @@ class Database:
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
-        self._reading_engine = engine.execution_options(sinew_reading=True)
+        # SQLite's snapshots are one by nature; the servers' default would show later commits midway.
+        isolation = {} if engine.dialect.name == "sqlite" else {"isolation_level": "REPEATABLE READ"}
+        self._reading_engine = engine.execution_options(sinew_reading=True, **isolation)
 
     @contextmanager
     def session(self) -> Iterator[Session]:

@@ -15,8 +15,8 @@ from tests.storage.test_lineage import NEW_RUN
 PAGE = 4096
 
 
-def test_every_connection_is_durable_and_checked(database: Database) -> None:
-    for connect in (database.session, database.reading):
+def test_every_connection_is_durable_and_checked(sqlite: Database) -> None:
+    for connect in (sqlite.session, sqlite.reading):
         with connect() as session:
             assert session.scalar(text("PRAGMA journal_mode")) == "wal"
             assert session.scalar(text("PRAGMA synchronous")) == 2  # FULL
@@ -46,15 +46,15 @@ def test_a_reader_sees_one_state_while_others_write(database: Database) -> None:
         assert runs.count(after) == 1
 
 
-def test_a_second_writer_is_told_after_waiting(database: Database, tmp_path: Path) -> None:
-    with database.session() as session:
+def test_a_second_writer_is_told_after_waiting(sqlite: Database, tmp_path: Path) -> None:
+    with sqlite.session() as session:
         run = runs.create(session, NEW_RUN)
     other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
-    with database.reading() as session:
+    with sqlite.reading() as session:
         session.connection().connection.cursor().execute("PRAGMA busy_timeout=1")
         assert runs.get(session, run.id) == run
-    with pytest.raises(StorageError, match="locked"), database.session() as session:
+    with pytest.raises(StorageError, match="locked"), sqlite.session() as session:
         runs.end(session, run.id, EndState.COMPLETED)
     other.close()
 
@@ -65,37 +65,36 @@ def test_a_folder_that_cannot_hold_a_database_is_told(tmp_path: Path) -> None:
         open_database(tmp_path)
 
 
-def test_a_backup_is_complete_and_never_overwrites(database: Database, tmp_path: Path) -> None:
-    with database.session() as session:
+def test_a_backup_is_complete_and_never_overwrites(sqlite: Database, tmp_path: Path) -> None:
+    with sqlite.session() as session:
         run = runs.create(session, replace(NEW_RUN, note="kept"))
     target = tmp_path / "copies" / "monday.db"
-    backup(database.engine, target)
+    backup(sqlite.engine, target)
     copied = open_database(target.parent, f"sqlite:///{target}")
     with copied.reading() as session:
         assert runs.get(session, run.id) == run
     assert check(copied.engine) == []
     copied.close()
     with pytest.raises(BackupError, match="exists already"):
-        backup(database.engine, target)
+        backup(sqlite.engine, target)
     (tmp_path / "file").touch()
     with pytest.raises(BackupError, match="could not be written"):
-        backup(database.engine, tmp_path / "file" / "below.db")
+        backup(sqlite.engine, tmp_path / "file" / "below.db")
 
 
 def test_check_finds_what_is_wrong(database: Database) -> None:
     assert check(database.engine) == []
     with database.session() as session:
-        session.connection().connection.cursor().execute("PRAGMA defer_foreign_keys=ON")
         session.execute(text("DROP TABLE report"))
     assert any("report" in problem for problem in check(database.engine))
 
 
-def test_check_finds_references_to_nothing(database: Database, tmp_path: Path) -> None:
+def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> None:
     careless = sqlite3.connect(tmp_path / "sinew.db")
     careless.execute("INSERT INTO recording VALUES (77, '[]', 0.001, 0, '')")
     careless.commit()
     careless.close()
-    assert check(database.engine) == ["table recording refers to rows that are not there"]
+    assert check(sqlite.engine) == ["table recording refers to rows that are not there"]
 
 
 def test_check_finds_a_damaged_file(tmp_path: Path) -> None:

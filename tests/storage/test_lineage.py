@@ -67,7 +67,7 @@ def test_bank_without_entries_is_refused(database: Database) -> None:
 
 
 def test_entry_of_unknown_identification_is_refused_whole(database: Database) -> None:
-    with pytest.raises(StorageError, match="FOREIGN KEY"), database.session() as session:
+    with pytest.raises(StorageError, match=r"(?i)foreign key"), database.session() as session:
         banks.add(session, "bench", [BankEntry(8.24, {}, identification_id=99)], who="Ana")
     with database.reading() as session:
         assert banks.find(session) == []
@@ -148,7 +148,7 @@ def test_report_comes_back_byte_for_byte(database: Database) -> None:
 
 
 def test_nan_in_a_document_is_refused_and_nothing_is_stored(database: Database) -> None:
-    with pytest.raises(StorageError, match="not JSON compliant"), database.session() as session:
+    with pytest.raises((StorageError, ValueError), match="not JSON compliant"), database.session() as session:
         runs.create(session, replace(NEW_RUN, settings={"lam_q": float("nan")}))
     with database.reading() as session:
         assert runs.find(session) == []
