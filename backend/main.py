@@ -44,43 +44,46 @@ class AlreadyRunningError(Exception):
     """Another service works on this data folder."""
 
 
-def build(settings: Settings) -> FastAPI:
-    """Return the application; its parts start with the web server."""
-    tokens = load_tokens(settings.data) if settings.require_token else None
-    scenes: list[SceneMirror] = []
-
-    @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.gate = Gate(tokens)
-        async with AsyncExitStack() as stack:
-            app.state.service, scene = await _start(settings, stack)
-            scenes.append(scene)
-            yield
-
-    scene_routes = scene_router(signed_in, lambda: scenes[-1].port)
-    return create_app(lifespan, [scene_routes], settings.allowed_hosts)
+class CannotListenError(Exception):
+    """The address cannot be listened on."""
 
 
 def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
-    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers."""
-    with _only_service_on(settings.data):
-        app = build(settings)
-        config = uvicorn.Config(
-            app,
-            host=settings.host,
-            port=settings.port,
-            access_log=False,  # it would write the token of the sign-in link
-            log_level="warning",
-            server_header=False,
-            ws_per_message_deflate=False,
-            ws_max_size=1 << 20,
-            timeout_graceful_shutdown=3,
-        )
-        listening = config.bind_socket()
-        port = listening.getsockname()[1]
-        tokens = load_tokens(settings.data) if settings.require_token else None
-        server = _AnnouncingServer(config, lambda: ready(f"http://{settings.host}:{port}", tokens))
-        server.run(sockets=[listening])
+    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers.
+
+    Raises AlreadyRunningError, CannotListenError, and what keeps a part from starting.
+    """
+    with _only_service_on(settings.data), _listening(settings) as listening:
+        asyncio.run(_serve(settings, listening, ready))
+
+
+async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[str, Tokens | None], None]) -> None:
+    tokens = load_tokens(settings.data) if settings.require_token else None
+    parts = AsyncExitStack()
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        async with parts:
+            yield
+
+    try:
+        service, scene = await _start(settings, parts)
+    except BaseException:
+        await parts.aclose()
+        raise
+    app = create_app(lifespan, [scene_router(signed_in, scene.port)], settings.allowed_hosts)
+    app.state.service, app.state.gate = service, Gate(tokens)
+    config = uvicorn.Config(
+        app,
+        access_log=False,  # it would write the token of the sign-in link
+        log_level="warning",
+        server_header=False,
+        ws_per_message_deflate=False,
+        ws_max_size=1 << 20,
+        timeout_graceful_shutdown=3,
+    )
+    address = f"http://{settings.host}:{listening.getsockname()[1]}"
+    await _AnnouncingServer(config, lambda: ready(address, tokens)).serve([listening])
 
 
 class _AnnouncingServer(uvicorn.Server):
@@ -157,6 +160,20 @@ def _close_interrupted(database: Database) -> None:
 
 def _id_of_bank(tuning: TuningInUse) -> int | None:
     return None if tuning.bank is None else tuning.bank.id
+
+
+@contextmanager
+def _listening(settings: Settings) -> Iterator[socket.socket]:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    try:
+        listening = socket.create_server((settings.host, settings.port), family=family)
+    except OSError as error:
+        reason = error.strerror or error
+        raise CannotListenError(
+            f"cannot listen on {settings.host} port {settings.port}: {reason}; choose another --host or --port"
+        ) from None
+    with listening:
+        yield listening
 
 
 @contextmanager

@@ -19,8 +19,8 @@ from websockets.typing import Subprotocol
 from backend.scene.page import POLICY, page
 
 
-def router(authorise: Callable[[HTTPConnection], object], port: Callable[[], int]) -> APIRouter:
-    """Return the routes. ``authorise`` raises for who is not signed in; ``port`` returns viser's port."""
+def router(authorise: Callable[[HTTPConnection], object], port: int) -> APIRouter:
+    """Return the routes. ``authorise`` raises for who is not signed in; ``port`` is viser's."""
     routes = APIRouter(include_in_schema=False)
     html = page()
 
@@ -37,7 +37,7 @@ def router(authorise: Callable[[HTTPConnection], object], port: Callable[[], int
     @routes.websocket("/scene/")
     async def messages(websocket: WebSocket) -> None:
         authorise(websocket)
-        await _forward(websocket, port())
+        await _forward(websocket, port)
 
     return routes
 
