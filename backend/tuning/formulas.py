@@ -57,7 +57,7 @@ def printed_outer_gains(K: float, T: float, lam: float) -> i_p.Gains:
 
 
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
-    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3). K_q in rad/rad."""
+    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3)."""
     return 2.0 * K_q * r_j / r_m
 
 
