@@ -37,8 +37,9 @@ from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 
 SILENCE_S = 0.34
-"""Without a word from the service for so long [s], the loop stops softly: braking takes 0.14 s, so that the joint stands
-within 0.5 s of the last word."""
+"""Without a word from the service for so long [s], the loop stops softly.
+
+Braking takes 0.14 s: the joint stands within 0.5 s of the last word."""
 
 PAUSE_S = 0.02
 """Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
