@@ -91,7 +91,7 @@ def test_silence_is_answered_by_a_latched_soft_stop_within_half_a_second(bench: 
 
     bench.run(service)
     stops = np.flatnonzero(bench.column("fault") == FAULT_CODE[Fault.SERVICE_LOST])
-    assert 400 < stops[0] - 200 <= 500
+    assert 300 < stops[0] - 200 <= 400
     assert stops[-1] == bench.ring.count - 1
     events = bench.hear()
     assert sum(isinstance(event, Stopped) for event in events) == 1
