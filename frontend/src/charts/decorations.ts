@@ -17,6 +17,8 @@ export interface PlacedMark {
   readonly fault: boolean;
 }
 
+/** Height above the first chart that is kept free for the labels of marks [CSS px]. */
+export const MARK_LANE_PX = 14;
 const FONT_PX = 10;
 const LABEL_GAP_PX = 8;
 const LABEL_LENGTH = 28;
@@ -58,7 +60,8 @@ export function drawMarks(
   ctx.save();
   ctx.lineWidth = ratio;
   ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
-  ctx.textBaseline = "top";
+  ctx.textAlign = "left";
+  ctx.textBaseline = "bottom";
   let labelledTo = Number.NEGATIVE_INFINITY;
   for (const mark of marks) {
     if (mark.time_s < (scale.min ?? 0) || mark.time_s > (scale.max ?? 0)) continue;
@@ -71,11 +74,9 @@ export function drawMarks(
     if (!labels || x < labelledTo) continue;
     const text = mark.text.length > LABEL_LENGTH ? `${mark.text.slice(0, LABEL_LENGTH - 1)}…` : mark.text;
     const width = ctx.measureText(text).width;
-    const left = Math.min(x + 3 * ratio, bbox.left + bbox.width - width);
-    ctx.fillStyle = colours.panel;
-    ctx.fillRect(left - ratio, bbox.top, width + 2 * ratio, (FONT_PX + 3) * ratio);
+    const left = Math.min(x - ratio, bbox.left + bbox.width - width);
     ctx.fillStyle = mark.fault ? colours.fault : colours.axis;
-    ctx.fillText(text, left, bbox.top + ratio);
+    ctx.fillText(text, left, bbox.top - 2 * ratio);
     labelledTo = left + width + LABEL_GAP_PX * ratio;
   }
   ctx.restore();

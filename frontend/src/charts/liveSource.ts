@@ -40,6 +40,11 @@ export class LiveSource implements PlotSource {
     return this.store.window.endTick;
   }
 
+  changedWithin(seen: Stretch, version: number): boolean {
+    const endTick = this.store.window.endTick;
+    return endTick < version || (endTick > version && seen.to_s >= version * PERIOD_S);
+  }
+
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
     const window = this.store.window;
     const grid = gridOver(

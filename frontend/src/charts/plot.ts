@@ -4,7 +4,7 @@ import uPlot from "uplot";
 import { clockTime, fixed } from "../samples/format";
 import type { Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
-import { drawLimits, drawMarks, type LimitLine, type PlacedMark } from "./decorations";
+import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } from "./decorations";
 import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
 import type { Curves } from "./source";
@@ -19,6 +19,7 @@ const TIME_STEPS_S = [
 ];
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
+const LABEL_CLEARANCE_PX = 5;
 
 export interface PlotOptions {
   readonly panel: Panel;
@@ -48,7 +49,7 @@ export class SignalPlot {
     this.plot.batch(() => {
       this.plot.setData([curves.times, ...curves.values] as uPlot.AlignedData, false);
       this.plot.setScale("x", { min: stretch.from_s, max: stretch.to_s });
-      this.plot.setScale("y", range);
+      this.plot.setScale("y", { ...range });
     });
   }
 
@@ -71,10 +72,6 @@ export class SignalPlot {
       min: fixedPoint - (fixedPoint - min) * factor,
       max: fixedPoint + (max - fixedPoint) * factor,
     };
-  }
-
-  repaint(): void {
-    this.plot.redraw(false, true);
   }
 
   destroy(): void {
@@ -103,15 +100,19 @@ export class SignalPlot {
     return {
       width: 320,
       height: 120,
-      padding: [4, RIGHT_MARGIN, options.timeAxis ? 0 : 4, 0],
+      padding: [options.markLabels ? MARK_LANE_PX : 4, RIGHT_MARGIN, options.timeAxis ? 0 : 4, 0],
       legend: { show: false },
       cursor: { show: false },
-      scales: { x: { time: false, auto: false }, y: { auto: false } },
+      scales: {
+        x: { time: false, auto: false, range: asAsked },
+        y: { auto: false, range: asAsked },
+      },
       series: [
         {},
         ...options.panel.traces.map(
           (trace): uPlot.Series => ({
             scale: "y",
+            auto: false,
             stroke: trace.hue,
             width: LINE_WIDTH,
             ...(trace.dashed ? { dash: [6, 4] } : {}),
@@ -144,11 +145,10 @@ export class SignalPlot {
           font: FONT,
           grid,
           ticks: { show: false },
-          space: 26,
+          space: 20,
           gap: 6,
           size: AXIS_WIDTH,
-          values: (_plot, splits, _axis, _space, step) =>
-            splits.map((split) => fixed(split, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)))),
+          values: (plot, splits, _axis, _space, step) => splits.map((split) => valueLabel(plot, split, step)),
         },
       ],
       hooks: {
@@ -157,4 +157,15 @@ export class SignalPlot {
       },
     };
   }
+}
+
+/** uPlot ranges scales itself while there are no data; here they are always as asked. */
+function asAsked(_plot: uPlot, min: number | null, max: number | null): uPlot.Range.MinMax {
+  return [min, max];
+}
+
+/** Label of a grid line; none at the very top, where it would run into the head of the chart. */
+function valueLabel(plot: uPlot, split: number, step: number): string {
+  if (plot.valToPos(split, "y") < LABEL_CLEARANCE_PX) return "";
+  return fixed(split, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
 }

@@ -26,7 +26,7 @@ function roundRange(extent: Extent, narrowest: number): ValueRange {
   const span = Math.max(extent.maximum - extent.minimum, narrowest);
   const middle = (extent.maximum + extent.minimum) / 2;
   const half = span * (0.5 + MARGIN);
-  const step = roundStep(span / 4);
+  const step = roundStep(span / 20);
   return { min: Math.floor((middle - half) / step) * step, max: Math.ceil((middle + half) / step) * step };
 }
 

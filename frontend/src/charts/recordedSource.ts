@@ -45,6 +45,10 @@ export class RecordedSource implements PlotSource {
     return this.sheets;
   }
 
+  changedWithin(_seen: Stretch, version: number): boolean {
+    return version !== this.sheets;
+  }
+
   curves(panel: Panel, stretch: Stretch): Curves {
     const chosen = this.covering(stretch);
     if (chosen === null) {

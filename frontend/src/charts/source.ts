@@ -19,8 +19,10 @@ export interface PlotSource {
   newest_s(): number;
   /** Where the oldest sample is [s]. */
   first_s(): number;
-  /** Changes whenever samples were added or replaced. */
+  /** A number that changes whenever samples are added or replaced. */
   version(): number;
+  /** Whether samples within `seen` were added or replaced since `version`. */
+  changedWithin(seen: Stretch, version: number): boolean;
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
   /** The sample nearest to an instant, in SI; NaN where there is none. */
   at(name: string, time_s: number): number;

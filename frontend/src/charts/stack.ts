@@ -12,7 +12,7 @@ const LEAST_SHIFT_PX = 0.5;
 export class ChartStack {
   private readonly plots: readonly SignalPlot[];
   private width = 0;
-  private drawn: (Stretch & { version: number; newest_s: number }) | null = null;
+  private drawn: (Stretch & { version: number }) | null = null;
   private dirty = true;
   private request = 0;
 
@@ -94,7 +94,7 @@ export class ChartStack {
       for (const [index, plot] of this.plots.entries()) {
         plot.draw(this.source.curves(this.panels[index] as Panel, seen, this.plotWidth), seen);
       }
-      this.drawn = { ...seen, version: this.source.version(), newest_s: this.source.now_s() };
+      this.drawn = { ...seen, version: this.source.version() };
       this.dirty = false;
     }
     this.afterFrame(seen);
@@ -108,10 +108,7 @@ export class ChartStack {
       Math.abs(seen.from_s - this.drawn.from_s),
     );
     if (shift_s >= LEAST_SHIFT_PX * perPixel_s) return true;
-    const version = this.source.version();
-    const replaced = version < this.drawn.version;
-    const arriving =
-      this.view().end_s !== null && seen.to_s > this.drawn.newest_s && version > this.drawn.version;
-    return replaced || arriving;
+    // a view that follows is redrawn when it has moved on by enough; one that is held, when its samples change
+    return this.view().end_s !== null && this.source.changedWithin(seen, this.drawn.version);
   }
 }

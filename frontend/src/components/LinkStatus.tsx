@@ -13,7 +13,7 @@ export function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
     down: old === null ? "connecting" : `down ${age(old)}`,
   }[condition];
   return (
-    <span role="status" aria-label="Link" data-health={condition}>
+    <span role="status" aria-label="Link" data-health={condition} style={{ display: "flex" }}>
       <Metric label="Link" value={value} width="11ch" />
     </span>
   );

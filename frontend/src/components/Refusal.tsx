@@ -2,10 +2,17 @@
 
 import styles from "./Refusal.module.css";
 
-export function Refusal({ text }: { text: string | null | undefined }) {
+interface RefusalProps {
+  readonly text: string | null | undefined;
+  /** Shown while nothing is refused. */
+  readonly hint?: string;
+}
+
+export function Refusal({ text, hint = "" }: RefusalProps) {
+  const refused = text !== null && text !== undefined;
   return (
-    <div className={styles.refusal} role="status" aria-label="Refusal" title={text ?? undefined}>
-      {text ?? ""}
-    </div>
+    <output className={styles.refusal} aria-label="Refusal" data-refused={refused} title={text ?? undefined}>
+      {refused ? text : hint}
+    </output>
   );
 }

@@ -3,7 +3,7 @@
 export function SignalName({ name }: { name: string }) {
   const [letter, ...index] = name.split("_");
   return (
-    <span className="symbol" aria-hidden="true">
+    <span className="symbol">
       <i>{letter}</i>
       {index.length > 0 && <sub>{index.join(",")}</sub>}
     </span>

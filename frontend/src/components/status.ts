@@ -48,6 +48,7 @@ export function currentStatus(state: State | null, health: Health, age_ms: numbe
     const { message, remedy } = state.fault;
     return sentence("fault", message, { remedy, resettable: true });
   }
+  if (state.problems.length > 0) return sentence("warn", state.problems.join(" "), { task: state.task });
   if (state.task !== null) return sentence("busy", taskName(state.task), { task: state.task });
   if (state.mode === "pretension" && state.pretension_done) {
     return sentence("calm", "Pretension held in both tendons. Ready to run.");

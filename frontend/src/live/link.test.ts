@@ -35,9 +35,18 @@ describe("link", () => {
     const open = play([[0, { kind: "opened" }]]).link;
     expect(health(open, 900)).toBe("live");
     expect(health(open, 1200)).toBe("stale");
-    const { link, actions } = play([clock(2900), clock(3100)], open);
+    const { link, actions } = play([600, 1200, 1800, 2400, 2900, 3100].map(clock), open);
     expect(actions.at(-1)).toBe("3100 drop");
     expect(health(link, 3100)).toBe("down");
+  });
+
+  it("does not mistake its own sleep for a silent link", () => {
+    const open = play([[0, { kind: "opened" }]]).link;
+    const woken = play([clock(60_000), clock(60_500), clock(61_000)], open);
+    expect(woken.actions).not.toContain("60000 drop");
+    expect(woken.link.phase).toBe("open");
+    const silent = play([61_500, 62_000, 62_500, 63_000, 63_200].map(clock), woken.link);
+    expect(silent.actions.at(-1)).toBe("63200 drop");
   });
 
   it("tries for ever, each time a little later, up to four seconds", () => {
@@ -72,7 +81,8 @@ describe("link", () => {
   it("tries at once when the network is back, and gives a hanging attempt up", () => {
     const lost = play([[0, { kind: "closed" }]]).link;
     expect(step(lost, { kind: "wake" }, 10)[1]).toBe("connect");
-    expect(step(firstLink(0), { kind: "clock" }, 5100)[1]).toBe("drop");
+    const tries = play([900, 1800, 2700, 3600, 4500, 5100].map(clock));
+    expect(tries.actions).toEqual(["5100 drop"]);
   });
 
   it("is down before anything was ever heard", () => {

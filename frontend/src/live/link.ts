@@ -18,6 +18,10 @@ export interface Link {
   readonly latency_ms: number | null;
   readonly pinged_ms: number;
   readonly opened_ms: number;
+  /** Time of the last look at the clock. */
+  readonly looked_ms: number;
+  /** Until when this page itself was asleep: silence before that says nothing about the link. */
+  readonly awake_ms: number;
 }
 
 export type LinkEvent =
@@ -36,6 +40,8 @@ const PING_EVERY_MS = 1000;
 /** An open connection that is silent for this long is dropped and made anew. */
 const SILENCE_MS = 3000;
 const CONNECT_WITHIN_MS = 5000;
+/** A look at the clock that comes this much later than the one before was held up by the browser. */
+const ASLEEP_MS = 1000;
 const STALE_AFTER_MS = 1000;
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 4000;
@@ -50,6 +56,8 @@ export function firstLink(now_ms: number): Link {
     latency_ms: null,
     pinged_ms: now_ms,
     opened_ms: now_ms,
+    looked_ms: now_ms,
+    awake_ms: now_ms,
   };
 }
 
@@ -67,15 +75,21 @@ export function step(link: Link, event: LinkEvent, now_ms: number): [Link, LinkA
     case "wake":
       return link.phase === "waiting" ? [connecting(link, now_ms), "connect"] : [link, "none"];
     case "clock":
-      return onClock(link, now_ms);
+      return onClock(looked(link, now_ms), now_ms);
   }
+}
+
+function looked(link: Link, now_ms: number): Link {
+  const asleep = now_ms - link.looked_ms > ASLEEP_MS;
+  return { ...link, looked_ms: now_ms, awake_ms: asleep ? now_ms : link.awake_ms };
 }
 
 function onClock(link: Link, now_ms: number): [Link, LinkAction] {
   if (link.phase === "waiting") {
     return now_ms >= link.retry_ms ? [connecting(link, now_ms), "connect"] : [link, "none"];
   }
-  const quiet_ms = now_ms - (link.phase === "open" ? (link.heard_ms ?? link.opened_ms) : link.opened_ms);
+  const last_ms = link.phase === "open" ? (link.heard_ms ?? link.opened_ms) : link.opened_ms;
+  const quiet_ms = now_ms - Math.max(last_ms, link.awake_ms);
   if (quiet_ms > (link.phase === "open" ? SILENCE_MS : CONNECT_WITHIN_MS))
     return [waiting(link, now_ms), "drop"];
   if (link.phase === "open" && now_ms - link.pinged_ms >= PING_EVERY_MS) {

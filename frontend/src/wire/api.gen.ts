@@ -521,13 +521,16 @@ export interface components {
          * @description One point of a bank and the identification it came from.
          */
         BankEntryView: {
-            /** Identification */
-            identification: number;
+            /**
+             * Identification
+             * @description identification run it came from; null for an imported entry
+             */
+            identification: number | null;
             /**
              * Tension N
              * @description tendon tension of the point [N]
              */
-            tension_N: number;
+            tension_N: number | null;
             /**
              * S Nominal
              * @description stiffness of the point [N·m/rad]
@@ -614,13 +617,16 @@ export interface components {
             bound: number;
             /**
              * Relation
-             * @description '<=' or '>='
+             * @description '<' or '>'
              */
             relation: string;
             /** Unit */
             unit: string;
-            /** Passed */
-            passed: boolean;
+            /**
+             * Passed
+             * @description null when the run gives no figure to judge by
+             */
+            passed: boolean | null;
         };
         /**
          * DataFormat
@@ -808,30 +814,31 @@ export interface components {
             kind: "actuator";
             /**
              * Tension N
-             * @description tendon tension held during the run [N]
+             * @description tendon tension held while theta_A is excited [N]
+             * @default 20
              */
             tension_N: number;
             /**
              * Amplitude Rad
-             * @description amplitude of the PRBS on θ_A,ref, either way [rad]
+             * @description amplitude of the binary sequence on theta_A_ref [rad]
              * @default 1
              */
             amplitude_rad: number;
             /**
              * Chip S
-             * @description length of one chip of the PRBS [s]
+             * @description shortest time between two changes of the sequence [s]
              * @default 0.08
              */
             chip_s: number;
             /**
              * Bits
-             * @description length of the shift register
+             * @description length of the shift register; a period has 2^n - 1 chips [1]
              * @default 7
              */
             bits: number;
             /**
              * Periods
-             * @description how many whole sequences
+             * @description periods of the sequence; the last one is kept for validation [1]
              * @default 2
              */
             periods: number;
@@ -865,7 +872,7 @@ export interface components {
             S_nominal: number | null;
             /** Settings */
             settings: {
-                [key: string]: number | string;
+                [key: string]: boolean | number | string;
             };
             G_q: components["schemas"]["ModelView"] | null;
             G_S: components["schemas"]["ModelView"] | null;
@@ -997,17 +1004,17 @@ export interface components {
             stable: boolean;
             /**
              * M S
-             * @description maximum of the sensitivity function; None when unstable
+             * @description maximum of the sensitivity function; null when unstable
              */
             M_s: number | null;
             /**
              * Gain Margin
-             * @description factor of gain left before instability; None when unstable
+             * @description factor of gain left before instability; null when unstable or unlimited
              */
             gain_margin: number | null;
             /**
              * Phase Margin Deg
-             * @description phase left before instability; None when unstable [deg]
+             * @description phase left before instability; null when unstable or unlimited [deg]
              */
             phase_margin_deg: number | null;
             /**
@@ -1382,6 +1389,11 @@ export interface components {
              * @description run that the samples belong to at present
              */
             recording_run: number | null;
+            /**
+             * Problems
+             * @description what is wrong with the service without being a fault of the loop
+             */
+            problems: string[];
         };
         /**
          * StateMessage
@@ -1416,6 +1428,11 @@ export interface components {
              * @description run that the samples belong to at present
              */
             recording_run: number | null;
+            /**
+             * Problems
+             * @description what is wrong with the service without being a fault of the loop
+             */
+            problems: string[];
             /**
              * Type
              * @default state
@@ -1498,6 +1515,16 @@ export interface components {
         TuningPreview: {
             position: components["schemas"]["LoopPreview"];
             stiffness: components["schemas"]["LoopPreview"];
+            /**
+             * U Peak V
+             * @description largest motor voltage of a step of π/3 in q_ref [V]
+             */
+            u_peak_V: number;
+            /**
+             * F Min N
+             * @description least tendon tension of that step [N]
+             */
+            F_min_N: number;
         };
         /**
          * TuningRequest

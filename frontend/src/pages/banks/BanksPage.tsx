@@ -5,6 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { Link, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
+import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
 import { banksQuery } from "../../service/queries";
@@ -86,16 +87,24 @@ function Entries({ bank }: { bank: Bank }) {
             <Table.Tr>
               <Table.Th className={page.number}>Tension [N]</Table.Th>
               <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
-              <Table.Th className={page.number}>K of G_q</Table.Th>
-              <Table.Th className={page.number}>T of G_q [s]</Table.Th>
-              <Table.Th className={page.number}>K of G_S</Table.Th>
-              <Table.Th className={page.number}>T of G_S [s]</Table.Th>
+              <Table.Th className={page.number}>
+                K of <SignalName name="G_q" />
+              </Table.Th>
+              <Table.Th className={page.number}>
+                T of <SignalName name="G_q" /> [s]
+              </Table.Th>
+              <Table.Th className={page.number}>
+                K of <SignalName name="G_S" />
+              </Table.Th>
+              <Table.Th className={page.number}>
+                T of <SignalName name="G_S" /> [s]
+              </Table.Th>
               <Table.Th>Came from</Table.Th>
             </Table.Tr>
           </Table.Thead>
           <Table.Tbody>
             {bank.entries.map((entry) => (
-              <Table.Tr key={entry.identification}>
+              <Table.Tr key={entry.S_nominal}>
                 <Table.Td className={page.number}>{fixed(entry.tension_N, 0)}</Table.Td>
                 <Table.Td className={page.number}>{fixed(entry.S_nominal, 2)}</Table.Td>
                 <Table.Td className={page.number}>{significant(entry.K_q, 4)}</Table.Td>

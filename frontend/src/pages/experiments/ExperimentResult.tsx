@@ -67,7 +67,7 @@ function ExperimentProgress({ experiment }: { experiment: Experiment }) {
 
 function Findings({ experiment }: { experiment: Experiment }) {
   const { criteria, metrics, id } = experiment;
-  const failed = criteria.filter((criterion) => !criterion.passed).length;
+  const failed = criteria.filter((criterion) => criterion.passed === false).length;
   return (
     <>
       {criteria.length > 0 && (
@@ -97,10 +97,10 @@ function Findings({ experiment }: { experiment: Experiment }) {
                   <Table.Td>{criterion.label}</Table.Td>
                   <Table.Td className={page.number}>{significant(criterion.value, 3)}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>
-                    {criterion.relation === "<=" ? "≤" : "≥"} {criterion.bound} {criterion.unit}
+                    {criterion.relation} {criterion.bound} {criterion.unit}
                   </Table.Td>
                   <Table.Td>
-                    <Verdict good={criterion.passed}>{criterion.passed ? "pass" : "fail"}</Verdict>
+                    <Outcome passed={criterion.passed} />
                   </Table.Td>
                 </Table.Tr>
               ))}
@@ -130,4 +130,9 @@ function Findings({ experiment }: { experiment: Experiment }) {
       </div>
     </>
   );
+}
+
+function Outcome({ passed }: { passed: boolean | null }) {
+  if (passed === null) return <span className={page.dim}>no figure</span>;
+  return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
 }

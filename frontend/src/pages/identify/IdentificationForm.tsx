@@ -55,8 +55,6 @@ export function IdentificationForm({ onStarted }: { onStarted: (id: number) => v
         <div className={styles.tension}>
           <NumberInput
             label="Tension [N]"
-            description="held in the tendons"
-            inputWrapperOrder={["label", "input", "description"]}
             value={plan.tension_N}
             hideControls
             onChange={(value) => set("tension_N", value)}

@@ -4,6 +4,7 @@ import { Checkbox, Table } from "@mantine/core";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
+import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
@@ -34,10 +35,18 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                 <Table.Th>When</Table.Th>
                 <Table.Th className={page.number}>Tension [N]</Table.Th>
                 <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
-                <Table.Th className={page.number}>K of G_q</Table.Th>
-                <Table.Th className={page.number}>T of G_q [s]</Table.Th>
-                <Table.Th className={page.number}>K of G_S</Table.Th>
-                <Table.Th className={page.number}>T of G_S [s]</Table.Th>
+                <Table.Th className={page.number}>
+                  K of <SignalName name="G_q" />
+                </Table.Th>
+                <Table.Th className={page.number}>
+                  T of <SignalName name="G_q" /> [s]
+                </Table.Th>
+                <Table.Th className={page.number}>
+                  K of <SignalName name="G_S" />
+                </Table.Th>
+                <Table.Th className={page.number}>
+                  T of <SignalName name="G_S" /> [s]
+                </Table.Th>
                 <Table.Th>End</Table.Th>
               </Table.Tr>
             </Table.Thead>

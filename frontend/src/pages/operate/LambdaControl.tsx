@@ -17,6 +17,8 @@ const STEP_S = 0.01;
 const DECIMALS = 3;
 /** Where the scale begins, so that the range that is not offered stays in sight [s]. */
 const SCALE_FROM_S = 0.2;
+/** One step of the slider: the scale is logarithmic, for most of the work is done at its short end. */
+const SLIDER_STEP = 0.01;
 /** Defaults of the method [s]. */
 const DEFAULTS = { lam_q: 0.5, lam_S: 0.42 } as const;
 
@@ -26,10 +28,12 @@ interface LambdaControlProps {
   readonly hue: string;
   readonly tuning: Tuning;
   readonly preview: LoopPreview | undefined;
+  /** Where the motors saturate [V]. */
+  readonly u_max: number;
   onDraft(value: number | undefined): void;
 }
 
-export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: LambdaControlProps) {
+export function LambdaControl({ name, symbol, hue, tuning, preview, u_max, onDraft }: LambdaControlProps) {
   const setTuning = useSetTuning();
   const sent = useSentValue(tuning[name], (value) => setTuning.mutateAsync({ [name]: value }));
   const min = tuning[`${name}_min`];
@@ -39,8 +43,9 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
   useEffect(() => onDraft(drafted), [drafted]);
 
-  const nudge = (by: number) => sent.commit(Number((sent.value + by).toFixed(DECIMALS)));
-  const unsafe = (100 * (min - SCALE_FROM_S)) / (max - SCALE_FROM_S);
+  const nudge = (by: number) => sent.commit(rounded(sent.value + by));
+  const unsafe = (100 * Math.log(min / SCALE_FROM_S)) / Math.log(max / SCALE_FROM_S);
+  const fromSlider = (position: number) => Math.min(Math.max(rounded(Math.exp(position)), min), max);
 
   return (
     <div className={styles.control}>
@@ -90,23 +95,34 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
           thumbLabel={symbol}
           thumbValueText={(value) => `${fixed(value, DECIMALS)} s`}
           size="sm"
-          domain={[SCALE_FROM_S, max]}
-          min={min}
-          max={max}
-          step={STEP_S}
-          precision={DECIMALS}
-          value={sent.value}
+          domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
+          min={Math.log(min)}
+          max={Math.log(max)}
+          step={SLIDER_STEP}
+          precision={4}
+          scale={Math.exp}
+          value={Math.log(sent.value)}
           label={null}
-          onChange={sent.edit}
-          onChangeEnd={sent.commit}
+          onChange={(position) => sent.edit(fromSlider(position))}
+          onChangeEnd={(position) => sent.commit(fromSlider(position))}
         />
         <div className={styles.scale} aria-hidden="true">
-          <span style={{ left: `${unsafe}%` }}>{fixed(min, 2)}</span>
+          <span style={{ left: `${unsafe}%` }}>{fixed(min, DECIMALS)}</span>
           <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
         </div>
       </div>
-      <StepPreview symbol={symbol} hue={hue} preview={preview} drafted={drafted !== undefined} />
+      <StepPreview
+        symbol={symbol}
+        hue={hue}
+        preview={preview}
+        u_max={u_max}
+        drafted={drafted !== undefined}
+      />
       <Refusal text={sent.refusal} />
     </div>
   );
+}
+
+function rounded(seconds: number): number {
+  return Number(seconds.toFixed(DECIMALS));
 }

@@ -44,7 +44,7 @@ export function LiveCharts() {
       control={control}
       home={LIVE}
       limits={useMemo(() => limitLines(limits), [limits])}
-      marks={useMemo(() => marks.map(placed), [marks])}
+      marks={useMemo(() => marks.map(placed).sort((a, b) => a.time_s - b.time_s), [marks])}
       measuring={measuring}
       stale={stale}
     >

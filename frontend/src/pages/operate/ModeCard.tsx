@@ -32,6 +32,7 @@ export function ModeCard() {
           return (
             <Tooltip key={mode} label={reason ?? meaning} position="bottom">
               <Button
+                px={4}
                 variant={state?.mode === mode ? "filled" : "default"}
                 aria-pressed={state?.mode === mode}
                 aria-disabled={reason !== null}

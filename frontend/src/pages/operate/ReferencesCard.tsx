@@ -6,6 +6,7 @@ import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
 import { useSetReferences } from "../../service/commands";
 import { useSentValue } from "../../service/useSentValue";
 import { DEGREES } from "../../theme/signals";
@@ -39,7 +40,6 @@ function ReferenceControls({ references, limits }: { references: References; lim
         max={limits.q_max * DEGREES}
         step={1}
         decimals={1}
-        marks={[-60, 0, 60]}
         send={(value) => send.mutateAsync({ q_ref: value / DEGREES, S_ref })}
       />
       <ReferenceControl
@@ -50,7 +50,6 @@ function ReferenceControls({ references, limits }: { references: References; lim
         max={limits.S_max}
         step={0.1}
         decimals={2}
-        marks={[8, 10, 12, 14]}
         send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
       />
     </>
@@ -65,47 +64,43 @@ interface ReferenceControlProps {
   readonly max: number;
   readonly step: number;
   readonly decimals: number;
-  readonly marks: readonly number[];
   send(value: number): Promise<unknown>;
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, inForce, min, max, step, decimals, marks, send } = props;
+  const { name, unit, inForce, min, max, step, decimals, send } = props;
   const sent = useSentValue(inForce, send);
   return (
     <div className={styles.control}>
-      <div className={styles.row}>
+      <div className={styles.referenceRow}>
         <span className={styles.name}>
           <SignalName name={name} />
         </span>
-        <span className={styles.bounds}>
-          {min.toFixed(0)} … {max.toFixed(0)}
-        </span>
+        <Slider
+          thumbLabel={name}
+          thumbValueText={(value) => `${value} ${unit}`}
+          size="sm"
+          min={min}
+          max={max}
+          step={step}
+          value={sent.value}
+          label={null}
+          startPointValue={Math.max(0, min)}
+          onChange={sent.edit}
+          onChangeEnd={sent.commit}
+        />
         <ValueBox
           label={`${name} value [${unit}]`}
           unit={unit}
           value={sent.value}
           decimals={decimals}
           step={step}
-          width={120}
+          width={124}
           invalid={sent.refusal !== null}
           onCommit={sent.commit}
         />
       </div>
-      <Slider
-        thumbLabel={name}
-        thumbValueText={(value) => `${value} ${unit}`}
-        size="sm"
-        min={min}
-        max={max}
-        step={step}
-        value={sent.value}
-        label={null}
-        marks={marks.filter((mark) => mark > min && mark < max).map((value) => ({ value }))}
-        onChange={sent.edit}
-        onChangeEnd={sent.commit}
-      />
-      <Refusal text={sent.refusal} />
+      <Refusal text={sent.refusal} hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`} />
     </div>
   );
 }

@@ -1,5 +1,6 @@
 /** Predicted response to a unit step on the high-order model, with robustness beside it. */
 
+import type { ReactNode } from "react";
 import { SignalName } from "../../components/SignalName";
 import { fixed } from "../../samples/format";
 import type { LoopPreview } from "../../wire/types";
@@ -15,14 +16,18 @@ interface StepPreviewProps {
   readonly symbol: string;
   readonly hue: string;
   readonly preview: LoopPreview | undefined;
+  /** Where the motors saturate [V]. */
+  readonly u_max: number;
   /** The value is not in force yet. */
   readonly drafted: boolean;
 }
 
-export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps) {
+export function StepPreview({ symbol, hue, preview, u_max, drafted }: StepPreviewProps) {
   const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT);
   const M_s = preview?.M_s;
-  const robust = M_s !== null && M_s !== undefined && M_s <= M_S_LIMIT;
+  const u_peak = preview?.u_peak_V;
+  const fragile = preview !== undefined && (M_s == null || M_s > M_S_LIMIT);
+  const saturates = u_peak !== undefined && u_peak > u_max;
   return (
     // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
     <div className={styles.preview} role="group" aria-label={`Preview of ${symbol}`} data-drafted={drafted}>
@@ -48,40 +53,54 @@ export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps)
       <dl className={styles.previewNumbers}>
         <Reading
           label={<SignalName name="M_s" />}
-          name="M_s"
+          name="maximum of the sensitivity"
           value={fixed(M_s, 2)}
-          warn={preview !== undefined && !robust}
+          warn={fragile}
         />
-        <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
-        <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
         <Reading
           label={<SignalName name="t_90" />}
-          name="time to 90 %"
-          value={`${fixed(drawing?.t_90, 2)} s`}
+          name="time to 90 % of a step"
+          value={fixed(drawing?.t_90, 2)}
+          unit="s"
+        />
+        <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
+        <Reading
+          label={<SignalName name="u_max" />}
+          name="largest voltage of that step"
+          value={fixed(u_peak, 1)}
+          unit="V"
+          warn={saturates}
+        />
+        <Reading label="PM" name="phase margin" value={fixed(preview?.phase_margin_deg, 0)} unit="°" />
+        <Reading
+          label={<SignalName name="F_min" />}
+          name="least tension of that step"
+          value={fixed(preview?.F_min_N, 1)}
+          unit="N"
         />
       </dl>
     </div>
   );
 }
 
-function Reading({
-  label,
-  name,
-  value,
-  warn = false,
-}: {
-  label: React.ReactNode;
-  name: string;
-  value: string;
-  warn?: boolean;
-}) {
+interface ReadingProps {
+  readonly label: ReactNode;
+  readonly name: string;
+  readonly value: string;
+  readonly unit?: string;
+  readonly warn?: boolean;
+}
+
+function Reading({ label, name, value, unit = "", warn = false }: ReadingProps) {
   return (
     <div data-warn={warn} title={name}>
       <dt>
         {label}
-        <span className="visually-hidden">{name}</span>
+        <span className="visually-hidden">, {name}</span>
       </dt>
-      <dd>{value}</dd>
+      <dd>
+        {value} <span className={styles.previewUnit}>{unit}</span>
+      </dd>
     </div>
   );
 }

@@ -15,14 +15,15 @@ const PREVIEW_AFTER_MS = 60;
 
 export function TuningCard() {
   const tuning = useLive((live) => live.state?.tuning);
+  const u_max = useLive((live) => live.state?.limits.u_max ?? 0);
   return (
     <Card title="Tuning" aside={<ActiveBank tuning={tuning} />}>
-      {tuning ? <Lambdas tuning={tuning} /> : <div className={styles.reserve} />}
+      {tuning ? <Lambdas tuning={tuning} u_max={u_max} /> : <div className={styles.reserveTuning} />}
     </Card>
   );
 }
 
-function Lambdas({ tuning }: { tuning: Tuning }) {
+function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const [drafts, setDrafts] = useState<{ lam_q?: number | undefined; lam_S?: number | undefined }>({});
   const [asked] = useDebouncedValue(
     { lam_q: drafts.lam_q ?? tuning.lam_q, lam_S: drafts.lam_S ?? tuning.lam_S },
@@ -37,6 +38,7 @@ function Lambdas({ tuning }: { tuning: Tuning }) {
         hue={HUES.q}
         tuning={tuning}
         preview={preview.data?.position}
+        u_max={u_max}
         onDraft={(lam_q) => setDrafts((before) => ({ ...before, lam_q }))}
       />
       <LambdaControl
@@ -45,6 +47,7 @@ function Lambdas({ tuning }: { tuning: Tuning }) {
         hue={HUES.S}
         tuning={tuning}
         preview={preview.data?.stiffness}
+        u_max={u_max}
         onDraft={(lam_S) => setDrafts((before) => ({ ...before, lam_S }))}
       />
     </>
