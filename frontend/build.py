@@ -42,7 +42,7 @@ def build() -> None:
 
 def run_script(name: str) -> None:
     """Run one script of package.json, after installing what the lock file names. Raises CalledProcessError."""
-    wanted = _digest([FRONTEND / "package.json", FRONTEND / "package-lock.json"])
+    wanted = _digest([FRONTEND / "package-lock.json"])
     if _read(INSTALLED_FROM) != wanted:
         _npm("ci", "--no-progress")
         INSTALLED_FROM.write_text(wanted)
