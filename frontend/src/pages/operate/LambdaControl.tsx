@@ -28,12 +28,10 @@ interface LambdaControlProps {
   readonly hue: string;
   readonly tuning: Tuning;
   readonly preview: LoopPreview | undefined;
-  /** Where the motors saturate [V]. */
-  readonly u_max: number;
   onDraft(value: number | undefined): void;
 }
 
-export function LambdaControl({ name, symbol, hue, tuning, preview, u_max, onDraft }: LambdaControlProps) {
+export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: LambdaControlProps) {
   const setTuning = useSetTuning();
   const sent = useSentValue(tuning[name], (value) => setTuning.mutateAsync({ [name]: value }));
   const min = tuning[`${name}_min`];
@@ -111,13 +109,7 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, u_max, onDra
           <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
         </div>
       </div>
-      <StepPreview
-        symbol={symbol}
-        hue={hue}
-        preview={preview}
-        u_max={u_max}
-        drafted={drafted !== undefined}
-      />
+      <StepPreview symbol={symbol} hue={hue} preview={preview} drafted={drafted !== undefined} />
       <Refusal text={sent.refusal} />
     </div>
   );

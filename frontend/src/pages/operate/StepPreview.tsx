@@ -8,7 +8,7 @@ import styles from "./Operate.module.css";
 import { stepPath } from "./stepPath";
 
 const WIDTH = 150;
-const HEIGHT = 54;
+const HEIGHT = 46;
 /** Robustness above this is out of the offered range. */
 const M_S_LIMIT = 1.7;
 
@@ -16,18 +16,14 @@ interface StepPreviewProps {
   readonly symbol: string;
   readonly hue: string;
   readonly preview: LoopPreview | undefined;
-  /** Where the motors saturate [V]. */
-  readonly u_max: number;
   /** The value is not in force yet. */
   readonly drafted: boolean;
 }
 
-export function StepPreview({ symbol, hue, preview, u_max, drafted }: StepPreviewProps) {
+export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps) {
   const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT);
   const M_s = preview?.M_s;
-  const u_peak = preview?.u_peak_V;
   const fragile = preview !== undefined && (M_s == null || M_s > M_S_LIMIT);
-  const saturates = u_peak !== undefined && u_peak > u_max;
   return (
     // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
     <div className={styles.preview} role="group" aria-label={`Preview of ${symbol}`} data-drafted={drafted}>
@@ -64,20 +60,7 @@ export function StepPreview({ symbol, hue, preview, u_max, drafted }: StepPrevie
           unit="s"
         />
         <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
-        <Reading
-          label={<SignalName name="u_max" />}
-          name="largest voltage of that step"
-          value={fixed(u_peak, 1)}
-          unit="V"
-          warn={saturates}
-        />
         <Reading label="PM" name="phase margin" value={fixed(preview?.phase_margin_deg, 0)} unit="°" />
-        <Reading
-          label={<SignalName name="F_min" />}
-          name="least tension of that step"
-          value={fixed(preview?.F_min_N, 1)}
-          unit="N"
-        />
       </dl>
     </div>
   );

@@ -5,9 +5,10 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
 import { previewQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
-import type { Tuning } from "../../wire/types";
+import type { Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
 
@@ -38,7 +39,6 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         hue={HUES.q}
         tuning={tuning}
         preview={preview.data?.position}
-        u_max={u_max}
         onDraft={(lam_q) => setDrafts((before) => ({ ...before, lam_q }))}
       />
       <LambdaControl
@@ -47,10 +47,21 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         hue={HUES.S}
         tuning={tuning}
         preview={preview.data?.stiffness}
-        u_max={u_max}
         onDraft={(lam_S) => setDrafts((before) => ({ ...before, lam_S }))}
       />
+      <StepForecast preview={preview.data} u_max={u_max} />
     </>
+  );
+}
+
+/** What a large step would ask of motors and tendons. */
+function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; u_max: number }) {
+  const saturates = preview !== undefined && preview.u_peak_V >= u_max;
+  return (
+    <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
+      60° step: peak {fixed(preview?.u_peak_V, 1)} V of {fixed(u_max, 0)} V, tension above{" "}
+      {fixed(preview?.F_min_N, 1)} N
+    </output>
   );
 }
 
