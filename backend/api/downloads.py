@@ -5,20 +5,22 @@ import multiprocessing
 import os
 import threading
 from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
 
 from backend.api.errors import ApiError
-from backend.experiments.evaluation import Columns, recorded_columns
-from backend.reports.document import Report
+from backend.recording.columns import Columns, recorded_columns
+from backend.reports.build import build_report
 from backend.reports.exports import to_csv, to_mat, to_parquet
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
-from backend.reports.source import Source
-from backend.reports.tracking import tracking_report
-from backend.storage import Database, banks, results, runs
+from backend.reports.source import Source, load_source
+from backend.storage import Database, results, runs
 from backend.storage.runs import EndState, RunKind
 
+COMPUTING_S = 60.0
+"""A run that ended longer ago [s] and has no result will not get one: its report says so."""
+
 EXPORTS = {"csv": to_csv, "parquet": to_parquet, "mat": to_mat}
-_REPORTS = {RunKind.TRACKING: tracking_report}
 
 
 class Downloads:
@@ -52,18 +54,12 @@ class Downloads:
         return content
 
     def _source(self, run_id: int) -> Source:
-        with self._database.reading() as session:
-            run = runs.get(session, run_id)
-            result = results.newest(session, run_id)
-            bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-        if run.kind not in _REPORTS:
-            known = ", ".join(_REPORTS)
-            raise ApiError(
-                404, f"there is no report of run {run_id}: it is of kind {run.kind}, reports are for {known}"
-            )
-        if run.end_state == EndState.RUNNING or result is None:
-            raise ApiError(409, f"run {run_id} has no result yet: its report follows when it is over")
-        return Source(run, result, recorded_columns(self._database, run_id)[0], bank)
+        source = load_source(self._database, run_id)
+        if source.run.end_state == EndState.RUNNING:
+            raise ApiError(409, f"run {run_id} is not over yet: its report follows when it is")
+        if source.result is None and source.run.kind != RunKind.SESSION and _just_ended(source):
+            raise ApiError(409, f"the result of run {run_id} is being computed: its report follows in a moment")
+        return source
 
     def _columns(self, run_id: int) -> Columns:
         with self._database.reading() as session:
@@ -77,8 +73,13 @@ class Downloads:
                 results.add_report(session, run_id, kind, content)
 
 
+def _just_ended(source: Source) -> bool:
+    ended = source.run.ended_at
+    return ended is not None and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
+
+
 def _rendered(source: Source, kind: str) -> bytes:
-    report: Report = _REPORTS[RunKind(source.run.kind)](source)
+    report = build_report(source)
     return to_pdf(report) if kind == "pdf" else to_html(report).encode()
 
 

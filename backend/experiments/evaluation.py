@@ -2,26 +2,19 @@
 
 from dataclasses import asdict, dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from backend import __version__
 from backend.experiments.actuator_identification import figures_of, identify, to_store
 from backend.experiments.criteria import Criterion, bounds_for, tracking_criteria
 from backend.experiments.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
-from backend.recording.reader import read_samples
-from backend.sample import STORED_NAMES
-from backend.storage import Database, identifications, recordings, results
+from backend.recording.columns import Columns, recorded_columns
+from backend.storage import Database, identifications, results
 from backend.storage.identifications import Identification, NewIdentification
-from backend.storage.records import UnknownRecordError
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
 from plant.interface import T_s
 from plant.parameters import PlantParameters
-
-Columns = dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -31,17 +24,6 @@ class Evaluation:
     result: Result | None
     identification: Identification | None
     problem: str
-
-
-def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
-    """Return all signals of a run with ``t`` [s] from its first sample, and how many samples are missing."""
-    try:
-        with database.reading() as session:
-            samples = read_samples(session, run_id)
-            missed = recordings.get(session, run_id).missed
-    except UnknownRecordError:
-        return {name: np.empty(0) for name in ("t", *STORED_NAMES)}, 0
-    return {"t": samples.t} | {name: column.astype(np.float64) for name, column in samples.columns.items()}, missed
 
 
 def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:

@@ -102,8 +102,8 @@ class ActuatorIdentificationPlan:
 
     kind: ClassVar[str] = "actuator_identification"
 
-    tension_N: float = number(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while theta_A is excited")
-    amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on theta_A_ref")
+    tension_N: float = number(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while θ_A,ref is excited")
+    amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
     chip_s: float = number(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
     bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
     periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last one is kept for validation")

@@ -6,7 +6,7 @@ from importlib import resources
 
 from backend.reports.document import Block, Figure, Paragraph, Report, Section, Table
 
-_SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+)\b|·10\^(?P<power>−?\d+)"
+_SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)\b|·10\^(?P<power>−?\d+)"
 _SYMBOLS = re.compile(_SYMBOL)
 _SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
 

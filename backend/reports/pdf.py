@@ -17,7 +17,9 @@ def to_pdf(report: Report) -> bytes:
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()
     fonts = typst.Fonts(include_system_fonts=False)
     inputs = {"data": json.dumps(document)}
-    pdf: bytes = typst.compile(template, font_paths=fonts, sys_inputs=inputs, timestamp=report.date)
+    pdf: bytes = typst.compile(
+        template, font_paths=fonts, sys_inputs=inputs, timestamp=report.date.replace(microsecond=0)
+    )
     return pdf
 
 

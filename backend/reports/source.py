@@ -4,25 +4,37 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from backend.reports.document import Column, Fact, Section, Table, exact
+from backend.recording.columns import Columns, recorded_columns
+from backend.reports.document import Column, Fact, Section, Table, exact, shown
+from backend.storage import Database, banks, identifications, results, runs
 from backend.storage.banks import Bank
+from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import EndState, Run
-
-Columns = Mapping[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Source:
-    """A run with all that its report says. ``columns`` are the samples of its program, t [s] from the start."""
+    """A run with all that its report says. ``columns`` are its samples, t [s] from the first."""
 
     run: Run
     result: Result | None
     columns: Columns
     bank: Bank | None
+    identification: Identification | None = None
+
+
+def load_source(database: Database, run_id: int) -> Source:
+    """Gather what is stored of a run: its newest result and identification, the bank it used, its samples.
+
+    Raises UnknownRecordError.
+    """
+    with database.reading() as session:
+        run = runs.get(session, run_id)
+        result = results.newest(session, run_id)
+        bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+        estimates = identifications.find(session, run_id=run_id)
+    return Source(run, result, recorded_columns(database, run_id)[0], bank, estimates[0] if estimates else None)
 
 
 END_STATES = {
@@ -72,6 +84,21 @@ def settings_table(source: Source) -> Table:
     return Table("Settings of the run.", titles, rows)
 
 
+def figures_table(metrics: Mapping[str, Any]) -> Table:
+    """Return the figures of a result, each with unit and definition."""
+    columns = (
+        Column("Quantity", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+        Column("Definition", number=False, wide=True),
+    )
+    part = "" if metrics["complete"] else " The run is incomplete: only finished steps count."
+    rows = tuple(
+        (item["label"], shown(item["value"]), _unit(item["unit"]), item["definition"]) for item in metrics["figures"]
+    )
+    return Table(f"Metrics on measured signals.{part}", columns, rows)
+
+
 def parameter_section(source: Source) -> Section:
     """Return every number of the parameter set with unit and source."""
     rows = tuple(
@@ -92,6 +119,8 @@ def parameter_section(source: Source) -> Section:
 def _value(value: Any) -> str:
     if isinstance(value, list):
         return "; ".join(_value(item) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return exact(value) if isinstance(value, float) else str(value)
 
 

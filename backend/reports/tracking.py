@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from backend.reports.document import Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
-from backend.reports.source import Source, facts, parameter_section, settings_table, subtitle
+from backend.reports.source import Source, facts, figures_table, parameter_section, settings_table, subtitle
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
 
 _NOTES = (
@@ -112,17 +112,7 @@ def _results(metrics: Mapping[str, Any], criteria: list[dict[str, Any]]) -> Sect
             for item in criteria
         ),
     )
-    figures = Table(
-        "Metrics on measured signals."
-        + ("" if metrics["complete"] else " The run is incomplete: only finished steps count."),
-        (
-            Column("Quantity", number=False),
-            Column("Value"),
-            Column("Unit", number=False),
-            Column("Definition", number=False, wide=True),
-        ),
-        tuple((item["label"], shown(item["value"]), item["unit"], item["definition"]) for item in metrics["figures"]),
-    )
+    figures = figures_table(metrics)
     return Section("Results", (judged, figures) if criteria else (figures,))
 
 
@@ -160,8 +150,8 @@ def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
                 "steps",
                 step_panels(columns, metrics["steps"], lam, "steps"),
                 "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
-                "for (dashed). Large steps are slower where the reference governor keeps the motors within their "
-                "voltage.",
+                "for on a first-order process (dashed). The motor loops' lags delay the real one; the reference "
+                "governor slows large steps, so that the motors stay within their voltage.",
             )
         )
     return Section("Figures", tuple(blocks))

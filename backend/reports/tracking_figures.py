@@ -27,7 +27,6 @@ def tracking_panels(columns: Columns, start_s: float, end_s: float, letters: str
             panel_letter(row, letter)
         axes[2].set_xlabel("t [s]")
         axes[2].set_xlim(start_s, end_s)
-        drawn.align_ylabels(list(axes))
         return to_svg(drawn, name)
 
 
@@ -47,7 +46,7 @@ def step_panels(
     columns: Columns, steps: Sequence[Mapping[str, Any]], lam: Mapping[str, float | None], name: str
 ) -> str:
     """Draw all steps of q and of S on one scale, from 0 to 1, over the response that λ was chosen for."""
-    with figure(1, 2, height_in=2.3, sharey=True) as (drawn, axes):
+    with figure(1, 2, height_in=2.2, gap_in=(0.0, 0.2), sharey=True) as (drawn, axes):
         for panel, signal, letter in zip(axes, ("q", "S"), "AB", strict=True):
             longest = 0.0
             for step in (item for item in steps if item["signal"] == signal):

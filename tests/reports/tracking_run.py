@@ -19,7 +19,7 @@ from plant.interface import T_s
 from plant.parameters import load_parameters
 
 Array = NDArray[np.float64]
-BEGAN = datetime(2026, 3, 4, 10, 20, 30, tzinfo=UTC)
+BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
 PLAN = TrackingPlan(q_duration_s=4.0, S_duration_s=3.0)
 
 

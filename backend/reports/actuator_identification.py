@@ -1,0 +1,189 @@
+"""The report of an actuator identification: the models, how far they can be trusted, and what the paper found."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
+from backend.reports.identification_figures import (
+    CHANNELS,
+    bode_panels,
+    model_of,
+    record_panels,
+    residual_panels,
+    step_panels,
+)
+from backend.reports.source import Source, facts, figures_table, parameter_section, settings_table, subtitle
+from backend.storage.identifications import Identification
+
+TABLE_1 = {
+    10.0: ((0.0498, 0.64), (1.17, 0.57)),
+    20.0: ((0.0484, 0.78), (2.826, 1.19)),
+    30.0: ((0.0495, 1.58), (1.821, 0.62)),
+    40.0: ((0.0491, 2.98), (1.47, 0.43)),
+}
+"""The paper's first-order estimates by tension [N]: (K, T [s]) of G_q and of G_S."""
+
+_STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
+_OUTCOMES = {"usable": "passed", "usable with caution": "incomplete", "not usable": "failed"}
+
+_NOTES = (
+    "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
+    "scaled for that (erratum E3). T is the sum of the model's lags, K its static gain; the λ formulas start here.",
+    "The fit in per cent is that of a simulation on the last third of the record by a model fitted to the first two "
+    "thirds. Standard errors allow for coloured residuals; they do not cover what the structure leaves out.",
+    "The paper's table 1 was fitted as first order to a 1 ms sequence on the real rig, where friction grows with "
+    "tension. Its T and its gains of G_S are therefore not expected here; its gains of G_q and the geometry are.",
+)
+
+
+def actuator_identification_report(source: Source) -> Report:
+    """Build the report; a run without a model says why it gave none."""
+    found, metrics = source.identification, source.result.metrics if source.result else {}
+    tension_N = source.run.settings["plan"]["tension_N"]
+    sections = []
+    if found is not None:
+        sections += [
+            Section("Models", (_models(found), _comparison(found, tension_N), figures_table(metrics))),
+        ]
+    sections.append(Section("How it was made", (settings_table(source), *_data(found))))
+    if found is not None:
+        sections.append(Section("Figures", _figures(source, found)))
+    sections += [
+        Section("Notes", tuple(Paragraph(note) for note in _NOTES)),
+        parameter_section(source),
+    ]
+    return Report(
+        title=f"Actuator identification at {exact(tension_N)} N",
+        subtitle=subtitle(source),
+        outcome=_outcome(found),
+        verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
+        facts=(*facts(source), *_point(found)),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · actuator identification · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _outcome(found: Identification | None) -> str:
+    if found is None:
+        return "incomplete"
+    grades = [_OUTCOMES[found.quality[key]["grade"]] for key in CHANNELS]
+    return max(grades, key=["passed", "incomplete", "failed"].index)
+
+
+def _point(found: Identification | None) -> tuple[Fact, ...]:
+    if found is None:
+        return ()
+    q, S = found.model["q_nominal"], found.model["S_nominal"]
+    return (Fact("Point", f"q = {shown(q)} rad, S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
+
+
+def _models(found: Identification) -> Table:
+    columns = (
+        Column("Model", number=False),
+        Column("Structure", number=False),
+        Column("K"),
+        Column("±"),
+        Column("K geometry"),
+        Column("Error", "%"),
+        Column("T", "s"),
+        Column("±", "s"),
+        Column("Fit", "%"),
+        Column("Residuals", number=False, wide=True),
+    )
+    rows = tuple(_model_row(key, found.model[key], found.quality[key]) for key in CHANNELS)
+    return Table(
+        "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
+        "with standard errors, gain against geometry, fit on unseen data, residual tests at the 1 % level.",
+        columns,
+        rows,
+    )
+
+
+def _model_row(key: str, model: Mapping[str, Any], quality: Mapping[str, Any]) -> tuple[str, ...]:
+    reduced, error = model["first_order"], quality["gain_error_percent"]
+    return (
+        key,
+        _STRUCTURES.get(model["structure"], str(model["structure"]).replace(":", " ")),
+        shown(reduced["K"], 4),
+        shown(reduced["K_std"], 2),
+        shown(quality["gain_geometry"], 4),
+        ("+" if error is not None and error > 0 else "") + shown(error, 2),
+        shown(reduced["T"]),
+        shown(reduced["T_std"], 2),
+        shown(quality["fit_percent"]),
+        _residuals(quality["residuals"]),
+    )
+
+
+def _residuals(tests: Mapping[str, Any]) -> str:
+    white, free = tests["whiteness"]["passed"], tests["input_correlation"]["passed"]
+    return f"{'white' if white else 'coloured'}, {'free of' if free else 'depend on'} input"
+
+
+def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
+    columns, start, period_s = source.columns, found.data["first_sample"], found.data["period_s"]
+    channels = {key: found.model[key] for key in CHANNELS}
+    models = {key: model_of(channel) for key, channel in channels.items()}
+    residuals = {key: found.quality[key]["residuals"] for key in CHANNELS}
+    return (
+        Figure(
+            "record",
+            record_panels(columns, start, models, period_s, "record"),
+            "The record: (A) excitation on the held tension, (B) joint position and (C) joint stiffness, each with the "
+            "identified model simulated from rest on the recorded input (dashed), (D) tendon tensions.",
+        ),
+        Figure(
+            "bode",
+            bode_panels(columns, start, channels, period_s, "bode"),
+            "Frequency responses of (A, C) G_q and (B, D) G_S: identified model, its first-order reduction (dashed), "
+            "and an estimate from the data without a model where the coherence exceeds 0.9 (dots).",
+        ),
+        Figure(
+            "step",
+            step_panels(channels, "step"),
+            "Response of (A) G_q and (B) G_S to a step of θ_A,ref by 1 rad, and of their first-order reductions "
+            "(dashed).",
+        ),
+        Figure(
+            "residuals",
+            residual_panels(residuals, "residuals"),
+            "Correlation of the residuals with themselves (A, B) and with earlier input (C, D); grey: 99 % bands of a "
+            "model that leaves nothing out.",
+        ),
+    )
+
+
+def _comparison(found: Identification, tension_N: float) -> Table:
+    nearest = min(TABLE_1, key=lambda tension: abs(tension - tension_N))
+    columns = (
+        Column("Transfer function", number=False, wide=True),
+        Column("K here"),
+        Column("K geometry"),
+        Column("K table 1"),
+        Column("T here", "s"),
+        Column("T table 1", "s"),
+    )
+    rows = tuple(
+        (
+            key,
+            shown(found.model[key]["first_order"]["K"], 4),
+            shown(found.quality[key]["gain_geometry"], 4),
+            shown(K, 4),
+            shown(found.model[key]["first_order"]["T"]),
+            shown(T),
+        )
+        for key, (K, T) in zip(CHANNELS, TABLE_1[nearest], strict=True)
+    )
+    return Table(f"First-order models beside the paper's table 1 at {exact(nearest)} N.", columns, rows)
+
+
+def _data(found: Identification | None) -> tuple[Paragraph, ...]:
+    if found is None:
+        return ()
+    data = found.data
+    text = (
+        f"Identification {found.id} used {data['samples']} samples at {exact(1e3 * data['period_s'])} ms, from sample "
+        f"{data['first_sample']} of run {found.run_id} on: input θ_A,ref, outputs q and S. Method: {found.method}."
+    )
+    return (Paragraph(text),)

@@ -1,0 +1,110 @@
+"""The report of an actuator identification, from a record made with known transfer functions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification.result import Model
+from backend.reports.build import build_report
+from backend.reports.document import Figure, Report, Table
+from backend.reports.html import to_html
+from backend.reports.identification_figures import simulated_from_rest
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source
+from backend.sample import STORED_NAMES
+from backend.storage.identifications import Identification
+from plant.interface import T_s
+from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
+
+REST = 1_000
+
+
+def record() -> dict[str, np.ndarray]:
+    excitation = ActuatorIdentificationPlan(bits=5, periods=1).excitation()
+    levels = np.array([1.0 if level == "+" else -1.0 for level in excitation.levels])
+    u = np.concatenate([np.zeros(REST), np.repeat(levels, 80)])
+    y, pole = u, np.exp(-T_s / 0.0854)
+    for _ in range(4):
+        y = np.array([state := 0.0] + [state := pole * state + (1 - pole) * value for value in y[:-1]])
+    columns = {name: np.zeros_like(u) for name in STORED_NAMES}
+    return columns | {"t": np.arange(u.size) * T_s, "theta_A_ref": 9.0 + u, "q": 0.47 + 0.05 * y, "S": 10.5 + 0.72 * y}
+
+
+def identification() -> Identification:
+    test = {"lags_s": [0.1, 0.2], "correlation": [0.01, 0.3], "band": [0.1, 0.1], "passed": False}
+    model, quality = {}, {}
+    for key, gain, geometry in (("G_q", 0.05, 0.05), ("G_S", 0.72, 0.7209)):
+        reduced = {"K": gain, "T": 0.3416, "K_std": 1e-4, "T_std": 2e-4}
+        model[key] = {"structure": "lags4", "parameters": {"K": gain, "tau": 0.0854}, "first_order": reduced}
+        quality[key] = {
+            "fit_percent": 97.0,
+            "gain_geometry": geometry,
+            "gain_error_percent": 100 * (gain / geometry - 1),
+            "grade": "usable with caution",
+            "residuals": {"whiteness": test, "input_correlation": {**test, "passed": True}},
+        }
+    return Identification(
+        id=5,
+        kind="actuator",
+        run_id=12,
+        data={"first_sample": REST, "samples": 2_480, "period_s": T_s},
+        method="output error",
+        options={"tension_N": 20.0},
+        model={"S_nominal": 10.55, "q_nominal": 0.474, **model},
+        quality=quality,
+        usable=True,
+        verdict="Usable with caution for tuning: friction.",
+        who="A. Operator",
+        software="0.1.0",
+        created_at=BEGAN,
+    )
+
+
+def source(found: Identification | None, metrics: dict[str, object]) -> Source:
+    tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()})
+    assert tracked.result is not None
+    settings = {**tracked.run.settings, "plan": {"tension_N": 20.0}}
+    run = replace(tracked.run, kind="actuator_identification", settings=settings)
+    return Source(run, replace(tracked.result, metrics=metrics, criteria=[]), record(), None, found)
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    figures = [{"label": "Joint motion", "value": 57.0, "unit": "1", "definition": "peak to peak"}]
+    return build_report(source(identification(), {"complete": True, "figures": figures}))
+
+
+def test_report_says_models_geometry_and_table_1(report: Report) -> None:
+    assert report.title == "Actuator identification at 20 N"
+    assert (report.outcome, report.verdict) == ("incomplete", "Usable with caution for tuning: friction.")
+    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
+    assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
+    models, comparison = tables[0].rows, tables[1].rows
+    assert models[0][:4] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.00010")
+    assert models[1][5] == "−0.12"
+    assert models[0][-1] == "coloured, free of input"
+    assert comparison[1] == ("G_S", "0.7200", "0.7209", "2.826", "0.342", "1.19")
+
+
+def test_report_renders_with_its_four_figures(report: Report) -> None:
+    figures = [block.name for section in report.sections for block in section.blocks if isinstance(block, Figure)]
+    assert figures == ["record", "bode", "step", "residuals"]
+    assert to_html(report).count("<svg") == 4
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_a_run_without_a_model_says_why() -> None:
+    report = build_report(source(None, {"complete": False, "figures": [], "problem": "the run ended early (stopped)"}))
+    assert report.outcome == "incomplete"
+    assert report.verdict == "the run ended early (stopped)"
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_the_simulation_drawn_beside_the_record_is_that_of_the_model() -> None:
+    columns = record()
+    right = simulated_from_rest(columns, REST, "q", Model("lags4", {"K": 0.05, "tau": 0.0854}), T_s)
+    wrong = simulated_from_rest(columns, REST, "q", Model("lags4", {"K": 0.05, "tau": 0.2}), T_s)
+    assert np.abs(right - columns["q"][REST:]).max() < 5e-4
+    assert np.abs(wrong - columns["q"][REST:]).max() > 1e-2
