@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from backend.identification.fit import Fit, Method, fit, refit
-from backend.identification.linearisation import WHITE, Problem
+from backend.identification.linearisation import WHITE, Evaluation, Problem
 from backend.identification.record import Record, Signal
 from backend.identification.reduction import reduce_to_first_order
-from backend.identification.residuals import input_correlation, whiteness
 from backend.identification.result import Estimate, Model, Residuals
 from backend.identification.structures import structure
-from backend.identification.validation import fit_percent, information_criteria, judge
+from backend.identification.validation import information_criteria, judge
 
 _TRAINING_PART = 2.0 / 3.0
 
@@ -30,19 +29,15 @@ def estimate(
     the output's sensor. Raises StructureError, NoStartError, NotConvergedError.
     """
     shape = structure(structure_name)
-    # Offsets are nuisance anyway; taking out the first samples keeps the numbers of one size.
-    centred = replace(record, u=record.u - record.u[0], y=record.y - record.y[0])
-    found = fit(centred, shape, method)
+    found = fit(record, shape, method)
     model = Model(shape.name, dict(zip(shape.names, found.parameters.tolist(), strict=True)))
-    here = found.linearised()
-    covariance = here.covariance()
+    covariance = found.covariance
     first_order = reduce_to_first_order(model, covariance)
-    parameter_count = found.parameters.size + shape.order + 2
-    AIC, BIC, FPE = information_criteria(here.residuals, parameter_count)
+    AIC, BIC, FPE = information_criteria(found.residuals, found.parameters.size + shape.order + 2)
     residuals = Residuals(
-        whiteness=whiteness(here.residuals, record.period_s),
-        input_correlation=input_correlation(here.residuals, found.test_input(), record.period_s, first_order.T),
-        std=float(np.std(here.residuals)),
+        whiteness=found.whiteness(),
+        input_correlation=found.input_correlation(),
+        std=float(np.std(found.residuals)),
         AIC=AIC,
         BIC=BIC,
         FPE=FPE,
@@ -68,10 +63,9 @@ def estimate(
 
 def _simulated_fit(problem: Problem, parameters: Signal) -> float:
     """Fit of the simulation with the nuisance terms of this record."""
-    plain = replace(problem, whitening=WHITE)
-    basis = np.linalg.qr(plain.nuisance(parameters))[0]
-    error = plain.record.y - plain.simulated(parameters, plain.record.u)
-    return fit_percent(plain.record.y, plain.record.y - (error - basis @ (basis.T @ error)))
+    y = problem.record.y
+    error = Evaluation(replace(problem, whitening=WHITE), parameters).cost
+    return 100.0 * (1.0 - error / float(np.linalg.norm(y - np.mean(y))))
 
 
 def _held_out_fit(found: Fit) -> float:

@@ -21,11 +21,16 @@ def noise_free_input(problem: Problem) -> NoiseFreeInput | None:
     if record.controller is not None:
         numerator = _feedback(record, record.controller)
         from_outside = record.u + lfilter(numerator, [1.0, -1.0], record.y)
-        return lambda parameters: _closed_loop_input(problem, parameters, numerator, from_outside)
+        return lambda parameters: _centred(_closed_loop_input(problem, parameters, numerator, from_outside))
     if record.r is not None and np.ptp(record.r) > 0.0:
-        fitted = _fitted_input(record, record.r)
+        fitted = _centred(_fitted_input(record, record.r))
         return lambda parameters: fitted
     return None
+
+
+def _centred(u: Signal) -> Signal:
+    """Without its mean, so that simulation from rest starts near where the record is."""
+    return np.asarray(u - np.mean(u))
 
 
 def _feedback(record: Record, controller: Controller) -> Signal:

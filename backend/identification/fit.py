@@ -2,23 +2,25 @@
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
-from backend.identification.linearisation import WHITE, Problem, Projected, projected
+from backend.identification.linearisation import WHITE, Evaluation, Problem, difference
 from backend.identification.noise import fit_autoregression
-from backend.identification.output_error import NotConvergedError, fit_output_error
+from backend.identification.output_error import COARSE, FINE, NotConvergedError, fit_output_error
 from backend.identification.record import Record, Signal
 from backend.identification.refined_iv import fit_refined_iv
 from backend.identification.residuals import input_correlation, whiteness
-from backend.identification.response import UnstableModelError
-from backend.identification.start import starting_values
+from backend.identification.result import CorrelationTest
+from backend.identification.start import quick_starts, thorough_starts
 from backend.identification.structures import Structure
+from backend.identification.uncertainty import sandwich
 
 _NOISE_ROUNDS = 6
 _NOISE_SETTLED = 0.05
-_STARTS_TRIED = 4
+_STARTS_TRIED = 3
 
 
 class Method(StrEnum):
@@ -37,11 +39,20 @@ class Method(StrEnum):
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters, shape (p,), and how they were found; ``drive`` is None where the measured input serves."""
+    """A solution and how it was found; ``drive`` is None where the measured input serves as instrument."""
 
-    problem: Problem
-    parameters: Signal
+    solution: Evaluation
     drive: NoiseFreeInput | None
+
+    @property
+    def problem(self) -> Problem:
+        """Record, structure and noise model of the solution."""
+        return self.solution.problem
+
+    @property
+    def parameters(self) -> Signal:
+        """Parameters of the solution, shape (p,)."""
+        return self.solution.parameters
 
     @property
     def method(self) -> str:
@@ -51,69 +62,101 @@ class Fit:
             return f"closed-loop RIVC, AR({order}) noise" if order else "closed-loop SRIVC"
         return f"output error, AR({order}) noise" if order else "output error"
 
-    def test_input(self) -> Signal:
-        """Input that the residuals must not depend on, whitened like them, shape (n,)."""
-        u = self.problem.record.u if self.drive is None else self.drive(self.parameters)
-        return self.problem.whiten(u)
+    @cached_property
+    def residuals(self) -> Signal:
+        """Whitened output error without the nuisance terms, shape (n,)."""
+        return self.solution.without_nuisance(self.solution.error[:, np.newaxis])[:, 0]
 
-    def linearised(self) -> Projected:
-        """Whitened residuals, sensitivities and instruments at the solution."""
-        return projected(self.problem, self.parameters, None if self.drive is None else self.drive(self.parameters))
+    @cached_property
+    def covariance(self) -> Signal:
+        """Covariance of the parameters, shape (p, p), robust to coloured residuals."""
+        sensitivities = instruments = self.solution.without_nuisance(self.solution.sensitivities)
+        if self.drive is not None:
+            clean = self.drive(self.parameters)
+            instruments = self.solution.without_nuisance(self.solution.instruments(clean))
+        scale = np.concatenate(([1.0], self.parameters[1:]))
+        return np.asarray(sandwich(instruments, sensitivities, self.residuals) * np.outer(scale, scale))
+
+    def input_correlation(self) -> CorrelationTest:
+        """Test whether the residuals still depend on the input, over five times the sum of lags."""
+        record = self.problem.record
+        u = self.problem.whiten(record.u if self.drive is None else self.drive(self.parameters))
+        sum_of_lags = float(self.problem.structure.denominator(self.parameters)[1])
+        return input_correlation(self.residuals, u, record.period_s, sum_of_lags)
+
+    def whiteness(self) -> CorrelationTest:
+        """Test whether the residuals are white."""
+        return whiteness(self.residuals, self.problem.record.period_s)
 
 
 def fit(record: Record, structure: Structure, method: Method) -> Fit:
     """Estimate the parameters. Raises NoStartError, NotConvergedError."""
     problem = Problem(record, structure, WHITE)
     drive = None if method is Method.OUTPUT_ERROR else noise_free_input(problem)
-    first = _solve(problem, drive, starting_values(problem))
+    first = _from_starts(problem, drive)
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
         return first
-    residuals = first.linearised().residuals
-    if method is Method.DEFAULT and whiteness(residuals, record.period_s).passed:
+    if method is Method.DEFAULT and first.whiteness().passed:
         return first
-    coloured = _with_noise_model(first, residuals)
-    if method is Method.RIVC:
-        return coloured
+    coloured = _with_noise_model(first)
     # Residuals that still follow the input come from missing dynamics, not from noise: whitening them would trade
     # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
-    residuals = coloured.linearised().residuals
-    slowest_s = float(coloured.problem.structure.denominator(coloured.parameters)[1])
-    explained = input_correlation(residuals, coloured.test_input(), record.period_s, slowest_s).passed
-    return coloured if explained else first
+    return coloured if method is Method.RIVC or coloured.input_correlation().passed else first
 
 
 def refit(found: Fit, record: Record) -> Fit:
-    """Estimate from another record with the same noise model, starting from what was found."""
+    """Estimate from another record with the same noise model, starting from what was found, to a tenth of a sigma."""
     problem = replace(found.problem, record=record)
-    return _solve(problem, None if found.drive is None else noise_free_input(problem), [found.parameters])
+    drive = None if found.drive is None else noise_free_input(problem)
+    return _solve(problem, drive, found.parameters, COARSE)
 
 
-def _with_noise_model(first: Fit, residuals: Signal) -> Fit:
+def _with_noise_model(first: Fit) -> Fit:
+    """Alternate between the parameters and the noise model until they settle."""
     found = first
     for _ in range(_NOISE_ROUNDS):
-        problem = replace(first.problem, whitening=fit_autoregression(residuals))
-        starts = starting_values(problem, found.parameters) if found is first else [found.parameters]
-        improved = _solve(problem, None if first.drive is None else noise_free_input(problem), starts)
-        change = improved.linearised().distance(found.parameters, improved.parameters)
-        found = improved
-        if change < _NOISE_SETTLED:
+        problem = replace(first.problem, whitening=fit_autoregression(_unwhitened(found).residuals))
+        drive = None if first.drive is None else noise_free_input(problem)
+        before = found
+        found = (
+            _from_starts(problem, drive, found.parameters)
+            if found is first
+            else _solve(problem, drive, found.parameters)
+        )
+        step = difference(before.parameters, found.parameters)
+        change = float(np.linalg.norm(found.solution.without_nuisance(found.solution.sensitivities) @ step))
+        if change < _NOISE_SETTLED * found.solution.noise:
             break
-        residuals = projected(first.problem, found.parameters, None).residuals
     return found
 
 
-def _solve(problem: Problem, drive: NoiseFreeInput | None, starts: list[Signal]) -> Fit:
-    """Run the estimator from the first of the best few starts from which it converges."""
+def _unwhitened(found: Fit) -> Fit:
+    return Fit(Evaluation(replace(found.problem, whitening=WHITE), found.parameters), found.drive)
+
+
+def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
+    """Solve from quick starting values, and from thorough ones as well where the residuals do not come out white."""
+    found = _first_converged(problem, quick_starts(problem, *further))
+    if problem.structure.order >= 3 and (found is None or not Fit(found, None).whiteness().passed):
+        other = _first_converged(problem, thorough_starts(problem))
+        if other is not None and (found is None or other.cost < found.cost):
+            found = other
+    if found is None:
+        raise NotConvergedError(f"{problem.structure.name}: no minimum found; try a simpler structure")
+    return Fit(found, None) if drive is None else Fit(fit_refined_iv(found, drive), drive)
+
+
+def _first_converged(problem: Problem, starts: list[Signal]) -> Evaluation | None:
     for start in starts[:_STARTS_TRIED]:
         try:
-            parameters = fit_output_error(problem, start)
-        except NotConvergedError as error:
-            failure = error
+            return fit_output_error(problem, start)
+        except NotConvergedError:
             continue
-        if drive is not None:
-            try:
-                return Fit(problem, fit_refined_iv(problem, parameters, drive), drive)
-            except (NotConvergedError, UnstableModelError, np.linalg.LinAlgError):
-                return Fit(problem, parameters, None)
-        return Fit(problem, parameters, None)
-    raise failure
+    return None
+
+
+def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal, tolerance: float = FINE) -> Fit:
+    solution = fit_output_error(problem, start, tolerance)
+    if drive is None:
+        return Fit(solution, None)
+    return Fit(fit_refined_iv(solution, drive, tolerance), drive)

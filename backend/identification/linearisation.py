@@ -8,6 +8,7 @@ is itself and every other parameter is its logarithm, which keeps them positive 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -16,7 +17,6 @@ from scipy.signal import lfilter
 from backend.identification.record import Record, Signal
 from backend.identification.response import free_responses, simulate
 from backend.identification.structures import Structure
-from backend.identification.uncertainty import sandwich
 
 _STEP = 1e-5
 _BLOCK = 1000
@@ -31,77 +31,82 @@ class Problem:
     structure: Structure
     whitening: Signal
 
-    def simulated(self, parameters: Signal, u: Signal) -> Signal:
-        """Noise-free response to ``u`` from rest, shape (n,). Raises UnstableModelError."""
+    def simulated(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
+        """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
+        state = None if initial is None else initial / parameters[0]
         poles = self.structure.poles(parameters)
-        return np.asarray(parameters[0] * simulate(poles, self.record.period_s, u))
+        return np.asarray(parameters[0] * simulate(poles, self.record.period_s, u, state))
 
     def nuisance(self, parameters: Signal) -> Signal:
-        """Free responses, offset and ramp, whitened, shape (n, order + 2)."""
+        """Free responses, offset and ramp, whitened; shape (n, order + 2)."""
         count = self.record.u.size
         free = free_responses(self.structure.poles(parameters), self.record.period_s, count)
-        columns = np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count)))
-        return self.whiten(columns)
+        return self.whiten(np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count))))
 
-    def sensitivities(self, parameters: Signal, u: Signal, simulated: Signal) -> Signal:
-        """Differentiate the simulated response in z; shape (n, parameters), before whitening.
+    def sensitivities(self, parameters: Signal, u: Signal, simulated: Signal, initial: Signal) -> Signal:
+        """Differentiate the response to ``u`` and ``initial`` in z; whitened, shape (n, parameters).
 
-        Forward differences: each costs one simulation, and the relative error of 1e-5 slows the iteration
-        unnoticeably without moving its solution.
+        ``simulated`` is the response from rest. Forward differences: each costs one simulation, and the relative
+        error of 1e-5 slows the iteration unnoticeably without moving its solution.
         """
+        whole = self.simulated(parameters, u, initial)
         columns = np.empty((u.size, parameters.size))
         columns[:, 0] = simulated / parameters[0]
         for i in range(1, parameters.size):
-            moved = parameters.copy()
-            moved[i] *= 1.0 + _STEP
-            columns[:, i] = (self.simulated(moved, u) - simulated) / _STEP
-        return columns
+            nearby = parameters.copy()
+            nearby[i] *= 1.0 + _STEP
+            columns[:, i] = (self.simulated(nearby, u, initial) - whole) / _STEP
+        return self.whiten(columns)
 
     def whiten(self, signal: Signal) -> Signal:
         """Pass a signal or columns of signals through the whitening polynomial."""
         return signal if self.whitening.size == 1 else np.asarray(lfilter(self.whitening, [1.0], signal, axis=0))
 
 
-@dataclass(frozen=True)
-class Projected:
-    """Linearisation at ``parameters``, whitened, orthogonal to the nuisance terms.
+class Evaluation:
+    """A problem at one set of parameters, with what steps and standard errors need. Raises UnstableModelError.
 
-    ``residuals`` shape (n,); ``sensitivities`` and ``instruments`` shape (n, p), both in the coordinates z.
+    ``nuisance`` shape (n, order + 2) and ``error`` shape (n,), both whitened; ``cost`` is the norm of the part of
+    the error that the nuisance terms cannot explain.
     """
 
-    parameters: Signal
-    residuals: Signal
-    sensitivities: Signal
-    instruments: Signal
+    def __init__(self, problem: Problem, parameters: Signal) -> None:
+        self.problem = problem
+        self.parameters = parameters
+        self._simulated = problem.simulated(parameters, problem.record.u)
+        self.error = problem.whiten(problem.record.y - self._simulated)
+        columns = problem.nuisance(parameters)
+        self._size = np.linalg.norm(columns, axis=0)
+        self.nuisance = columns / self._size
+        self._factor = triangle(np.column_stack((self.nuisance, self.error)))
+        self.cost = float(abs(self._factor[-1, -1]))
 
-    def covariance(self) -> Signal:
-        """Covariance of the parameters, shape (p, p), robust to coloured residuals."""
-        scale = np.concatenate(([1.0], self.parameters[1:]))
-        return np.asarray(sandwich(self.instruments, self.sensitivities, self.residuals) * np.outer(scale, scale))
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the whitened error."""
+        return self.cost / float(np.sqrt(self.error.size))
 
-    def distance(self, first: Signal, second: Signal) -> float:
-        """Difference of two parameter vectors as they move the output, in standard deviations of the noise."""
-        step = np.concatenate((second[:1] - first[:1], np.log(second[1:] / first[1:])))
-        noise = np.linalg.norm(self.residuals) / np.sqrt(self.residuals.size)
-        return float(np.linalg.norm(self.sensitivities @ step) / max(noise, np.finfo(float).tiny))
+    @cached_property
+    def initial(self) -> Signal:
+        """State before the first sample that fits the error best, with offset and ramp, shape (order,)."""
+        solution = np.linalg.lstsq(self._factor[:-1, :-1], self._factor[:-1, -1], rcond=None)[0]
+        return np.asarray(solution / self._size)[: self.problem.structure.order]
 
+    @cached_property
+    def sensitivities(self) -> Signal:
+        """Derivatives of the whitened model output in z, shape (n, p)."""
+        return self.problem.sensitivities(self.parameters, self.problem.record.u, self._simulated, self.initial)
 
-def projected(problem: Problem, parameters: Signal, noise_free_input: Signal | None) -> Projected:
-    """Linearise with instruments made of ``noise_free_input``, or of the measured input where that is None."""
-    record = problem.record
-    basis = np.linalg.qr(problem.nuisance(parameters))[0]
+    def instruments(self, u: Signal) -> Signal:
+        """Differentiate the whitened response to an input free of noise in z; shape (n, p)."""
+        rest = np.zeros(self.problem.structure.order)
+        return self.problem.sensitivities(self.parameters, u, self.problem.simulated(self.parameters, u), rest)
 
-    def without_nuisance(columns: Signal) -> Signal:
-        whitened = problem.whiten(columns)
-        return np.asarray(whitened - basis @ (basis.T @ whitened))
-
-    simulated = problem.simulated(parameters, record.u)
-    sensitivities = without_nuisance(problem.sensitivities(parameters, record.u, simulated))
-    instruments = sensitivities
-    if noise_free_input is not None:
-        clean = problem.simulated(parameters, noise_free_input)
-        instruments = without_nuisance(problem.sensitivities(parameters, noise_free_input, clean))
-    return Projected(parameters, without_nuisance(record.y - simulated), sensitivities, instruments)
+    def without_nuisance(self, columns: Signal) -> Signal:
+        """Part of the columns, shape (n, m), that is orthogonal to the nuisance terms."""
+        count = self.nuisance.shape[1]
+        factor = triangle(np.column_stack((self.nuisance, columns)))
+        return np.asarray(columns - self.nuisance @ np.linalg.lstsq(factor[:count, :count], factor[:count, count:])[0])
 
 
 def triangle(columns: Signal) -> Signal:
@@ -125,8 +130,6 @@ def moved(parameters: Signal, step: Signal) -> Signal:
     return np.concatenate((parameters[:1] + step[:1], parameters[1:] * np.exp(step[1:])))
 
 
-def cost(problem: Problem, parameters: Signal) -> float:
-    """Norm of the whitened output error after the nuisance terms are taken out. Raises UnstableModelError."""
-    record = problem.record
-    error = problem.whiten(record.y - problem.simulated(parameters, record.u))
-    return float(abs(triangle(np.column_stack((problem.nuisance(parameters), error)))[-1, -1]))
+def difference(first: Signal, second: Signal) -> Signal:
+    """Step in z from the first parameters to the second."""
+    return np.concatenate((second[:1] - first[:1], np.log(second[1:] / first[1:])))

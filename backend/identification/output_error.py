@@ -7,12 +7,13 @@ y = G u + noise / D.
 
 import numpy as np
 
-from backend.identification.linearisation import Problem, cost, moved, triangle
+from backend.identification.linearisation import Evaluation, Problem, moved, triangle
 from backend.identification.record import Signal
 from backend.identification.response import UnstableModelError
 
 MAX_ITERATIONS = 60
-_TOLERANCE = 1e-3
+FINE = 1e-3
+COARSE = 0.1
 _FLOOR = 1e-11
 _MAX_DAMPING = 1e8
 
@@ -21,56 +22,48 @@ class NotConvergedError(ValueError):
     """The iteration found no minimum; the record does not determine this structure."""
 
 
-def fit_output_error(problem: Problem, start: Signal) -> Signal:
-    """Minimise the output error from ``start``; parameters, shape (p,).
+def fit_output_error(problem: Problem, start: Signal, tolerance: float = FINE) -> Evaluation:
+    """Minimise the output error from ``start``; the solution is the evaluation's ``parameters``.
 
-    Stops when the next step would be below a thousandth of the standard errors. Raises NotConvergedError.
+    Stops when what is left to gain is below ``tolerance`` standard errors. Raises NotConvergedError,
+    UnstableModelError.
     """
-    parameters, damping = start, 1e-3
+    here, damping = Evaluation(problem, start), 1e-3
     signal = float(np.linalg.norm(problem.whiten(problem.record.y)))
     for _ in range(MAX_ITERATIONS):
-        factor, right, here = _normalised(problem, parameters)
+        factor, right = _normalised(here)
         remaining = float(np.linalg.norm(right))
-        if remaining < _TOLERANCE * here / np.sqrt(problem.record.u.size) or remaining < _FLOOR * signal:
-            return parameters
+        if remaining < tolerance * here.noise or remaining < _FLOOR * signal:
+            return here
         while True:
-            trial = moved(parameters, _damped_step(factor, right, damping))
-            if _cost_or_inf(problem, trial) < here:
-                parameters, damping = trial, damping / 10.0
+            trial = _evaluated(problem, moved(here.parameters, _damped_step(factor, right, damping)))
+            if trial is not None and trial.cost < here.cost:
+                here, damping = trial, damping / 10.0
                 break
             damping *= 5.0
             if damping > _MAX_DAMPING:
-                return parameters
+                return here
     raise NotConvergedError(
         f"{problem.structure.name}: no minimum within {MAX_ITERATIONS} iterations; try a simpler structure"
     )
 
 
-def _normalised(problem: Problem, parameters: Signal) -> tuple[Signal, Signal, float]:
-    """Triangle of the sensitivities and matching right-hand side, nuisance projected out, and the cost."""
-    record = problem.record
-    simulated = problem.simulated(parameters, record.u)
-    sensitivities = problem.whiten(problem.sensitivities(parameters, record.u, simulated))
-    nuisance = problem.nuisance(parameters)
-    error = problem.whiten(record.y - simulated)
-    factor = triangle(np.column_stack((nuisance, sensitivities, error)))
-    first, last = nuisance.shape[1], nuisance.shape[1] + parameters.size
-    here = float(abs(factor[last, last]))
-    right = factor[first:last, last]
-    return factor[first:last, first:last], right, float(np.hypot(here, np.linalg.norm(right)))
+def _normalised(here: Evaluation) -> tuple[Signal, Signal]:
+    """Triangle of the sensitivities, shape (p, p), and matching right-hand side, nuisance projected out."""
+    first, size = here.nuisance.shape[1], here.parameters.size
+    factor = triangle(np.column_stack((here.nuisance, here.sensitivities, here.error)))
+    return factor[first : first + size, first : first + size], factor[first : first + size, first + size]
 
 
 def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
-    size = right.size
     weights = np.sqrt(damping) * np.linalg.norm(factor, axis=0)
     stacked = np.vstack((factor, np.diag(weights)))
-    step = np.linalg.lstsq(stacked, np.concatenate((right, np.zeros(size))), rcond=None)[0]
-    longest = float(np.max(np.abs(step[1:]), initial=0.0))
-    return np.asarray(step * min(1.0, 1.5 / longest) if longest > 0.0 else step)
+    step = np.linalg.lstsq(stacked, np.concatenate((right, np.zeros(right.size))), rcond=None)[0]
+    return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
 
 
-def _cost_or_inf(problem: Problem, parameters: Signal) -> float:
+def _evaluated(problem: Problem, parameters: Signal) -> Evaluation | None:
     try:
-        return cost(problem, parameters)
-    except (UnstableModelError, np.linalg.LinAlgError):
-        return float("inf")
+        return Evaluation(problem, parameters)
+    except UnstableModelError:
+        return None

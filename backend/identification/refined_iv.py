@@ -14,43 +14,42 @@ needs no derivatives of the measured output, and it serves constrained structure
 import numpy as np
 
 from backend.identification.excitation import NoiseFreeInput
-from backend.identification.linearisation import Problem, moved, projected
-from backend.identification.output_error import NotConvergedError
+from backend.identification.linearisation import Evaluation, moved, triangle
+from backend.identification.output_error import FINE, NotConvergedError
 from backend.identification.record import Signal
 from backend.identification.response import UnstableModelError
 
 MAX_ITERATIONS = 40
-_TOLERANCE = 1e-3
 _FLOOR = 1e-11
 
 
-def fit_refined_iv(problem: Problem, start: Signal, noise_free_input: NoiseFreeInput) -> Signal:
-    """Iterate from ``start`` to the solution; parameters, shape (p,). Raises NotConvergedError, UnstableModelError."""
-    parameters = start
-    record = problem.record
-    signal = float(np.linalg.norm(problem.whiten(record.y)))
+def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput, tolerance: float = FINE) -> Evaluation:
+    """Iterate from ``start`` to the solution. Raises NotConvergedError, UnstableModelError."""
+    here, signal = start, float(np.linalg.norm(start.problem.whiten(start.problem.record.y)))
     for _ in range(MAX_ITERATIONS):
-        here = projected(problem, parameters, noise_free_input(parameters))
-        basis = np.linalg.qr(here.instruments)[0]
-        right = basis.T @ here.residuals
+        matrix, right = _equation(here, here.instruments(noise_free_input(here.parameters)))
         remaining = float(np.linalg.norm(right))
-        noise = float(np.linalg.norm(here.residuals)) / np.sqrt(record.u.size)
-        if remaining < _TOLERANCE * noise or remaining < _FLOOR * signal:
-            return parameters
-        step = np.linalg.lstsq(basis.T @ here.sensitivities, right, rcond=None)[0]
-        parameters = _stable_step(problem, parameters, np.asarray(step))
-    raise NotConvergedError(f"{problem.structure.name}: refined IV did not settle within {MAX_ITERATIONS} iterations")
+        if remaining < tolerance * here.noise or remaining < _FLOOR * signal:
+            return here
+        here = _stable_step(here, np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]))
+    name = start.problem.structure.name
+    raise NotConvergedError(f"{name}: refined IV did not settle within {MAX_ITERATIONS} iterations")
 
 
-def _stable_step(problem: Problem, parameters: Signal, step: Signal) -> Signal:
+def _equation(here: Evaluation, instruments: Signal) -> tuple[Signal, Signal]:
+    """Q'J, shape (p, p), and Q'e, where Q is an orthonormal basis of the instruments without nuisance."""
+    first, size = here.nuisance.shape[1], here.parameters.size
+    factor = triangle(np.column_stack((here.nuisance, instruments, here.sensitivities, here.error)))
+    rows = slice(first, first + size)
+    return factor[rows, first + size : first + 2 * size], factor[rows, -1]
+
+
+def _stable_step(here: Evaluation, step: Signal) -> Evaluation:
     """Take the step, shortened to a factor e per parameter and halved until the model is stable."""
     step = step / max(1.0, float(np.max(np.abs(step[1:]))))
     for _ in range(30):
-        trial = moved(parameters, step)
         try:
-            problem.simulated(trial, problem.record.u[:2])
+            return Evaluation(here.problem, moved(here.parameters, step))
         except UnstableModelError:
             step = step / 2.0
-        else:
-            return trial
-    raise NotConvergedError(f"{problem.structure.name}: refined IV leads to an unstable model")
+    raise NotConvergedError(f"{here.problem.structure.name}: refined IV leads to an unstable model")

@@ -79,27 +79,34 @@ def moving_average(poles: Poles, period_s: float) -> Signal:
     return np.asarray(taps / taps.sum())
 
 
-def simulate(poles: Poles, period_s: float, u: Signal) -> Signal:
-    """Response of the system with these poles and static gain 1, at rest before the first sample; shape of ``u``.
+def simulate(poles: Poles, period_s: float, u: Signal, initial: Signal | None = None) -> Signal:
+    """Response of the system with these poles and static gain 1; shape of ``u``.
 
-    The output at sample k has seen the input up to sample k - 1. Raises UnstableModelError.
+    The output at sample k has seen the input up to sample k - 1. ``initial``, shape (order,), are coordinates of the
+    state before the first sample in the basis of :func:`free_responses`; without it the system is at rest.
+    Raises UnstableModelError.
     """
     check_stable(poles, period_s)
     taps = np.concatenate(([0.0], moving_average(poles, period_s)))
-    return np.asarray(sosfilt(sections(poles, period_s), lfilter(taps, [1.0], u)))
+    driven = lfilter(taps, [1.0], u)
+    if initial is not None:
+        driven[: poles.size] += initial @ _impulses(poles.size)
+    return np.asarray(sosfilt(sections(poles, period_s), driven))
 
 
 def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
-    """Responses to ``order`` independent initial states, no input; shape (count, order), columns of size about 1."""
-    order = poles.size
-    columns = np.zeros((order, count))
-    kernel = np.array([1.0])
-    for column in columns:
-        column[: kernel.size] = kernel
-        kernel = np.convolve(kernel, [1.0, -1.0])
-    responses = sosfilt(sections(poles, period_s), columns, axis=1)
-    size = np.linalg.norm(responses, axis=1, keepdims=True) / np.sqrt(count)
-    return np.asarray((responses / size).T)
+    """Responses to ``order`` independent initial states, no input; shape (count, order)."""
+    columns = np.zeros((poles.size, count))
+    columns[:, : poles.size] = _impulses(poles.size)
+    return np.asarray(sosfilt(sections(poles, period_s), columns, axis=1).T)
+
+
+def _impulses(order: int) -> Signal:
+    """Return an impulse and its differences, (order, order): through the poles alone they span the free responses."""
+    kernels = [np.array([1.0])]
+    for _ in range(order - 1):
+        kernels.append(np.convolve(kernels[-1], [1.0, -1.0]))
+    return np.array([np.pad(kernel, (0, order - kernel.size)) for kernel in kernels])
 
 
 def check_stable(poles: Poles, period_s: float) -> None:

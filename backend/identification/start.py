@@ -9,7 +9,7 @@ from backend.identification.response import Poles, UnstableModelError, simulate
 from backend.identification.structures import Structure, structure
 
 _CUT_OFFS = 6
-_LAGS = 10
+_LAGS = 8
 _FAST_PAIRS = 6
 _DAMPINGS = (0.3, 1.0)
 
@@ -18,23 +18,24 @@ class NoStartError(ValueError):
     """No starting value gives a stable model."""
 
 
-def starting_values(problem: Problem, *further: Signal) -> list[Signal]:
-    """Parameters to start an iteration from, best first, each shape (p,). Raises NoStartError.
+def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
+    """Parameters to start from, best first, each shape (p,). Raises NoStartError.
 
-    Candidates are the ``further`` ones; equal lags over a grid of time constants; state-variable-filter estimates
-    over a grid of cut-offs; and, from third order on, the best single lag with faster poles behind it. The gain of
-    each is fitted, the whitened simulation error ranks them.
+    Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter
+    estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
-    shape = problem.structure
-    among = [*further, *_equal_lags(problem, shape)]
-    if shape.kind != "lags":
+    among = [*further, *_equal_lags(problem, problem.structure)]
+    if problem.structure.kind != "lags":
         among += _state_variable_filter(problem)
-    if shape.kind == "third" or (shape.kind == "free" and shape.order >= 3):
-        among += _lag_and_faster_poles(problem)
     ranked = _ranked(problem, among)
     if not ranked:
-        raise NoStartError(f"no stable model of structure {shape.name} describes the record")
+        raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
     return ranked
+
+
+def thorough_starts(problem: Problem) -> list[Signal]:
+    """Further starts for order 3 and more, best first: the best single lag with faster poles behind it."""
+    return [] if problem.structure.kind == "lags" else _ranked(problem, _lag_and_faster_poles(problem))
 
 
 def _ranked(problem: Problem, among: list[Signal]) -> list[Signal]:
@@ -53,7 +54,8 @@ def _fit_gain(problem: Problem, candidate: Signal) -> tuple[float, Signal]:
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
     both = problem.whiten(np.column_stack((problem.simulated(unit, record.u), record.y)))
-    factor = triangle(np.column_stack((problem.nuisance(unit), both)))
+    nuisance = problem.nuisance(unit)
+    factor = triangle(np.column_stack((nuisance / np.linalg.norm(nuisance, axis=0), both)))
     gain = factor[-2, -1] / factor[-2, -2] if factor[-2, -2] else 0.0
     if gain == 0.0 or not np.isfinite(gain):
         raise UnstableModelError("the input does not reach the output")

@@ -1,7 +1,7 @@
 """Standard errors that stay honest when the residuals are coloured: the sandwich formula with a HAC middle."""
 
 import numpy as np
-from scipy.signal import correlate
+from scipy.fft import next_fast_len, rfft
 
 from backend.identification.record import Signal
 
@@ -22,18 +22,16 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
 
 
 def _long_run(moments: Signal) -> Signal:
+    """Sum over lags of Bartlett weight times covariance, evaluated in the frequency domain, shape (p, p)."""
     bandwidth = _bandwidth(moments)
-    total = moments.T @ moments
-    size = moments.shape[1]
-    if bandwidth == 0:
-        return np.asarray(total)
-    weights = 1.0 - np.abs(np.arange(-bandwidth, bandwidth + 1)) / (bandwidth + 1.0)
-    middle = moments.shape[0] - 1
-    for i in range(size):
-        for j in range(i + 1):
-            cross = correlate(moments[:, i], moments[:, j], mode="full", method="fft")
-            total[i, j] = total[j, i] = weights @ cross[middle - bandwidth : middle + bandwidth + 1]
-    return np.asarray(total)
+    size = next_fast_len(moments.shape[0] + bandwidth, real=True)
+    weights = np.zeros(size)
+    weights[: bandwidth + 1] = 1.0 - np.arange(bandwidth + 1) / (bandwidth + 1.0)
+    weights[size - bandwidth :] = weights[bandwidth:0:-1]
+    spectrum = rfft(moments, size, axis=0)
+    window = rfft(weights).real
+    window[1 : (size + 1) // 2] *= 2.0
+    return np.asarray((spectrum.conj().T @ (window[:, np.newaxis] * spectrum)).real / size)
 
 
 def _bandwidth(moments: Signal) -> int:

@@ -14,11 +14,6 @@ MAX_STD_PERCENT = 10.0
 CAUTION_STD_PERCENT = 3.0
 
 
-def fit_percent(y: Signal, simulated: Signal) -> float:
-    """100 (1 - |y - simulated| / |y - mean y|)."""
-    return float(100.0 * (1.0 - np.linalg.norm(y - simulated) / np.linalg.norm(y - np.mean(y))))
-
-
 def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float, float, float]:
     """AIC, BIC and FPE of Gaussian residuals, shape (n,); smaller is better."""
     count, variance = residuals.size, max(float(np.mean(residuals**2)), np.finfo(float).tiny)
@@ -52,10 +47,10 @@ def judge(
     if spread > CAUTION_STD_PERCENT:
         reason = f"gain or lag known to ±{spread:.1f} % only"
         (against if spread > MAX_STD_PERCENT else doubts).append(reason)
-    if fit < CAUTION_FIT_PERCENT:
-        reason = f"fit of {fit:.1f} % on unseen data"
-        (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
     if not residuals.input_correlation.passed:
+        if fit < CAUTION_FIT_PERCENT:
+            reason = f"fit of {fit:.1f} % on unseen data, and not for noise alone"
+            (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
         doubts.append("residuals still depend on the input, so the model is local (friction or missing dynamics)")
     if against:
         return Verdict(Grade.UNUSABLE, tuple(against + doubts))
