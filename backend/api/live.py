@@ -208,8 +208,8 @@ async def _send(websocket: WebSocket, client: Client, greeting: Iterable[str | b
 
 
 async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
-    sending = websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message)
-    await asyncio.wait_for(sending, PATIENCE_S)
+    async with asyncio.timeout(PATIENCE_S):
+        await (websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message))
 
 
 async def _receive(websocket: WebSocket, client: Client) -> None:

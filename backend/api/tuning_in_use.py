@@ -5,7 +5,7 @@ from math import degrees, isfinite
 
 from backend.api.schemas.tuning import BankReference, LoopPreview, TuningPreview, TuningRequest, TuningView
 from backend.experiments.bank_building import points_of
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.loop_settings import LAM_MOTOR_MIN, LoopSettings
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.refusal import require_within
@@ -17,9 +17,6 @@ from backend.tuning.robustness import LAM_MOTOR_MAX
 from plant.parameters import PlantParameters
 
 LAMBDAS = Lambdas()
-
-LAM_MOTOR_MIN = 0.05
-"""Below it [s] the motors saturate on ordinary steps (erratum E5)."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,71 @@
+"""One real service for the tests of this folder: own process, own loop, simulator, own data folder."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.e2e.service import Service, running_service
+
+BRING_UP_TIMEOUT_S = 60.0
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with running_service(tmp_path_factory.mktemp("api"), params="ideal") as running:
+        yield running
+
+
+def client_with(service: Service, token_file: str) -> httpx.Client:
+    token = (service.data / token_file).read_text().strip()
+    return httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, timeout=60.0)
+
+
+@pytest.fixture(scope="session")
+def operator(service: Service) -> Iterator[httpx.Client]:
+    with client_with(service, "token") as client:
+        yield client
+
+
+@pytest.fixture(scope="session")
+def viewer(service: Service) -> Iterator[httpx.Client]:
+    with client_with(service, "viewer-token") as client:
+        yield client
+
+
+@pytest.fixture
+def off(operator: httpx.Client) -> httpx.Client:
+    """The operator, with the loop brought to off whatever the test before left."""
+    operator.post("/api/stop").raise_for_status()
+    operator.post("/api/reset").raise_for_status()
+    return operator
+
+
+@pytest.fixture
+def running(off: httpx.Client) -> httpx.Client:
+    """The operator, with the loop in run."""
+    off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_for(off, "pretension_done", True)
+    off.post("/api/mode", json={"mode": "run"}).raise_for_status()
+    return off
+
+
+def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, object]:
+    """Ask for the state until ``field`` has the value; each answer paces the next question."""
+    for _ in range(2000):
+        state = client.get("/api/state").raise_for_status().json()
+        if state[field] == value:
+            return dict(state)
+    raise AssertionError(f"{field} never became {value!r}: {state}")
+
+
+def problem(response: httpx.Response) -> dict[str, object]:
+    """Body of a refusal, after checking that it is one."""
+    assert response.status_code >= 400, response.text
+    return dict(response.json()["error"])
+
+
+@pytest.fixture(scope="session")
+def data(service: Service) -> Path:
+    return service.data

@@ -1,0 +1,154 @@
+"""The live stream on a ring that the test fills: what each client gets, whatever others do."""
+
+import asyncio
+
+import numpy as np
+
+from backend import wire
+from backend.api.live import QUEUE_FRAMES, Client, LiveStream
+from backend.api.schemas.live import EventMessage, MarkKind, StateMessage
+from backend.loop.ring import Ring
+from backend.sample import FIELDS, INDEX
+
+
+def fill(ring: Ring, count: int) -> None:
+    row = np.zeros(len(FIELDS))
+    for _ in range(count):
+        row[INDEX["tick"]] = ring.count
+        row[INDEX["q"]] = ring.count / 1000.0
+        ring.append(row)
+
+
+class Watcher:
+    """A websocket of the test: keeps what it is sent, may refuse to read."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+        self.frames: list[wire.Frame] = []
+        self.reads = asyncio.Event()
+        self.reads.set()
+        self.gone = asyncio.Event()
+
+    async def send_text(self, text: str) -> None:
+        self.texts.append(text)
+
+    async def send_bytes(self, frame: bytes) -> None:
+        await self.reads.wait()
+        self.frames.append(wire.unpack(frame))
+
+    async def receive_text(self) -> str:
+        await self.gone.wait()
+        raise RuntimeError("closed")
+
+    @property
+    def ticks(self) -> list[int]:
+        return [tick for f in self.frames for tick in range(f.first_tick, f.first_tick + f.columns.shape[1])]
+
+
+def stream_on(ring: Ring) -> LiveStream:
+    return LiveStream(lambda: ring, lambda: StateMessage.model_construct(type="state"))
+
+
+async def settle() -> None:
+    for _ in range(20):
+        await asyncio.sleep(0)
+
+
+def test_history_comes_first_and_no_tick_is_missing_or_sent_twice() -> None:
+    async def session() -> None:
+        ring = Ring.create(65536)
+        fill(ring, 40_000)
+        stream, watcher = stream_on(ring), Watcher()
+        serving = asyncio.create_task(stream.serve(watcher))
+        await settle()
+        fill(ring, 100)
+        stream.step(0.0)
+        fill(ring, 50)
+        stream.step(0.1)
+        await settle()
+        assert watcher.ticks == list(range(10_000, 40_150))
+        assert '"type":"layout"' in watcher.texts[0]
+        assert '"type":"state"' in watcher.texts[1]
+        watcher.gone.set()
+        await serving
+
+    asyncio.run(session())
+
+
+def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() -> None:
+    async def session() -> None:
+        ring = Ring.create(65536)
+        stream, slow, quick = stream_on(ring), Watcher(), Watcher()
+        tasks = [asyncio.create_task(stream.serve(watcher)) for watcher in (slow, quick)]
+        await settle()
+        slow.reads.clear()
+        for turn in range(QUEUE_FRAMES + 30):
+            fill(ring, 10)
+            stream.step(float(turn))
+            await settle()
+        assert quick.ticks == list(range(10 * (QUEUE_FRAMES + 30)))
+        slow.reads.set()
+        await settle()
+        fill(ring, 10)
+        stream.step(1e3)
+        await settle()
+        missed = sum(frame.missed for frame in slow.frames)
+        assert missed > 0
+        assert len(slow.ticks) + missed == ring.count
+        after = next(frame for frame in slow.frames if frame.missed)
+        before = slow.frames[slow.frames.index(after) - 1]
+        assert after.first_tick == before.first_tick + before.columns.shape[1] + after.missed
+        for watcher in (slow, quick):
+            watcher.gone.set()
+        await asyncio.gather(*tasks)
+        assert stream.clients == 0
+
+    asyncio.run(session())
+
+
+def test_of_states_the_newest_wins_and_of_marks_none_is_lost() -> None:
+    async def session() -> None:
+        client = Client()
+        client.offer_state("old")
+        client.offer_state("new")
+        for name in ("a", "b"):
+            client.offer_text(name)
+        assert [await client.next() for _ in range(3)] == ["a", "b", "new"]
+
+    asyncio.run(session())
+
+
+def test_marks_reach_those_who_come_later() -> None:
+    async def session() -> None:
+        ring = Ring.create(1024)
+        stream, watcher = stream_on(ring), Watcher()
+        stream.announce(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
+        serving = asyncio.create_task(stream.serve(watcher))
+        await settle()
+        assert any('"before"' in text for text in watcher.texts)
+        watcher.gone.set()
+        await serving
+
+    asyncio.run(session())
+
+
+def test_a_new_loop_begins_a_new_time_axis() -> None:
+    async def session() -> None:
+        rings = [Ring.create(1024), Ring.create(1024)]
+        stream = LiveStream(lambda: rings[-1] if restarted else rings[0], lambda: StateMessage.model_construct())
+        watcher = Watcher()
+        serving = asyncio.create_task(stream.serve(watcher))
+        fill(rings[0], 30)
+        stream.step(0.0)
+        await settle()
+        restarted.append(True)
+        fill(rings[1], 5)
+        stream.step(1.0)
+        await settle()
+        assert watcher.ticks == [*range(30), *range(5)]
+        assert sum('"type":"layout"' in text for text in watcher.texts) == 2
+        watcher.gone.set()
+        await serving
+
+    restarted: list[bool] = []
+    asyncio.run(session())

@@ -1,0 +1,105 @@
+"""What gets past the guard, and what every answer carries."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI, WebSocket
+
+from backend.api.security import MAX_BODY_BYTES, Guard
+
+app = FastAPI()
+guarded = Guard(app, ["rig.lab"])
+
+
+@app.api_route("/api/thing", methods=["GET", "POST"])
+async def thing() -> str:
+    return "here"
+
+
+@app.websocket("/api/live")
+async def live(websocket: WebSocket) -> None:
+    await websocket.accept()
+
+
+def ask(method: str, headers: dict[str, str] | None = None, content: Any = None) -> httpx.Response:
+    async def exchange() -> httpx.Response:
+        transport = httpx.ASGITransport(guarded)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:8000") as client:
+            return await client.request(method, "/api/thing", headers=headers, content=content)
+
+    return asyncio.run(exchange())
+
+
+async def in_pieces() -> AsyncIterator[bytes]:
+    yield b"x"
+
+
+def answer_to_websocket(headers: dict[str, str]) -> dict[str, Any]:
+    """First message of the service to a browser that wants to open a websocket."""
+    said: list[dict[str, Any]] = []
+    scope = {
+        "type": "websocket",
+        "path": "/api/live",
+        "headers": [(name.encode(), value.encode()) for name, value in headers.items()],
+        "query_string": b"",
+        "subprotocols": [],
+        "extensions": {"websocket.http.response": {}},
+    }
+
+    async def receive() -> dict[str, Any]:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Any) -> None:
+        said.append(message)
+
+    asyncio.run(guarded(scope, receive, send))
+    return said[0]
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.1:8000", "[::1]:8000", "10.1.2.3", "rig.lab:80"])
+def test_known_hosts_pass(host: str) -> None:
+    assert ask("GET", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example", "localhost.evil.example", "[", ""])
+def test_a_name_rebound_to_this_address_is_refused(host: str) -> None:
+    answer = ask("GET", headers={"host": host})
+    assert answer.status_code == 400
+    assert answer.json()["error"]["code"] == "unknown_host"
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:9000", "null"])
+def test_writes_and_websockets_of_another_origin_are_refused(origin: str) -> None:
+    assert ask("POST", headers={"origin": origin}).status_code == 403
+    refused = answer_to_websocket({"origin": origin, "host": "localhost:8000"})
+    assert (refused["type"], refused["status"]) == ("websocket.http.response.start", 403)
+
+
+def test_a_browser_that_hides_the_origin_is_asked_where_it_comes_from() -> None:
+    assert ask("POST", headers={"sec-fetch-site": "cross-site"}).status_code == 403
+    assert ask("POST", headers={"sec-fetch-site": "same-origin"}).status_code == 200
+
+
+def test_the_own_origin_and_scripts_pass() -> None:
+    assert ask("POST", headers={"origin": "http://localhost:8000"}).status_code == 200
+    assert ask("POST").status_code == 200
+    assert answer_to_websocket({"host": "localhost:8000"})["type"] == "websocket.accept"
+    assert answer_to_websocket({"host": "a:1", "origin": "http://a:1"})["type"] != "websocket.accept"
+
+
+def test_large_bodies_and_bodies_of_unknown_length_are_refused() -> None:
+    assert ask("POST", content=b"x" * (MAX_BODY_BYTES + 1)).status_code == 413
+    assert ask("POST", content=in_pieces()).status_code == 411
+
+
+def test_answers_carry_the_policy_and_are_not_kept() -> None:
+    headers = ask("GET").headers
+    policy = headers["content-security-policy"]
+    assert "script-src" not in policy
+    assert policy.startswith("default-src 'self';")
+    assert "frame-ancestors 'none'" in policy
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["cache-control"] == "no-store"

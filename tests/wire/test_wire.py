@@ -1,0 +1,53 @@
+"""The frame, read here the way the page reads it: from the bytes alone."""
+
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from backend import wire
+from backend.sample import FIELDS, NAMES, STORED_NAMES
+
+
+def rows_of(count: int) -> np.ndarray:
+    """Rows whose value tells row and column."""
+    return np.arange(count)[:, None] * 100.0 + np.arange(len(FIELDS))[None, :]
+
+
+def test_header_then_column_after_column() -> None:
+    frame = wire.pack(70_000_000_000, rows_of(3), missed=7)
+    assert struct.unpack_from("<QII", frame) == (70_000_000_000, 3, 7)
+    assert len(frame) == 16 + 4 * 3 * len(STORED_NAMES)
+    for position, name in enumerate(STORED_NAMES):
+        column = struct.unpack_from("<3f", frame, 16 + 12 * position)
+        assert column == tuple(100.0 * row + NAMES.index(name) for row in range(3))
+
+
+@given(
+    rows=arrays(np.float64, st.tuples(st.integers(0, 5), st.just(len(FIELDS))), elements=st.floats(width=32)),
+    first_tick=st.integers(0, 2**63),
+    missed=st.integers(0, 2**32 - 1),
+)
+def test_what_is_packed_is_unpacked(rows: np.ndarray, first_tick: int, missed: int) -> None:
+    frame = wire.unpack(wire.pack(first_tick, rows, missed))
+    assert (frame.first_tick, frame.missed) == (first_tick, missed)
+    stored = [NAMES.index(name) for name in STORED_NAMES]
+    np.testing.assert_array_equal(frame.columns, rows[:, stored].T.astype(np.float32))
+
+
+def test_only_the_missed_count_changes_for_a_client_that_missed_some() -> None:
+    frame = wire.pack(5, rows_of(2))
+    marked = wire.unpack(wire.with_missed(frame, 123))
+    assert marked.missed == 123
+    np.testing.assert_array_equal(marked.columns, wire.unpack(frame).columns)
+    assert wire.count_of(frame) == 2
+
+
+@pytest.mark.parametrize("change", [lambda frame: frame[:-4], lambda frame: frame + b"\0\0\0\0"])
+def test_a_frame_of_the_wrong_length_is_refused(change: "object") -> None:
+    assert callable(change)
+    with pytest.raises(ValueError, match="cannot be"):
+        wire.unpack(change(wire.pack(0, rows_of(2))))
