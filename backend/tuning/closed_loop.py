@@ -112,6 +112,11 @@ class Trajectory:
     tripped_at: int
 
 
+def trajectory_of(out: Array, tripped_at: int) -> Trajectory:
+    """Columns of a filled array (ticks, len(COLUMNS)) by name."""
+    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
+
+
 def rig_of(parameters: PlantParameters) -> Rig:
     """Compile-ready constants of a parameter set."""
     return Rig(
@@ -158,9 +163,9 @@ def run(
     rig = rig_of(parameters)
     x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
-    line, out = np.zeros((2, DELAY_SLOTS)), np.full((q_ref.size, len(COLUMNS)), np.nan)
+    line, out = empty_arrays(q_ref.size)
     _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
-    return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
+    return trajectory_of(out, tripped_at)
 
 
 def at_rest(rig: Rig, tuning: cascade.Tuning, q_ref: float, S_ref: float) -> tuple[PlantState, cascade.State]:
@@ -170,6 +175,11 @@ def at_rest(rig: Rig, tuning: cascade.Tuning, q_ref: float, S_ref: float) -> tup
     m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
     inner = motors.at_rest(tuning.motors, theta_A, theta_B, u_A, u_B)
     return x, cascade.take_over(tuning, inner, tuning.motors, theta_A, theta_B, m)
+
+
+def empty_arrays(ticks: int) -> tuple[Array, Array]:
+    """Return the load cells' memory and the rows to fill, nan until they are."""
+    return np.zeros((2, DELAY_SLOTS)), np.full((ticks, len(COLUMNS)), np.nan)
 
 
 def inputs_of(
