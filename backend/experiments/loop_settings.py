@@ -6,6 +6,10 @@ from typing import TypeVar
 
 from backend.experiments.settings import SettingError, boolean, describe, from_values, integer, number
 from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
+from backend.tuning.robustness import LAM_MOTOR_MAX
+
+LAM_MOTOR_MIN = 0.05
+"""Below it [s] the motors saturate on ordinary steps (erratum E5)."""
 
 _LAM_LEAST = 0.01
 _T = TypeVar("_T")
@@ -17,7 +21,9 @@ class LoopSettings:
 
     lam_q: float = number(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
     lam_S: float = number(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
-    lam_motor: float = number(LAM_MOTOR, _LAM_LEAST, 0.8, "s", "λ_motor", "tuning parameter of the motor loops")
+    lam_motor: float = number(
+        LAM_MOTOR, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s", "λ_motor", "tuning parameter of the motor loops"
+    )
     bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
     interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
     seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")

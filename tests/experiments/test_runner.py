@@ -1,7 +1,7 @@
 """Whole experiments on the simulator: loop, recorder, database and computation together."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +9,36 @@ import pytest
 
 from backend.experiments.bank_building import BankError, build_bank, points_of, tuning_command
 from backend.experiments.evaluation import recorded_columns
+from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.runner import Order, Outcome, Station, create_run, run_experiment
 from backend.faults import Fault
 from backend.loop.commands import Reset, Stop
-from backend.storage import identifications, results, runs
-from tests.experiments.headless_station import station
+from backend.refusal import OutOfRangeError
+from backend.storage import identifications, open_database, results, runs
+from backend.storage.records import UnknownRecordError
+from plant.parameters import load_parameters
 
+SETTINGS = LoopSettings(seed=3)
 HASTY = TrackingPlan(q_duration_s=0.6, S_duration_s=0.5)
 
 
-def perform(where: Station, plan: Plan, during: Callable[[str, float], Awaitable[None]] | None = None) -> Outcome:
+@pytest.fixture
+def parameters() -> str:
+    return "ideal"
+
+
+@pytest.fixture
+def station(parameters: str, tmp_path: Path) -> Iterator[Station]:
+    database = open_database(tmp_path)
+    with headless_station(database, load_parameters(parameters), SETTINGS) as made:
+        yield made
+    database.close()
+
+
+def perform(station: Station, plan: Plan, during: Callable[[str, float], Awaitable[None]] | None = None) -> Outcome:
     async def work() -> Outcome:
         waiting: list[asyncio.Task[None]] = []
 
@@ -29,16 +46,16 @@ def perform(where: Station, plan: Plan, during: Callable[[str, float], Awaitable
             if during is not None:
                 waiting.append(asyncio.ensure_future(during(phase, elapsed_s)))
 
-        outcome = await run_experiment(where, Order(plan, LoopSettings(seed=3), "A. Operator", "a note"), notify)
+        outcome = await run_experiment(station, Order(plan, SETTINGS, "A. Operator", "a note"), notify)
         await asyncio.gather(*waiting)
         return outcome
 
     return asyncio.run(work())
 
 
-def test_a_run_is_stored_whole_with_its_settings_and_its_result(tmp_path: Path) -> None:
-    where = station(tmp_path, "lab")
-    outcome = perform(where, HASTY)
+@pytest.mark.parametrize("parameters", ["lab"])
+def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station) -> None:
+    outcome = perform(station, HASTY)
     run, result = outcome.run, outcome.evaluation.result
     assert (run.end_state, run.end_detail, run.who, run.note) == ("completed", "", "A. Operator", "a note")
     assert run.settings["plan"]["q_duration_s"] == 0.6
@@ -49,10 +66,10 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(tmp_path: Path) 
     assert run.parameters["geometry"]["r_j"] == {
         "value": 0.075,
         "unit": "m",
-        "source": where.parameters.sources["geometry.r_j"],
+        "source": station.parameters.sources["geometry.r_j"],
     }
 
-    columns, missed = recorded_columns(where.database, run.id)
+    columns, missed = recorded_columns(station.database, run.id)
     assert missed == 0
     assert columns["t"].size == round(HASTY.program().duration_s * 1000)
     assert np.allclose(np.diff(columns["t"]), 1e-3)
@@ -64,7 +81,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(tmp_path: Path) 
     assert len(result.metrics["steps"]) == 17
     figures = {item["name"]: item["value"] for item in result.metrics["figures"]}
     assert figures["max_tension_N"] == pytest.approx(max(columns["F_A"].max(), columns["F_B"].max()))
-    with where.database.reading() as session:
+    with station.database.reading() as session:
         assert results.newest(session, run.id) == result
 
 
@@ -72,9 +89,9 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(tmp_path: Path) 
     ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.3, 4)]
 )
 def test_tracking_keeps_what_it_promises(
-    tmp_path: Path, parameters: str, overshoot: float, deviation_S: float, tension: float
+    station: Station, overshoot: float, deviation_S: float, tension: float
 ) -> None:
-    outcome = perform(station(tmp_path, parameters), TrackingPlan(q_duration_s=3.0, S_duration_s=3.0))
+    outcome = perform(station, TrackingPlan(q_duration_s=3.0, S_duration_s=3.0))
     assert outcome.evaluation.result is not None
     figures = {item["name"]: item["value"] for item in outcome.evaluation.result.metrics["figures"]}
     assert figures["overshoot_q_percent"] < overshoot
@@ -94,18 +111,17 @@ def test_tracking_keeps_what_it_promises(
     ],
 )
 def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
-    tmp_path: Path, command: Stop, end_state: str, detail: str
+    station: Station, command: Stop, end_state: str, detail: str
 ) -> None:
-    where = station(tmp_path, "ideal")
     sent = False
 
     async def interfere(phase: str, elapsed_s: float) -> None:
         nonlocal sent
         if phase == "program" and elapsed_s >= 2.0 and not sent:
             sent = True
-            await where.loop.send(command)
+            await station.loop.send(command)
 
-    outcome = perform(where, HASTY, interfere)
+    outcome = perform(station, HASTY, interfere)
     assert sent
     assert outcome.run.end_state == end_state
     assert detail in outcome.run.end_detail
@@ -115,17 +131,16 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     assert not result.metrics["complete"]
     assert 2.0 <= result.metrics["played_s"] < 3.5
     assert not any(item["passed"] for item in result.criteria)
-    columns, _ = recorded_columns(where.database, outcome.run.id)
+    columns, _ = recorded_columns(station.database, outcome.run.id)
     assert columns["t"].size == round(result.metrics["played_s"] * 1000)
 
     with pytest.raises(BenchNotReadyError, match="reset"):
-        create_run(where, Order(HASTY, LoopSettings(), "A. Operator"))
-    assert asyncio.run(where.loop.send(Reset()))
+        create_run(station, Order(HASTY, LoopSettings(), "A. Operator"))
+    assert asyncio.run(station.loop.send(Reset()))
 
 
-def test_identification_finds_the_geometric_gains_and_feeds_a_bank(tmp_path: Path) -> None:
-    where = station(tmp_path, "ideal")
-    outcome = perform(where, ActuatorIdentificationPlan(tension_N=20.0))
+def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Station) -> None:
+    outcome = perform(station, ActuatorIdentificationPlan(tension_N=20.0))
     found = outcome.evaluation.identification
     assert found is not None, outcome.evaluation.problem
     assert found.run_id == outcome.run.id
@@ -135,32 +150,47 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(tmp_path: Pat
     assert found.model["G_S"]["first_order"]["K"] == pytest.approx(0.721, rel=0.03)
     assert found.model["S_nominal"] == pytest.approx(10.55, abs=0.02)
 
-    bank = build_bank(where.database, "first", [found.id], "A. Operator")
+    bank = build_bank(station.database, "first", [found.id], "A. Operator")
     with pytest.raises(BankError, match="apart"):
-        build_bank(where.database, "twice", [found.id, found.id], "A. Operator")
+        build_bank(station.database, "twice", [found.id, found.id], "A. Operator")
     with pytest.raises(BankError, match="needs at least one"):
-        build_bank(where.database, "none", [], "A. Operator")
+        build_bank(station.database, "none", [], "A. Operator")
     (entry,) = bank.entries
-    with where.database.reading() as session:
+    with station.database.reading() as session:
         run_id = identifications.get(session, entry.identification_id or 0).run_id or 0
         assert runs.get(session, run_id).kind == "actuator_identification"
     (point,) = points_of(bank)
     assert point.T_q == found.model["G_q"]["first_order"]["T"]
-    command = tuning_command(where.parameters, LoopSettings(lam_q=0.6), bank)
+    command = tuning_command(station.parameters, LoopSettings(lam_q=0.6), bank)
     assert (command.lam_q, len(command.entries)) == (0.6, 1)
     assert command.entries[0].S_nominal == point.S_nominal
 
 
-def test_an_identification_that_ends_early_gives_no_model(tmp_path: Path) -> None:
-    where = station(tmp_path, "ideal")
+def test_an_identification_that_ends_early_gives_no_model(station: Station) -> None:
 
     async def stop(phase: str, elapsed_s: float) -> None:
         if phase == "program" and elapsed_s >= 3.0:
-            await where.loop.send(Stop())
+            await station.loop.send(Stop())
 
-    outcome = perform(where, ActuatorIdentificationPlan(), stop)
+    outcome = perform(station, ActuatorIdentificationPlan(), stop)
     assert outcome.run.end_state == "stopped"
     assert outcome.evaluation.identification is None
     assert "ended early" in outcome.evaluation.problem
-    with where.database.reading() as session:
+    with station.database.reading() as session:
         assert identifications.find(session) == []
+
+
+def test_settings_that_are_not_safe_never_reach_a_loop(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    with (
+        pytest.raises(OutOfRangeError, match="lam_q") as refused,
+        headless_station(database, load_parameters("ideal"), LoopSettings(lam_q=0.2)),
+    ):
+        pytest.fail("a station was made")
+    assert refused.value.minimum == pytest.approx(0.355, abs=0.02)
+    with (
+        pytest.raises(UnknownRecordError, match="bank 7"),
+        headless_station(database, load_parameters("ideal"), LoopSettings(bank=7)),
+    ):
+        pytest.fail("a station was made")
+    database.close()

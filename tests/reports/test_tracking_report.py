@@ -1,15 +1,20 @@
 """The report as its reader gets it: everything stated, nothing loaded, no markup from data, same bytes each time."""
 
+import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
+from typing import cast
 
 import pytest
 
 from backend.reports.document import Figure, Report, Table
+from backend.reports.files import write_files
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
+from backend.storage import Database
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
@@ -117,3 +122,16 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> No
     assert "no samples" in report.verdict
     assert to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_files_for_a_folder_say_the_same_as_the_report(
+    tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("backend.reports.files.load_source", lambda _database, _run_id: tracking_source)
+    paths = write_files(cast("Database", None), 12, tmp_path / "out")
+    assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]
+    assert (tmp_path / "out" / "data.csv").read_text().startswith("t,q,q_ref,S,S_ref,")
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["metrics"]["max_tension_N"] == pytest.approx(36.0, abs=0.1)
+    assert metrics["units"]["max_tension_N"] == "N"
+    assert [item["passed"] for item in metrics["criteria"]] == [True] * 4

@@ -1,0 +1,58 @@
+"""What a run leaves in a folder: the report to read, the data and the metrics to compute with."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from backend.reports.build import build_report
+from backend.reports.exports import to_csv
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source, load_source
+from backend.storage import Database
+
+
+def write_files(database: Database, run_id: int, folder: Path) -> tuple[Path, ...]:
+    """Write report.html, report.pdf, data.csv and metrics.json; make the folder where it is missing.
+
+    Raises UnknownRecordError, OSError.
+    """
+    source = load_source(database, run_id)
+    report = build_report(source)
+    contents = {
+        "report.html": to_html(report).encode(),
+        "report.pdf": to_pdf(report),
+        "data.csv": to_csv(source.columns),
+        "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    return tuple(folder / name for name in contents)
+
+
+def metrics_document(source: Source) -> dict[str, Any]:
+    """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
+    run = source.run
+    metrics = source.result.metrics if source.result else {}
+    figures = metrics.get("figures", [])
+    found = source.identification
+    return {
+        "run": run.id,
+        "kind": run.kind,
+        "end_state": run.end_state,
+        "end_detail": run.end_detail,
+        "plant": run.plant,
+        "parameters": run.parameters_name,
+        "settings": run.settings,
+        "complete": metrics.get("complete", False),
+        "problem": metrics.get("problem", ""),
+        "missing_samples": metrics.get("missing_samples"),
+        "metrics": {item["name"]: item["value"] for item in figures},
+        "units": {item["name"]: item["unit"] for item in figures},
+        "criteria": source.result.criteria if source.result else [],
+        "steps": metrics.get("steps", []),
+        "identification": None
+        if found is None
+        else {"id": found.id, "model": found.model, "quality": found.quality, "verdict": found.verdict},
+    }
