@@ -24,7 +24,8 @@ _FIELD = {field.name: field for field in FIELDS}
 def to_csv(columns: Columns) -> bytes:
     """Return comma-separated text with a header line; a value that does not exist is nan."""
     buffer = io.BytesIO()
-    pyarrow.csv.write_csv(_table(columns), buffer, pyarrow.csv.WriteOptions(quoting_style="none"))
+    plain = pyarrow.csv.WriteOptions(quoting_style="none", quoting_header="none")
+    pyarrow.csv.write_csv(_table(columns), buffer, plain)
     return buffer.getvalue()
 
 

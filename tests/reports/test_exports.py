@@ -15,8 +15,8 @@ COLUMNS = {name: column[:2_000] for name, column in samples(PLAN).items()}
 
 
 def test_csv_has_the_documented_columns_in_order_and_the_values() -> None:
+    assert to_csv(COLUMNS).startswith(b"t,q,q_ref,S,S_ref,theta_A,theta_B,F_A,F_B,u_A,u_B,")
     rows = list(csv.reader(io.StringIO(to_csv(COLUMNS).decode())))
-    assert rows[0][:11] == ["t", "q", "q_ref", "S", "S_ref", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B"]
     assert sorted(rows[0]) == sorted([*STORED_NAMES, "t"])
     assert tuple(rows[0]) == ORDER
     data = np.array(rows[1:], dtype=float)
