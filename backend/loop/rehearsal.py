@@ -8,7 +8,7 @@ from backend.loop.ring import Ring
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
-_PRETENSION_TICKS = 60_000
+_PRETENSION_TICKS = 20_000
 _FORCE_HOLD = Program(
     Law.FORCE_HOLD,
     tension_N=10.0,

@@ -103,7 +103,7 @@ class Supervisor:
         self._channel = channel
         channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
-        self._tasks = [asyncio.create_task(self._watch(self._process)), asyncio.create_task(self._beat())]
+        self._tasks = [asyncio.create_task(self._watch(self._process)), asyncio.create_task(self._beat(channel))]
         try:
             return await asyncio.wait_for(asyncio.shield(self._ready), START_TIMEOUT_S)
         except TimeoutError:
@@ -220,12 +220,12 @@ class Supervisor:
             except Exception:
                 _LOG.exception("a listener failed on %s", event)
 
-    async def _beat(self) -> None:
+    async def _beat(self, channel: Channel) -> None:
         beat = encode(Heartbeat())
         counted, beats_without_tick = -1, 0
-        while self._channel is not None:
+        while self._channel is channel:
             with suppress(ChannelClosedError):
-                self._channel.send(beat)
+                channel.send(beat)
             if self.alive:
                 beats_without_tick = beats_without_tick + 1 if self.ring.count == counted else 0
                 counted = self.ring.count

@@ -165,9 +165,9 @@ class Recorder:
                 if missed:
                     recordings.add_gap(session, run, missed, f"up to {missed} samples before the first were lost")
         except (UnknownRecordError, NotRecordableError) as error:
-            self._refused_run = run
             with self._database.session() as session:
                 events.add(session, "recording", f"samples of run {run} are not recorded: {error}", tick=tick)
+            self._refused_run = run
         else:
             self._run, self._next_tick = run, tick
 

@@ -67,7 +67,7 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
 
 def add_chunk(session: Session, run_id: int, chunk: Chunk) -> None:
     """Append a chunk to an open recording."""
-    session.add(ChunkRow(run_id=run_id, **chunk.__dict__))
+    session.add(ChunkRow(run_id=run_id, **vars(chunk)))
     session.flush()
 
 

@@ -1,0 +1,43 @@
+"""Rate and lateness follow from what the samples say, not from when they are looked at."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.loop.ring import WIDTH, Ring
+from backend.loop.timing import timing
+from backend.sample import INDEX
+
+
+def write(ring: Ring, lateness_s: float, overruns: int) -> None:
+    row = np.zeros(WIDTH)
+    row[INDEX["lateness_s"]], row[INDEX["overruns"]] = lateness_s, overruns
+    ring.append(row)
+
+
+def test_a_kept_beat_has_the_nominal_rate() -> None:
+    ring = Ring.create(6000)
+    for tick in range(5500):
+        write(ring, lateness_s=1e-4 if tick % 50 else 2e-3, overruns=3)
+    kept = timing(ring)
+    assert kept.rate_Hz == pytest.approx(1000.0)
+    assert kept.lateness_p50_s == pytest.approx(1e-4)
+    assert kept.lateness_p99_s == pytest.approx(2e-3)
+    assert kept.overruns == 3
+    ring.close()
+
+
+def test_skipped_deadlines_lower_the_rate() -> None:
+    ring = Ring.create(6000)
+    for tick in range(2001):
+        write(ring, 0.0, overruns=tick // 2)
+    assert timing(ring).rate_Hz == pytest.approx(1000.0 * 2000 / 3000)
+    ring.close()
+
+
+def test_before_the_first_samples_there_is_no_rate() -> None:
+    ring = Ring.create(16)
+    write(ring, 0.0, 0)
+    assert math.isnan(timing(ring).rate_Hz)
+    ring.close()
