@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-from collections.abc import Mapping
 
 from backend.api.bench import Bench
 from backend.api.errors import ApiError
@@ -10,15 +9,13 @@ from backend.api.library import Library
 from backend.api.schemas.experiment import ExperimentKind, ExperimentRequest, SettingView
 from backend.api.schemas.identification import IdentificationRequest, Prediction
 from backend.api.schemas.state import TaskView
+from backend.experiments.catalogue import EXPERIMENTS, experiment
 from backend.experiments.loop_settings import LoopSettings, split_values
-from backend.experiments.plans import ActuatorIdentificationPlan, TrackingPlan
+from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.prediction import predict
 from backend.experiments.runner import Order, Station, create_run, perform
 from backend.experiments.settings import Setting, SettingError, describe, from_values
 from backend.storage.runs import Run
-
-EXPERIMENTS: Mapping[str, type[TrackingPlan]] = {TrackingPlan.kind: TrackingPlan}
-_TITLES = {TrackingPlan.kind: "Tracking of position and stiffness"}
 
 _log = logging.getLogger(__name__)
 
@@ -39,21 +36,19 @@ class Tasks:
         return [
             ExperimentKind(
                 name=name,
-                title=_TITLES[name],
-                description=(plan.__doc__ or "").partition("\n")[0],
-                duration_s=plan().program().duration_s,
-                settings=[_setting_view(setting) for setting in (*describe(plan), *describe(LoopSettings))],
+                title=entry.title,
+                description=entry.description,
+                duration_s=entry.plan().program().duration_s,
+                settings=[_setting_view(setting) for setting in (*describe(entry.plan), *describe(LoopSettings))],
             )
-            for name, plan in EXPERIMENTS.items()
+            for name, entry in EXPERIMENTS.items()
         ]
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
-        if request.name not in EXPERIMENTS:
-            known = list(EXPERIMENTS)
-            raise ApiError(422, f"there is no experiment {request.name!r}; known: {', '.join(known)}", legal=known)
+        entry = experiment(request.name)
         in_force = self._loop_settings()
-        plan, wanted = split_values(EXPERIMENTS[request.name], {**_values(in_force), **request.settings})
+        plan, wanted = split_values(entry.plan, {**_values(in_force), **request.settings})
         async with self._starting:
             self._require_free()
             if wanted != in_force:

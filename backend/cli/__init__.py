@@ -1,0 +1,79 @@
+"""The command line: each command reads its words, calls one function, prints what came of it.
+
+Commands import the parts they use when they run, so that help is there at once.
+"""
+
+import sys
+
+import typer
+from pydantic import ValidationError
+
+from backend.cli import bank, database, experiment, identify, runs, serve
+from backend.cli.output import fail
+
+app = typer.Typer(
+    name="sinew",
+    help="Identify, tune and run antagonistic variable stiffness actuators. SI units throughout.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(serve.serve)
+app.command()(experiment.experiment)
+app.add_typer(identify.app, name="identify")
+app.add_typer(bank.app, name="bank")
+app.add_typer(runs.app, name="runs")
+app.add_typer(database.app, name="db")
+
+
+def main() -> None:
+    """Run the command line; what goes wrong is one line and a non-zero exit."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except ValidationError as error:
+        fail("; ".join(_sentence(detail["loc"], detail["msg"]) for detail in error.errors()))
+    except Exception as error:
+        if not isinstance(error, _expected()):
+            raise
+        fail(str(error))
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
+    from backend.experiments.bank_building import BankError
+    from backend.experiments.settings import SettingError
+    from backend.loop.access import LoopDiedError
+    from backend.main import AlreadyRunningError, CannotListenError
+    from backend.recording.recorder import RecordingError
+    from backend.refusal import OutOfRangeError
+    from backend.storage import StorageError
+    from backend.storage.maintenance import BackupError
+    from backend.storage.migrate import SchemaError
+    from backend.storage.records import UnknownRecordError
+    from backend.tuning.formulas import TuningError
+    from plant.parameters import ParameterError
+
+    return (
+        AlreadyRunningError,
+        BackupError,
+        BankError,
+        CannotListenError,
+        LoopDiedError,
+        OSError,
+        OutOfRangeError,
+        ParameterError,
+        RecordingError,
+        SchemaError,
+        SettingError,
+        StorageError,
+        TuningError,
+        UnknownRecordError,
+    )
+
+
+def _sentence(place: tuple[int | str, ...], message: str) -> str:
+    named = ".".join(str(part) for part in place)
+    said = message.removeprefix("Value error, ")
+    return f"{named}: {said}" if named else said

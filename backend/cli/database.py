@@ -1,0 +1,48 @@
+"""``sinew db``."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backend.cli.output import fail, out
+from backend.cli.place import DataFolder, database_of, settings_with
+
+app = typer.Typer(help="The database: bring it up to date, copy it, check it.", no_args_is_help=True)
+
+
+@app.command()
+def upgrade(data: DataFolder = None) -> None:
+    """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
+    from backend.storage.migrate import revision
+
+    with database_of(settings_with(data=data)) as database:
+        out.print(f"schema {revision(database.engine)}", highlight=False)
+
+
+@app.command()
+def backup(
+    file: Annotated[Path | None, typer.Argument(help="Copy to write; a new file. [DATA/backups/TIME.db]")] = None,
+    data: DataFolder = None,
+) -> None:
+    """Copy the database while it may be in use."""
+    from backend.storage.maintenance import backup as copy
+
+    settings = settings_with(data=data)
+    wanted = file or settings.data / "backups" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db"
+    with database_of(settings) as database:
+        copy(database.engine, wanted)
+    out.print(f"wrote {wanted}", highlight=False, markup=False)
+
+
+@app.command()
+def check(data: DataFolder = None) -> None:
+    """Check that the database is whole; exit 1 when it is not."""
+    from backend.storage.maintenance import check as problems_of
+
+    with database_of(settings_with(data=data)) as database:
+        problems = problems_of(database.engine)
+    if problems:
+        fail("; ".join(problems))
+    out.print("the database is whole")

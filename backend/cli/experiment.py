@@ -1,0 +1,40 @@
+"""``sinew experiment``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backend.cli.ordering import current_user, run_headless, values_of
+from backend.cli.output import AsJson
+from backend.cli.place import DataFolder, ParameterSet, settings_with
+
+SetWords = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Setting of the experiment or the loop, in SI units; repeatable."),
+]
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", help="Folder for report.html, report.pdf, data.csv and metrics.json.")
+]
+
+
+def experiment(
+    name: Annotated[str, typer.Argument(help="Which experiment: tracking.")],
+    values: SetWords = None,
+    out: OutFolder = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run an experiment headless on the simulator, faster than real time; stored like one from the browser.
+
+    Settings of tracking: q_amplitude, q_hold [rad], S_hold, S_low, S_high [N·m/rad], q_duration_s, S_duration_s [s].
+    Settings of the loop: lam_q, lam_S, lam_motor [s], bank (number), interpolate (true, false), seed.
+    """
+    from backend.experiments.catalogue import experiment as entry_of
+    from backend.experiments.loop_settings import split_values
+    from backend.experiments.runner import Order
+
+    plan, loop_settings = split_values(entry_of(name).plan, values_of(values or []))
+    settings = settings_with(params=params, data=data)
+    run_headless(settings, Order(plan, loop_settings, current_user()), out, as_json=as_json)

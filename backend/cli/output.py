@@ -1,0 +1,77 @@
+"""How commands speak: tables or JSON on standard output, progress and complaints on standard error."""
+
+import json
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+out = Console()
+errors = Console(stderr=True)
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
+
+
+def fail(message: str, status: int = 1) -> None:
+    """Print one line and end with ``status``."""
+    errors.print(f"sinew: {message}", style="red", highlight=False, soft_wrap=True, markup=False)
+    sys.exit(status)
+
+
+def print_json(document: Any) -> None:
+    """Print a document for programs."""
+    print(json.dumps(document, indent=2, ensure_ascii=False, default=str))
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None) -> None:
+    """Print a table; numbers to the right."""
+    table = Table(title=title, title_justify="left", title_style="bold")
+    kept = [[shown(cell) for cell in row] for row in rows]
+    for index, column in enumerate(columns):
+        numbers = bool(kept) and all(_is_number(row[index]) for row in kept)
+        table.add_column(column, justify="right" if numbers else "left")
+    for row in kept:
+        table.add_row(*row)
+    out.print(table, highlight=False, markup=False)
+
+
+def shown(value: object) -> str:
+    """Return a cell: four digits of a number, a dash for what is not there."""
+    if value is None or value == "":
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Meter:
+    """A progress bar in seconds of the loop's time."""
+
+    progress: Progress
+    task: Any
+
+    def __call__(self, phase: str, elapsed_s: float) -> None:
+        """Show how far it is."""
+        done = {"completed": elapsed_s} if phase == "program" else {}
+        self.progress.update(self.task, description=phase, **done)
+
+
+@contextmanager
+def meter(duration_s: float, *, hidden: bool) -> Iterator[Meter]:
+    """Show progress on standard error while the block runs."""
+    columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
+        yield Meter(progress, progress.add_task("starting", total=duration_s))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return cell == "-"
+    return True

@@ -1,0 +1,78 @@
+"""``sinew runs``."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backend.cli.output import AsJson, fail, out, print_json, print_table
+from backend.cli.place import DataFolder, database_of, settings_with
+
+app = typer.Typer(help="Stored runs: search, show, export, report.", no_args_is_help=True)
+
+RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
+
+
+@app.command("list")
+def list_runs(
+    search: Annotated[str, typer.Option(help="Words in number, kind, person, note, parameters or end state.")] = "",
+    limit: Annotated[int, typer.Option(min=1, max=10_000, help="Most runs to list.")] = 50,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """List runs, newest first."""
+    from backend.storage import runs
+
+    with database_of(settings_with(data=data)) as database, database.reading() as session:
+        found = runs.find(session, search=search, limit=limit)
+    if as_json:
+        print_json([asdict(run) for run in found])
+        return
+    rows = [(r.id, f"{r.started_at:%Y-%m-%d %H:%M}", r.kind, r.parameters_name, r.who, r.end_state) for r in found]
+    print_table(("run", "started (UTC)", "kind", "parameters", "by", "end"), rows)
+
+
+@app.command()
+def show(run: RunNumber, data: DataFolder = None) -> None:
+    """Show a run with its settings, metrics and criteria, as JSON."""
+    from backend.reports.files import metrics_document
+    from backend.reports.source import load_source
+
+    with database_of(settings_with(data=data)) as database:
+        print_json(metrics_document(load_source(database, run)))
+
+
+@app.command()
+def export(
+    run: RunNumber,
+    file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet or .mat says the format.")],
+    data: DataFolder = None,
+) -> None:
+    """Write all samples of a run to a file; SI units."""
+    from backend.recording.columns import recorded_columns
+    from backend.reports.exports import to_csv, to_mat, to_parquet
+    from backend.storage import runs
+
+    exports = {".csv": to_csv, ".parquet": to_parquet, ".mat": to_mat}
+    if file.suffix not in exports:
+        fail(f"{file}: name the file .csv, .parquet or .mat", status=2)
+    with database_of(settings_with(data=data)) as database:
+        with database.reading() as session:
+            runs.get(session, run)
+        file.write_bytes(exports[file.suffix](recorded_columns(database, run)[0]))
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+@app.command()
+def report(
+    run: RunNumber,
+    folder: Annotated[Path, typer.Argument(help="Folder for report.html, report.pdf, data.csv and metrics.json.")],
+    data: DataFolder = None,
+) -> None:
+    """Write the report of a run with its data."""
+    from backend.reports.files import write_files
+
+    with database_of(settings_with(data=data)) as database:
+        for path in write_files(database, run, folder):
+            out.print(f"wrote {path}", highlight=False, markup=False)
