@@ -1,0 +1,68 @@
+"""Rehearse in a fresh process, then ask everything of a loop; print what was compiled or loaded only then."""
+
+import dataclasses
+import sys
+
+from numba.core.dispatcher import Dispatcher
+
+from backend.loop.commands import Push, Reset, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.loop import Loop
+from backend.loop.mode import Mode
+from backend.loop.program import Excitation, Law, Program, Segment, Shape
+from backend.loop.rehearsal import rehearse
+from backend.loop.ring import Ring
+from backend.loop.tuned import tuning_for
+from backend.tuning.models import Lambdas
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+
+SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)
+EXCITATION = Excitation(amplitude_rad=0.1, chip_s=0.002, levels="+-", periods=2)
+RESTS = (Mode.OFF, Mode.RUN, Mode.COMPLIANCE, Mode.TRIPPED)
+
+
+def specialised() -> set[tuple[str, str]]:
+    """All compiled functions of the project with the argument types they are ready for."""
+    return {
+        (f"{name}.{function}", str(signature))
+        for name, module in sys.modules.items()
+        if name.partition(".")[0] in ("plant", "backend")
+        for function, value in vars(module).items()
+        if isinstance(value, Dispatcher)
+        for signature in value.signatures
+    }
+
+
+def main() -> None:
+    lab = load_parameters("lab")
+    tuning = tuning_for(lab, Lambdas())
+    if "--unrehearsed" not in sys.argv:
+        rehearse(lab, tuning)
+    loop = Loop(Simulator(lab), lab, Ring.create(16), tuning)
+    before = specialised()
+    for command in (
+        SetMode(Mode.PRETENSION),
+        RunProgram(Program(Law.FORCE_HOLD, tension_N=12.0, settle_s=0.01, excitation=EXCITATION)),
+        RunProgram(Program(Law.CASCADE, (SINE,))),
+        RunProgram(Program(Law.COMPLIANCE, (SINE,))),
+        SetMode(Mode.RUN),
+        SetReferences(0.1, 11.0),
+        dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
+        Push(2.0),
+        SetMode(Mode.COMPLIANCE),
+        Stop(hard=False),
+        Reset(),
+    ):
+        loop.handle(0, command)
+        for _ in range(30):
+            loop.tick()
+        for _ in range(20_000):
+            if loop.mode in RESTS or loop.pretension_done:
+                break
+            loop.tick()
+    loop.close()
+    for name, signature in sorted(specialised() - before):
+        print(name, signature)
+
+
+main()
