@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
+from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.plans import TrackingPlan
+from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError
 
 
@@ -10,7 +12,7 @@ from backend.experiments.settings import SettingError
 class Entry:
     """An experiment with the words that present it."""
 
-    plan: type[TrackingPlan]
+    plan: type[TrackingPlan] | type[CompliancePlan] | type[SequencePlan]
     title: str
     description: str
 
@@ -21,7 +23,18 @@ EXPERIMENTS: dict[str, Entry] = {
         "Tracking of position and stiffness",
         "Experiment 1 of the paper (figure 7): position steps at constant stiffness, stiffness pulses at constant "
         "position, then both at once.",
-    )
+    ),
+    CompliancePlan.kind: Entry(
+        CompliancePlan,
+        "Compliance under pushes",
+        "Experiment 2 of the paper (figure 8): pushes on the joint with the position loop open; the measured force "
+        "against the one that stiffness and geometry expect.",
+    ),
+    SequencePlan.kind: Entry(
+        SequencePlan,
+        "Own sequence",
+        "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
+    ),
 }
 
 

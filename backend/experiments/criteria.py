@@ -45,14 +45,13 @@ def tracking_criteria(metrics: TrackingMetrics, bounds: Bounds) -> tuple[Criteri
         ("deviation_S", "Stiffness deviation during q steps", "<", bounds.deviation_S, overall.deviation_S, "N·m/rad"),
         ("min_tension", "Smallest tendon tension", ">", bounds.min_tension_N, overall.min_tension_N, "N"),
     )
-    return tuple(
-        Criterion(name, title, relation, bound, figure, unit, _judge(relation, bound, figure, metrics.complete))
-        for name, title, relation, bound, figure, unit in rows
-    )
+    return tuple(judge(*row, complete=metrics.complete) for row in rows)
 
 
-def _judge(relation: str, bound: float, figure: float | None, complete: bool) -> bool | None:
-    if figure is None:
-        return None
-    held = figure < bound if relation == "<" else figure > bound
-    return held if complete or not held else None
+def judge(
+    name: str, title: str, relation: str, bound: float, figure: float | None, unit: str, complete: bool
+) -> Criterion:
+    """Judge one figure; what an incomplete run has not failed yet is not judged."""
+    held = figure is not None and (figure < bound if relation == "<" else figure > bound)
+    unknown = figure is None or (held and not complete)
+    return Criterion(name, title, relation, bound, figure, unit, None if unknown else held)

@@ -4,10 +4,13 @@ from dataclasses import asdict, dataclass
 
 from backend import __version__
 from backend.experiments.actuator_identification import figures_of, identify, to_store
+from backend.experiments.compliance import compliance_criteria, compliance_figures
+from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.criteria import Criterion, bounds_for, tracking_criteria
 from backend.experiments.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
+from backend.experiments.sequence_plan import SequencePlan
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import Database, identifications, results
 from backend.storage.identifications import Identification, NewIdentification
@@ -29,24 +32,27 @@ class Evaluation:
 def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
     """Compute what the plan's kind of run gives, and store it."""
     columns, missed = recorded_columns(database, run.id)
+    estimate: NewIdentification | None = None
+    criteria: list[Document] = []
+    problem = ""
     try:
-        if isinstance(plan, ActuatorIdentificationPlan):
-            metrics, estimate, problem = _identified(columns, parameters, plan, run)
-            criteria: list[Document] = []
-        else:
-            metrics, criteria = _tracked(columns, plan, run)
-            estimate, problem = None, ""
+        match plan:
+            case ActuatorIdentificationPlan():
+                metrics, estimate, problem = _identified(columns, parameters, plan, run)
+            case CompliancePlan():
+                metrics, criteria = _complied(columns, parameters, plan, run)
+            case _:
+                metrics, criteria = _tracked(columns, plan, run)
     except NoSamplesError as error:
         return Evaluation(None, None, str(error))
-    metrics["missing_samples"] = missed
-    metrics["problem"] = problem
+    metrics |= {"missing_samples": missed, "problem": problem}
     with database.session() as session:
         result = results.add(session, NewResult(run.id, metrics, criteria, __version__))
         stored = None if estimate is None else identifications.add(session, estimate)
     return Evaluation(result, stored, problem)
 
 
-def _tracked(columns: Columns, plan: Plan, run: Run) -> tuple[Document, list[Document]]:
+def _tracked(columns: Columns, plan: TrackingPlan | SequencePlan, run: Run) -> tuple[Document, list[Document]]:
     metrics = tracking_metrics(columns, plan.program(), plan.phases())
     criteria: tuple[Criterion, ...] = ()
     if isinstance(plan, TrackingPlan):
@@ -54,17 +60,20 @@ def _tracked(columns: Columns, plan: Plan, run: Run) -> tuple[Document, list[Doc
     return tracking_document(metrics, plan.phases()), criteria_documents(criteria)
 
 
+def _complied(
+    columns: Columns, parameters: PlantParameters, plan: CompliancePlan, run: Run
+) -> tuple[Document, list[Document]]:
+    document = _outline(columns, plan, run)
+    figures = compliance_figures(columns, parameters.geometry.r_j)
+    criteria = compliance_criteria(figures, document["complete"])
+    return document | {"figures": figure_documents(figures)}, criteria_documents(criteria)
+
+
 def _identified(
     columns: Columns, parameters: PlantParameters, plan: ActuatorIdentificationPlan, run: Run
 ) -> tuple[Document, NewIdentification | None, str]:
     """Estimate a model from a whole run; one that ended early gives none, for half a sequence would mislead."""
-    document: Document = {
-        "complete": run.end_state == EndState.COMPLETED,
-        "played_s": columns["t"].size * T_s,
-        "planned_s": plan.program().duration_s,
-        "figures": [],
-        "phases": [asdict(phase) for phase in plan.phases()],
-    }
+    document = _outline(columns, plan, run)
     if not document["complete"]:
         return document, None, f"no model was estimated: the run ended early ({run.end_state})"
     try:
@@ -73,3 +82,13 @@ def _identified(
         return document, None, f"no model was estimated: {error}"
     document["figures"] = figure_documents(figures_of(columns, plan.excitation(), estimate))
     return document, to_store(run, plan, columns, estimate, __version__), ""
+
+
+def _outline(columns: Columns, plan: Plan, run: Run) -> Document:
+    return {
+        "complete": run.end_state == EndState.COMPLETED,
+        "played_s": columns["t"].size * T_s,
+        "planned_s": plan.program().duration_s,
+        "figures": [],
+        "phases": [asdict(phase) for phase in plan.phases()],
+    }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans import Phase
+from backend.experiments.phase import Phase
 from backend.loop.program import Program, Shape
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -164,8 +164,8 @@ def _overall(columns: Columns, steps: Sequence[StepMetrics]) -> Overall:
         overshoot_S_percent=largest("S", "overshoot_percent"),
         deviation_S=largest("q", "cross_coupling"),
         deviation_q=largest("S", "cross_coupling"),
-        rmse_q=_rms(columns["q"] - columns["q_ref"]),
-        rmse_S=_rms(columns["S"] - columns["S_ref"]),
+        rmse_q=rms(columns["q"] - columns["q_ref"]),
+        rmse_S=rms(columns["S"] - columns["S_ref"]),
         min_tension_N=float(tensions.min()),
         max_tension_N=float(tensions.max()),
         peak_voltage_V=float(np.abs(voltages).max()),
@@ -190,5 +190,6 @@ def _settling(t: NDArray[np.float64], rising: NDArray[np.float64]) -> float | No
     return float(t[last + 1]) if last + 1 < t.size else None
 
 
-def _rms(error: NDArray[np.float64]) -> float:
+def rms(error: NDArray[np.float64]) -> float:
+    """Root mean square of an error [N,]."""
     return float(np.sqrt(np.mean(np.square(error))))

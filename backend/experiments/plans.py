@@ -10,24 +10,15 @@ from typing import ClassVar
 
 from scipy.signal import max_len_seq
 
-from backend.experiments.settings import SettingError, integer, number
-from backend.loop.program import Excitation, Law, Program, Segment, Shape
+from backend.controllers.limits import STIFFNESS_RANGE
+from backend.experiments.compliance_plan import CompliancePlan
+from backend.experiments.phase import Phase
+from backend.experiments.sequence_plan import Q_REF_MAX, SequencePlan
+from backend.experiments.settings import integer, number
+from backend.loop.program import Excitation, Law, Program, Segment
 from backend.refusal import OutOfRangeError, require_within
 
-Q_REF_MAX = 1.4
-S_REF_MIN, S_REF_MAX = 8.0, 15.0
 MAX_EXCITATION_S = 600.0
-MAX_SEQUENCE_S = 3600.0
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A named stretch of a program [s from its start]; the report draws one set of panels for each."""
-
-    name: str
-    title: str
-    start_s: float
-    end_s: float
 
 
 @dataclass(frozen=True)
@@ -43,9 +34,9 @@ class TrackingPlan:
 
     q_amplitude: float = number(math.pi / 3, 0.01, Q_REF_MAX, "rad", "q_max", "joint position steps between ±q_max")
     q_hold: float = number(0.0, -Q_REF_MAX, Q_REF_MAX, "rad", "q_0", "joint position held during the stiffness pulses")
-    S_hold: float = number(10.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_0", "stiffness held during the position steps")
-    S_low: float = number(8.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_low", "lower level of the stiffness pulses")
-    S_high: float = number(14.0, S_REF_MIN, S_REF_MAX, "N·m/rad", "S_high", "upper level of the stiffness pulses")
+    S_hold: float = number(10.0, *STIFFNESS_RANGE, "N·m/rad", "S_0", "stiffness held during the position steps")
+    S_low: float = number(8.0, *STIFFNESS_RANGE, "N·m/rad", "S_low", "lower level of the stiffness pulses")
+    S_high: float = number(14.0, *STIFFNESS_RANGE, "N·m/rad", "S_high", "upper level of the stiffness pulses")
     q_duration_s: float = number(8.0, 0.5, 60.0, "s", "t_q", "time each position reference is held")
     S_duration_s: float = number(6.0, 0.5, 60.0, "s", "t_S", "time each stiffness reference is held")
 
@@ -137,47 +128,9 @@ class ActuatorIdentificationPlan:
         )
 
 
-@dataclass(frozen=True)
-class SequencePlan:
-    """An own sequence of steps, ramps and sines of q_ref and S_ref, at most one hour long."""
-
-    kind: ClassVar[str] = "sequence"
-
-    segments: tuple[Segment, ...]
-
-    def __post_init__(self) -> None:
-        if not self.segments:
-            raise SettingError("segments", self.segments, "needs at least one segment")
-        for position, segment in enumerate(self.segments, start=1):
-            _check_segment(position, segment)
-        duration = sum(segment.duration_s for segment in self.segments)
-        require_within("duration of all segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out")
-
-    def program(self) -> Program:
-        """Return the segments as a program."""
-        return Program(Law.CASCADE, self.segments)
-
-    def phases(self) -> tuple[Phase, ...]:
-        """Return one phase: the sequence."""
-        return (Phase("sequence", "Own sequence", 0.0, self.program().duration_s),)
-
-
-Plan = TrackingPlan | ActuatorIdentificationPlan | SequencePlan
+Plan = TrackingPlan | CompliancePlan | SequencePlan | ActuatorIdentificationPlan
 """Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""
 
 
 def _steps(duration_s: float, references: Iterable[tuple[float, float]]) -> tuple[Segment, ...]:
     return tuple(Segment(duration_s, q_ref, S_ref) for q_ref, S_ref in references)
-
-
-def _check_segment(position: int, segment: Segment) -> None:
-    bounds = [
-        ("duration_s", segment.duration_s, 0.01, 600.0, "s"),
-        ("q_ref", segment.q_ref, -Q_REF_MAX, Q_REF_MAX, "rad"),
-        ("S_ref", segment.S_ref, S_REF_MIN, S_REF_MAX, "N·m/rad"),
-        ("F_push", segment.F_push, -30.0, 30.0, "N"),
-    ]
-    if segment.shape is Shape.SINE:
-        bounds.append(("period_s", segment.period_s, 0.05, 600.0, "s"))
-    for name, value, minimum, maximum, unit in bounds:
-        require_within(f"segments[{position}].{name}", value, minimum, maximum, unit)

@@ -10,7 +10,7 @@ from typing import Any
 
 from backend.experiments.criteria import Criterion
 from backend.experiments.metrics import StepMetrics, TrackingMetrics
-from backend.experiments.plans import Phase
+from backend.experiments.phase import Phase
 
 Document = dict[str, Any]
 

@@ -1,8 +1,8 @@
 """Declared settings: what a plan may be told, each with symbol, unit, bounds and default, said once.
 
-A plan is a frozen dataclass whose fields are made by ``number``, ``integer``, ``boolean`` and ``choice``. The command
-line, the HTTP interface and the page read the same declaration through ``describe``; ``from_values`` is the only way in
-from outside.
+A plan is a frozen dataclass whose fields are made by ``number``, ``integer``, ``boolean``, ``choice`` and ``text``. The
+command line, the HTTP interface and the page read the same declaration through ``describe``; ``from_values`` is the
+only way in from outside.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,10 @@ class SettingError(ValueError):
 
 @dataclass(frozen=True)
 class Setting:
-    """Declaration of one setting. ``unit`` is SI, "1" for counts; ``kind`` is number, integer, boolean or choice."""
+    """Declaration of one setting. ``unit`` is SI, "1" for counts; ``kind`` is number, integer, boolean, choice or text.
+
+    ``maximum`` of a text is its longest length in characters.
+    """
 
     name: str
     kind: str
@@ -56,6 +59,11 @@ class Setting:
             if value not in self.choices:
                 raise SettingError(self.name, value, f"choose one of {', '.join(self.choices)}", legal=self.choices)
             return str(value)
+        if self.kind == "text":
+            if not isinstance(value, str):
+                raise SettingError(self.name, value, "needs a text")
+            require_within(f"length of {self.name}", len(value), None, self.maximum, "1")
+            return value
         if self.kind == "boolean":
             truth = _WORDS.get(str(value).lower())
             if truth is None:
@@ -97,6 +105,11 @@ def choice(default: str, choices: tuple[str, ...], symbol: str, meaning: str) ->
 def boolean(default: bool, symbol: str, meaning: str) -> Any:
     """Declare a setting that is on or off."""
     return _declare("boolean", default, {"unit": "1", "symbol": symbol, "meaning": meaning})
+
+
+def text(default: str, max_length: int, symbol: str, meaning: str) -> Any:
+    """Declare a setting that is a text of so many characters at most."""
+    return _declare("text", default, {"maximum": max_length, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
 def describe(plan: type[Any]) -> tuple[Setting, ...]:

@@ -21,6 +21,7 @@ class RunKind(StrEnum):
     ACTUATOR_IDENTIFICATION = "actuator_identification"
     TRACKING = "tracking"
     COMPLIANCE = "compliance"
+    SEQUENCE = "sequence"
 
 
 class EndState(StrEnum):

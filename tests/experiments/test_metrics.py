@@ -9,8 +9,9 @@ from scipy.optimize import brentq
 
 from backend.experiments.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
 from backend.experiments.metrics import NoSamplesError, Step, step_metrics, steps_of, tracking_metrics
-from backend.experiments.plans import SequencePlan, TrackingPlan
-from backend.loop.program import Segment, Shape
+from backend.experiments.phase import Phase
+from backend.experiments.plans import TrackingPlan
+from backend.loop.program import Law, Program, Segment, Shape
 
 T_s = 1e-3
 Array = NDArray[np.float64]
@@ -111,8 +112,8 @@ def test_ramps_and_sines_are_not_steps() -> None:
         Segment(1.0, 0.2, 10.0),
         Segment(1.0, 0.2, 12.0),
     )
-    plan = SequencePlan(segments)
-    assert [(s.signal, s.start_s) for s in steps_of(plan.program(), plan.phases())] == [("S", 4.0)]
+    steps = steps_of(Program(Law.CASCADE, segments), [Phase("all", "All", 0.0, 5.0)])
+    assert [(s.signal, s.start_s) for s in steps] == [("S", 4.0)]
 
 
 def test_tracking_metrics_of_a_known_loop() -> None:

@@ -5,7 +5,9 @@ from dataclasses import asdict
 
 import pytest
 
-from backend.experiments.plans import ActuatorIdentificationPlan, SequencePlan, TrackingPlan
+from backend.experiments.compliance_plan import CompliancePlan
+from backend.experiments.plans import ActuatorIdentificationPlan, TrackingPlan
+from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError, describe, from_values
 from backend.loop.program import Law, Segment, Shape
 from backend.refusal import OutOfRangeError
@@ -96,14 +98,61 @@ def test_identification_program_is_the_default_experiment_of_the_method() -> Non
     assert program.duration_s == pytest.approx(program.settle_s + 20.32)
 
 
+def sequence(*segments: object) -> SequencePlan:
+    return from_values(SequencePlan, {"segments": json.dumps(segments)})
+
+
+def test_own_sequences_are_read_from_json() -> None:
+    plan = sequence(
+        {"duration_s": 2, "q_ref": 0.5, "S_ref": 10},
+        {"duration_s": 4, "q_ref": 0.8, "S_ref": 10, "shape": "sine", "period_s": 2.0},
+    )
+    assert plan.program().segments == (
+        Segment(2.0, 0.5, 10.0),
+        Segment(4.0, 0.8, 10.0, shape=Shape.SINE, period_s=2.0),
+    )
+    assert SequencePlan().program().duration_s == 20.0
+
+
 def test_own_sequences_are_checked_segment_by_segment() -> None:
-    good = Segment(2.0, 0.5, 10.0)
-    assert SequencePlan((good, Segment(4.0, 0.8, 10.0, shape=Shape.SINE, period_s=2.0))).program().duration_s == 6.0
+    good = {"duration_s": 600, "q_ref": 0, "S_ref": 10}
     with pytest.raises(OutOfRangeError) as refused:
-        SequencePlan((good, Segment(2.0, 0.5, 20.0)))
+        sequence(good, {**good, "S_ref": 20})
     assert refused.value.quantity == "segments[2].S_ref"
     assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
-    with pytest.raises(SettingError, match="at least one"):
-        SequencePlan(())
+    for segment, complaint in (
+        ({**good, "q_ref": "left"}, "needs a number in rad"),
+        ({**good, "q_reff": 1}, "needs duration_s, q_ref, S_ref"),
+        ({"duration_s": 1}, "needs duration_s, q_ref, S_ref"),
+        ({**good, "shape": "jump"}, "step, ramp, sine"),
+        (3, "needs duration_s"),
+    ):
+        with pytest.raises(SettingError, match=complaint):
+            sequence(segment)
+    with pytest.raises(SettingError, match="1 to 1000"):
+        sequence()
+    with pytest.raises(SettingError, match="not JSON"):
+        SequencePlan("step 3")
     with pytest.raises(OutOfRangeError, match="3600"):
-        SequencePlan((Segment(600.0, 0.0, 10.0),) * 7)
+        sequence(*[good] * 7)
+
+
+@pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
+def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: str) -> None:
+    plan = from_values(CompliancePlan, {"profile": profile, "F_push": 12.0, "pushes": 20})
+    program = plan.program()
+    forces = [segment.F_push for segment in program.segments]
+    assert program.law is Law.COMPLIANCE
+    assert -12.0 <= min(forces) < -3.0
+    assert 3.0 < max(forces) <= 12.0
+    assert forces[0] == forces[-1] == 0.0
+    assert {(segment.q_ref, segment.S_ref) for segment in program.segments} == {(0.0, 10.0)}
+    assert from_values(CompliancePlan, {"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
+
+
+def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:
+    first, second = (CompliancePlan(push_seed=seed).program().segments for seed in (1, 2))
+    assert first != second
+    for before, after in itertools.pairwise(first):
+        assert after.shape is Shape.RAMP or after.F_push == pytest.approx(before.F_push)
+        assert abs(after.F_push - before.F_push) < 6.0

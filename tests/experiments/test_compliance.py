@@ -1,0 +1,62 @@
+"""Compliance metrics against a joint that is exactly a spring, read by delayed load cells with an offset."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from backend.experiments.compliance import compliance_criteria, compliance_figures
+from backend.experiments.compliance_plan import LEAD_IN_S
+from backend.experiments.metrics import NoSamplesError
+
+R_J = 0.075
+Array = NDArray[np.float64]
+
+
+def pushed(*, stiffness: float = 10.0, delay_ms: int = 0, offset_N: float = 0.0) -> dict[str, Array]:
+    """A joint of ``stiffness`` under a push of 12 N at 0.5 Hz after the lead-in."""
+    t = np.arange(round(1000 * (LEAD_IN_S + 10.0))) * 1e-3
+    F_push = np.where(t < LEAD_IN_S, 0.0, 12.0 * np.sin(np.pi * (t - LEAD_IN_S)))
+    seen = np.concatenate([np.zeros(delay_ms), F_push[: t.size - delay_ms]])
+    ones = np.ones_like(t)
+    return {
+        "t": t,
+        "q": R_J * F_push / stiffness,
+        "S": 10.0 * ones,
+        "S_ref": 10.0 * ones,
+        "F_A": 17.0 - 0.5 * seen + offset_N,
+        "F_B": 17.0 + 0.5 * seen,
+        "u_A": ones,
+        "u_B": -2.0 * ones,
+    }
+
+
+def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
+    figures = compliance_figures(pushed(), R_J)
+    assert figures.rmse_raw_N == pytest.approx(0.0, abs=1e-9)
+    assert (figures.rmse_aligned_N, figures.delay_s) == (pytest.approx(0.0, abs=1e-9), 0.0)
+    assert figures.stiffness_felt == pytest.approx(10.0)
+    assert figures.largest_push_N == pytest.approx(12.0, rel=1e-4)
+    assert (figures.min_tension_N, figures.peak_voltage_V) == (pytest.approx(11.0, rel=1e-4), 2.0)
+
+
+def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> None:
+    figures = compliance_figures(pushed(delay_ms=12, offset_N=0.7), R_J)
+    assert figures.delay_s == pytest.approx(0.012)
+    # an offset and the sine's difference over 12 ms, uncorrelated: 12 N · 2 sin(π·0.5·0.012) / √2
+    shift = 12.0 * 2.0 * np.sin(np.pi * 0.5 * 0.012) / np.sqrt(2.0)
+    assert figures.rmse_raw_N == pytest.approx(np.hypot(0.7, shift), rel=0.01)
+    assert figures.rmse_aligned_N < 1e-6
+
+
+def test_another_stiffness_is_felt_and_counts_as_error() -> None:
+    figures = compliance_figures(pushed(stiffness=11.0), R_J)
+    assert figures.stiffness_felt == pytest.approx(11.0)
+    assert figures.rmse_aligned_N == pytest.approx((1.0 - 10.0 / 11.0) * 12.0 / np.sqrt(2.0), rel=0.01)
+    verdicts = {item.name: item.passed for item in compliance_criteria(figures, complete=True)}
+    assert verdicts == {"rmse_aligned": False, "min_tension": True}
+
+
+def test_a_run_without_pushes_has_no_figures() -> None:
+    columns = {name: column[:5_000] for name, column in pushed().items()}
+    with pytest.raises(NoSamplesError, match="before the pushes"):
+        compliance_figures(columns, R_J)
