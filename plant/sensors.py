@@ -10,7 +10,7 @@ from plant.compiled import compiled
 from plant.dynamics import Dynamics, PlantState
 from plant.interface import Measurement, T_s
 from plant.joint import elongation_A, elongation_B, joint_stiffness
-from plant.parameters import Sensors
+from plant.parameter_sections import Sensors
 from plant.spring import tension
 
 DELAY_SLOTS = 64

@@ -84,8 +84,7 @@ def step(
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
     back_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
     back_B = motor.excess_B / tuning.motors.B.k_p / TRACKING_TIME_S
-    correction_q = -decoupler.equilibrium(d, back_A, back_B)
-    correction_S = -2.0 * d.r_j**2 * d.k_2 * d.r_m * (back_A + back_B)
+    correction_q, correction_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -back_A, -back_B)
 
     output = Output(
         motor.u_A,

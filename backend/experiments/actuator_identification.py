@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.metrics import NoSamplesError, figure
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.result import Document, json_ready
@@ -51,10 +52,11 @@ def identify(columns: Columns, excitation: Excitation, parameters: PlantParamete
     """Estimate G_q and G_S from theta_A_ref, q and S of a completed run. Raises NoSamplesError, ValueError."""
     geometry, sensors = parameters.geometry, parameters.sensors
     q_counts, theta_counts = _COUNTS_WHERE_EXACT
+    slope = stiffness_slope(decoupler_for(parameters), float(np.mean(columns["S"])))
     known = ActuatorGeometry(
         geometry.r_m,
         geometry.r_j,
-        parameters.spring.k[2],
+        slope / (2.0 * geometry.r_j**2 * geometry.r_m),
         round(sensors.joint_counts) or q_counts,
         round(sensors.motor_counts) or theta_counts,
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from backend.controllers.decoupler import decoupler_for, equilibrium
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.validation import MIN_COUNTS
 from plant.interface import T_s
@@ -31,18 +32,25 @@ class PredictedMotion:
 def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:
     """Send the excitation through the inner loop's four lags of ``lam_motor`` [s] and take the joint at equilibrium.
 
-    With theta_B = 0 both springs carry the same x = r_m theta_A / 2, so q = r_m theta_A / (2 r_j) (equation 15). The
-    voltage is what moves the motor (equation 17) against tendon and friction.
+    With theta_B = 0 the joint rests where both tendons pull alike: for like springs q = r_m theta_A / (2 r_j) (equation
+    15). The voltage is what moves the motor (equation 17) against tendon and friction.
     """
-    g, m = parameters.geometry, parameters.motor
-    spring = parameters.nominal_spring
-    theta_A, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
-    theta_A = theta_A + 2.0 * elongation(spring, plan.tension_N) / g.r_m
-    F = np.array([tension(spring, 0.5 * g.r_m * angle) for angle in theta_A[::10]])
+    g, m, known, d = (
+        parameters.geometry,
+        parameters.motor_of("A"),
+        parameters.identified_of("A"),
+        decoupler_for(parameters),
+    )
+    spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+    wound = (elongation(spring_A, plan.tension_N) + elongation(spring_B, plan.tension_N)) / g.r_m
+    moved, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
+    theta_A = wound + moved
+    q = np.array([equilibrium(d, angle, 0.0) for angle in theta_A[::10]])
+    F = np.array([tension(spring_A, x) for x in g.r_m * theta_A[::10] - g.r_j * q])
     resistance = g.r_m * F + (m.c0 + m.c1 * g.r_m * F) * np.tanh(speed[::10] / m.omega_smooth)
-    u = (m.T_m * acceleration[::10] + speed[::10]) / m.K_m + resistance / m.K_t
+    u = (known.T_m * acceleration[::10] + speed[::10]) / known.K_m + resistance / m.K_t
     counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
-    q_counts = float(np.ptp(theta_A)) * g.r_m / (2.0 * g.r_j) * counts_per_turn / (2.0 * math.pi)
+    q_counts = float(np.ptp(q)) * counts_per_turn / (2.0 * math.pi)
     u_peak, F_min = float(np.abs(u).max()), float(F.min())
     problem = _problem(q_counts, u_peak, F_min, m.u_max)
     message = problem or f"the joint will move by {q_counts:.0f} encoder counts, peak to peak"

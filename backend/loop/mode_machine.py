@@ -65,7 +65,7 @@ class ModeMachine:
         self.events: list[Event] = []
         self.offset_A = self.offset_B = 0.0
         self._plant = plant
-        self._spring = parameters.nominal_spring
+        self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
         self._zeroed = False
@@ -78,8 +78,9 @@ class ModeMachine:
 
     @property
     def keeps_taut(self) -> bool:
-        """Whether slack would be a fault now: everywhere under control but while winding up from slack."""
-        return self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING
+        """Whether slack would be a fault now: everywhere under control but on the way to pretension."""
+        on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
+        return self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING and not on_the_way
 
     def set_mode(self, command: SetMode) -> None:
         """Carry out an operator's move. Raises RefusedError."""
@@ -106,7 +107,8 @@ class ModeMachine:
         self._require_taut(mode)
         motion: Motion
         if program.law is Law.FORCE_HOLD:
-            theta_A = 2.0 * elongation(self._spring, program.tension_N) / self._geometry.r_m
+            # Motor B stays at zero: what motor A winds stretches both springs.
+            theta_A = sum(self._wound(program.tension_N))
             motion = ForceHold(self._carried(), NO_REFERENCE, program, theta_A)
         else:
             for segment in program.segments:
@@ -190,14 +192,16 @@ class ModeMachine:
         except PlantError:
             return
 
-    def _pretensioned(self) -> float:
-        return elongation(self._spring, PRETENSION_N) / self._geometry.r_m
+    def _wound(self, F: float) -> tuple[float, float]:
+        """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
+        r_m = self._geometry.r_m
+        return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
 
     def _enter_pretension(self, cause: str) -> None:
         carry = self._carried()
         motion: Motion
         if self._zeroed:
-            motion = Travel(carry, NO_REFERENCE, self._pretensioned(), self._pretensioned())
+            motion = Travel(carry, NO_REFERENCE, *self._wound(PRETENSION_N))
         else:
             motion = Winding(carry, NO_REFERENCE)
         self._enter(Mode.PRETENSION, motion, cause)
@@ -207,8 +211,8 @@ class ModeMachine:
         r_m, r_j = self._geometry.r_m, self._geometry.r_j
         F_A, F_B = winding.tensions
         m = self.m
-        move_A = (elongation(self._spring, F_A) + r_j * m.q) / r_m - m.theta_A
-        move_B = (elongation(self._spring, F_B) - r_j * m.q) / r_m - m.theta_B
+        move_A = (elongation(self._spring_A, F_A) + r_j * m.q) / r_m - m.theta_A
+        move_B = (elongation(self._spring_B, F_B) - r_j * m.q) / r_m - m.theta_B
         self.offset_A += move_A
         self.offset_B += move_B
         self.m = m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
@@ -216,7 +220,7 @@ class ModeMachine:
         state = motors.shift(carry.gains, carry.state, move_A, move_B)
         shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
         self._zeroed = True
-        self.motion = Travel(shifted, NO_REFERENCE, self._pretensioned(), self._pretensioned())
+        self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
 
     def _brake(self, cause: str) -> None:
         self._enter(Mode.STOPPING, Braking(self._carried(), NO_REFERENCE, self.m), cause)

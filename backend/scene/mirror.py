@@ -27,7 +27,7 @@ class SceneMirror:
     def __init__(self, parameters: PlantParameters, newest: Callable[[], NDArray[np.float64] | None]) -> None:
         self._newest = newest
         self._geometry = parameters.geometry
-        self._spring = parameters.nominal_spring
+        self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
         with redirect_stdout(StringIO()):  # it would print its address, which is nobody's business
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._stage = Stage(self._server, self._geometry.r_j, self._geometry.r_m)
@@ -52,7 +52,7 @@ class SceneMirror:
         row = self._newest()
         if row is not None:
             sample = dict(zip(NAMES, row.tolist(), strict=True))
-            self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, self._spring))
+            self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
     def _run(self) -> None:
         due = time.monotonic()

@@ -43,7 +43,7 @@ class Pose:
     B: Side
 
 
-def pose(sample: dict[str, float], r_m: float, r_j: float, spring: Spring) -> Pose:
+def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spring_B: Spring) -> Pose:
     """Return the pose for ``sample`` (signals by name). Elongations follow equation 1, the force the load cell."""
     x_A = r_m * sample["theta_A"] - r_j * sample["q"]
     x_B = r_m * sample["theta_B"] + r_j * sample["q"]
@@ -52,8 +52,8 @@ def pose(sample: dict[str, float], r_m: float, r_j: float, spring: Spring) -> Po
         q_ref=sample["q_ref"],
         fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
         F_push=sample["F_push"],
-        A=_side(sample["theta_A"], x_A, sample["F_A"], spring),
-        B=_side(sample["theta_B"], x_B, sample["F_B"], spring),
+        A=_side(sample["theta_A"], x_A, sample["F_A"], spring_A),
+        B=_side(sample["theta_B"], x_B, sample["F_B"], spring_B),
     )
 
 

@@ -61,6 +61,9 @@ def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
     return 2.0 * K_q * r_j / r_m
 
 
-def stiffness_loop_gain(K_S: float, r_m: float, r_j: float, k_2: float) -> float:
-    """Return the static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3)."""
-    return 2.0 * K_S / (4.0 * k_2 * r_j**2 * r_m)
+def stiffness_loop_gain(K_S: float, slope: float) -> float:
+    """Return the static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3).
+
+    ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of one motor, 2 r_j² k2 r_m where springs are quadratic.
+    """
+    return K_S / slope

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backend.controllers import cascade, i_p, motors
-from backend.controllers.decoupler import decoupler_for
+from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.controllers.limits import bounds_for
 from backend.controllers.scheduling import Schedule
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
@@ -21,9 +21,14 @@ def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lamb
 
 def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
     """I-P gains of the stiffness loop at one point. Raises TuningError."""
-    g = parameters.geometry
-    K = stiffness_loop_gain(point.K_S, g.r_m, g.r_j, parameters.spring.k[2])
+    K = stiffness_loop_gain(point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal))
     return outer_gains(K, point.T_S, lambdas.lam_S, lambdas.b)
+
+
+def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None) -> motors.Gains:
+    """I-PD gains of both motor loops; without a ``motor`` for both, each side as identified. Raises TuningError."""
+    A, B = motor or motor_model(parameters, "A"), motor or motor_model(parameters, "B")
+    return motors.Gains(motor_gains(A.K_m, A.T_m, lam_motor), motor_gains(B.K_m, B.T_m, lam_motor))
 
 
 def cascade_tuning(
@@ -37,16 +42,14 @@ def cascade_tuning(
 
     Raises TuningError.
     """
-    motor = motor or motor_model(parameters)
     points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
     rows = []
     for point in points:
         q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
-    inner = motor_gains(motor.K_m, motor.T_m, lambdas.lam_motor)
     bounds = bounds_for(parameters)
     return cascade.Tuning(
-        motors.Gains(inner, inner),
+        motor_loops(parameters, lambdas.lam_motor, motor),
         Schedule(np.array(rows), interpolate),
         decoupler_for(parameters),
         bounds.omega_max,

@@ -4,13 +4,12 @@ Four lags of the motor loops, the load on them, the joint's resonance: everythin
 E6). Coulomb friction is left out: smoothed at standstill it would look like a huge viscous friction.
 """
 
-from dataclasses import replace
-
 import control
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import decoupler, i_pd
+from backend.controllers import decoupler, i_pd, motors
+from backend.controllers.decoupler import Decoupler
 from plant.dynamics import PlantState, derivative
 from plant.parameters import PlantParameters
 from plant.spring import tension
@@ -18,14 +17,21 @@ from plant.spring import tension
 _STEP = 1e-6
 
 
-def decoupled_model(parameters: PlantParameters, gains: i_pd.Gains, S: float) -> control.StateSpace:
+def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) -> control.StateSpace:
     """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
 
-    By symmetry the cross terms vanish; the diagonal is what the two outer loops control, gain 1 at low frequency.
+    The diagonal is what the two outer loops control, gain 1 at low frequency; the cross terms have gain 0 there, and
+    vanish altogether where both sides are alike.
     """
-    plant = _linear_plant(parameters, S)
+    d = decoupler.decoupler_for(parameters)
     system = control.interconnect(
-        [plant, _motor_loop(gains, "A"), _motor_loop(gains, "B"), _decoupling(parameters), _outputs(parameters)],
+        [
+            _linear_plant(parameters, d, S),
+            _motor_loop(gains.A, "A"),
+            _motor_loop(gains.B, "B"),
+            _decoupling(d, S),
+            _outputs(d, S),
+        ],
         inputs=["q_c", "S_c"],
         outputs=["q_out", "S_out"],
         check_unused=False,
@@ -35,31 +41,28 @@ def decoupled_model(parameters: PlantParameters, gains: i_pd.Gains, S: float) ->
 
 def stiffness_tension(parameters: PlantParameters, S: float) -> float:
     """Tension of both tendons [N] when the unloaded joint rests at stiffness S [N·m/rad]."""
-    g = parameters.geometry
-    theta, _ = decoupler.motor_positions(decoupler.decoupler_for(parameters), 0.0, S)
-    return tension(parameters.nominal_spring, g.r_m * theta)
+    theta_A, _ = decoupler.motor_positions(decoupler.decoupler_for(parameters), 0.0, S)
+    return tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A)
 
 
-def _linear_plant(parameters: PlantParameters, S: float) -> control.StateSpace:
-    symmetric = replace(
-        parameters,
-        motor=replace(parameters.motor, c0=0.0, c1=0.0),
-        asymmetry=replace(parameters.asymmetry, spring_A=1.0, spring_B=1.0, motor_A=1.0, motor_B=1.0),
-    )
-    plant = symmetric.dynamics()
-    theta, _ = decoupler.motor_positions(decoupler.decoupler_for(parameters), 0.0, S)
-    load = plant.joint.r_m * tension(plant.spring_A, plant.joint.r_m * theta)
-    at = np.array(PlantState(0.0, 0.0, theta, 0.0, load, theta, 0.0, load))
-    u = load / plant.motor_A.K_t
+def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> control.StateSpace:
+    plant = parameters.identified_dynamics()
+    theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
+    load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
+    load_B = d.r_m * tension(plant.spring_B, d.r_m * theta_B)
+    at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))
+    u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
     def rate(x: NDArray[np.float64], u_A: float, u_B: float) -> NDArray[np.float64]:
         return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0))
 
-    A = np.column_stack([(rate(at + d, u, u) - rate(at - d, u, u)) / (2.0 * _STEP) for d in _STEP * np.eye(8)])
+    A = np.column_stack(
+        [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(8)]
+    )
     B = np.column_stack(
         [
-            (rate(at, u + _STEP, u) - rate(at, u - _STEP, u)) / (2.0 * _STEP),
-            (rate(at, u, u + _STEP) - rate(at, u, u - _STEP)) / (2.0 * _STEP),
+            (rate(at, u_A + _STEP, u_B) - rate(at, u_A - _STEP, u_B)) / (2.0 * _STEP),
+            (rate(at, u_A, u_B + _STEP) - rate(at, u_A, u_B - _STEP)) / (2.0 * _STEP),
         ]
     )
     C = np.zeros((3, 8))
@@ -80,16 +83,20 @@ def _motor_loop(gains: i_pd.Gains, side: str) -> control.StateSpace:
     return control.ss(A, B, C, D, inputs=names, outputs=[f"u_{side}"], name=f"motor_{side}")
 
 
-def _decoupling(parameters: PlantParameters) -> control.StateSpace:
-    d = decoupler.decoupler_for(parameters)
-    q_gain = d.r_j / d.r_m
-    S_gain = 1.0 / (4.0 * d.k_2 * d.r_j**2 * d.r_m)
-    D = np.array([[q_gain, S_gain], [-q_gain, S_gain]])
+def _decoupling(d: Decoupler, S: float) -> control.StateSpace:
+    def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
+        return np.array(decoupler.motor_positions(d, q_c, S_c))
+
+    D = np.column_stack(
+        [
+            (positions(_STEP, S) - positions(-_STEP, S)) / (2.0 * _STEP),
+            (positions(0.0, S + _STEP) - positions(0.0, S - _STEP)) / (2.0 * _STEP),
+        ]
+    )
     return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=["theta_A_ref", "theta_B_ref"], name="decoupler")
 
 
-def _outputs(parameters: PlantParameters) -> control.StateSpace:
-    d = decoupler.decoupler_for(parameters)
-    S_gain = 2.0 * d.r_j**2 * d.k_2 * d.r_m
+def _outputs(d: Decoupler, S: float) -> control.StateSpace:
+    S_gain = decoupler.stiffness_slope(d, S)
     D = np.array([[1.0, 0.0, 0.0], [0.0, S_gain, S_gain]])
     return control.ss([], [], [], D, inputs=["q", "theta_A", "theta_B"], outputs=["q_out", "S_out"], name="outputs")

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from plant.parameter_sections import Side
 from plant.parameters import PlantParameters
 
 LAM_MOTOR = 0.0854
@@ -51,16 +53,16 @@ class Lambdas:
 def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) -> PointModel:
     """Model at 20 N from geometry alone, before anything is identified: gains of section 4, four lags of λ_motor."""
     g = parameters.geometry
-    k_2 = parameters.spring.k[2]
     return PointModel(
         S_nominal=S_NOMINAL_20_N,
         K_q=g.r_m / (2.0 * g.r_j),
         T_q=4.0 * lam_motor,
-        K_S=2.0 * g.r_j**2 * k_2 * g.r_m,
+        K_S=stiffness_slope(decoupler_for(parameters), S_NOMINAL_20_N),
         T_S=4.0 * lam_motor,
     )
 
 
-def motor_model(parameters: PlantParameters) -> MotorModel:
-    """Model of both motors as the parameter set has it (equation 17)."""
-    return MotorModel(parameters.motor.K_m, parameters.motor.T_m)
+def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
+    """Model of the motor of one side, as identified (equation 17)."""
+    known = parameters.identified_of(side)
+    return MotorModel(known.K_m, known.T_m)

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from backend.controllers import i_p
 from backend.refusal import require_within
 from backend.tuning.closed_loop import run
-from backend.tuning.formulas import motor_gains
-from backend.tuning.gains import cascade_tuning, position_gains, stiffness_gains
+from backend.tuning.gains import cascade_tuning, motor_loops, position_gains, stiffness_gains
 from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
+from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point
 from backend.tuning.robustness import OuterProcess, Robustness, safe_lambda
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -56,9 +55,9 @@ class Previewer:
         lam_motor: float = Lambdas().lam_motor,
     ) -> None:
         self._parameters = parameters
-        self._motor = motor or motor_model(parameters)
+        self._motor = motor
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
-        gains = motor_gains(self._motor.K_m, self._motor.T_m, lam_motor)
+        gains = motor_loops(parameters, lam_motor, motor)
         models = [decoupled_model(parameters, gains, point.S_nominal) for point in self.points]
         self._q = [OuterProcess(model[0, 0]) for model in models]
         self._S = [OuterProcess(model[1, 1]) for model in models]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from backend.sample import FIELDS
 from plant.interface import T_s
-from plant.parameters import load_parameters
+from plant.parameter_sections import SECTIONS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "notation.md").read_text(encoding="utf-8")
 
@@ -25,11 +25,10 @@ def test_signals_are_the_columns_of_a_sample() -> None:
 
 def test_parameters_are_those_of_the_plant() -> None:
     written = [(code.strip("`"), unit) for _, code, unit, _, _ in rows("Parameters of the plant")]
-    parameters = load_parameters("ideal")
     assert written == [
         (f"{section}.{entry.name}", entry.metadata["unit"])
-        for section in (part.name for part in fields(parameters) if part.name not in ("name", "sources"))
-        for entry in fields(getattr(parameters, section))
+        for section, kind in SECTIONS.items()
+        for entry in fields(kind)
     ]
 
 

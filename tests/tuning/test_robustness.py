@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
-from backend.tuning.gains import position_gains, stiffness_gains
+from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import Lambdas, designed_point
 from backend.tuning.robustness import OuterProcess, motor_lambda, motor_robustness, safe_lambda
@@ -52,14 +52,14 @@ def test_fast_outer_loop_is_unstable(four_lags: OuterProcess) -> None:
 def test_high_order_model_has_unit_gain_and_no_cross_coupling() -> None:
     parameters = load_parameters("lab")
     for S in (8.24, 14.06):
-        gain = decoupled_model(parameters, motor_gains(K_m, T_m, LAM), S).dcgain()
+        gain = decoupled_model(parameters, motor_loops(parameters, LAM), S).dcgain()
         assert gain == pytest.approx(np.eye(2), abs=1e-6)
 
 
 def test_safe_range_ends_where_M_s_is_1_7() -> None:
     parameters = load_parameters("ideal")
     point = designed_point(parameters)
-    model = decoupled_model(parameters, motor_gains(K_m, T_m, LAM), point.S_nominal)
+    model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
     q, S = OuterProcess(model[0, 0]), OuterProcess(model[1, 1])
     lam_q = safe_lambda(q, lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)))
     lam_S = safe_lambda(S, lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)))
