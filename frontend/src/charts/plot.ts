@@ -3,6 +3,7 @@
 import uPlot from "uplot";
 import { clockTime, fixed } from "../samples/format";
 import type { Panel } from "../theme/signals";
+import { paintsInSoftware, withMemoryCanvases } from "./canvas";
 import type { ChartColours } from "./colours";
 import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } from "./decorations";
 import { linePath } from "./linePath";
@@ -19,6 +20,8 @@ const TIME_STEPS_S = [
 ];
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
+/** Lines of one pixel are painted several times faster in software. */
+const HAIRLINE = 1;
 const LABEL_CLEARANCE_PX = 5;
 
 export interface PlotOptions {
@@ -41,7 +44,10 @@ export class SignalPlot {
   constructor(host: HTMLElement, options: PlotOptions, colours: ChartColours) {
     this.panel = options.panel;
     this.range = { min: -options.panel.narrowest / 2, max: options.panel.narrowest / 2 };
-    this.plot = new uPlot(this.configuration(options, colours), [new Float64Array(0)], host);
+    const software = paintsInSoftware();
+    const build = () =>
+      new uPlot(this.configuration(options, colours, software), [new Float64Array(0)], host);
+    this.plot = software ? withMemoryCanvases(build) : build();
   }
 
   draw(curves: Curves, stretch: Stretch): void {
@@ -95,7 +101,7 @@ export class SignalPlot {
     return this.range;
   }
 
-  private configuration(options: PlotOptions, colours: ChartColours): uPlot.Options {
+  private configuration(options: PlotOptions, colours: ChartColours, software: boolean): uPlot.Options {
     const grid = { stroke: () => colours.grid, width: 1 };
     return {
       width: 320,
@@ -114,7 +120,7 @@ export class SignalPlot {
             scale: "y",
             auto: false,
             stroke: trace.hue,
-            width: LINE_WIDTH,
+            width: software ? HAIRLINE : LINE_WIDTH,
             ...(trace.dashed ? { dash: [6, 4] } : {}),
             paths: linePath,
             pxAlign: 0,

@@ -3,11 +3,13 @@
 import type { Panel } from "../theme/signals";
 import { readColours } from "./colours";
 import type { LimitLine, PlacedMark } from "./decorations";
+import { FramePacer } from "./pacer";
 import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
 import type { PlotSource } from "./source";
 import { type Stretch, stretch, type Viewport } from "./viewport";
 
-const LEAST_SHIFT_PX = 0.5;
+/** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */
+const LEAST_SHIFT_PX = 1;
 
 export class ChartStack {
   private readonly plots: readonly SignalPlot[];
@@ -15,6 +17,7 @@ export class ChartStack {
   private drawn: (Stretch & { version: number }) | null = null;
   private dirty = true;
   private request = 0;
+  private readonly pacer = new FramePacer(1);
 
   constructor(
     private readonly hosts: readonly HTMLElement[],
@@ -90,7 +93,9 @@ export class ChartStack {
   private readonly frame = (): void => {
     this.request = requestAnimationFrame(this.frame);
     const seen = this.seen();
-    if (this.worthDrawing(seen)) {
+    const now_ms = performance.now();
+    if (this.pacer.due(now_ms) && this.worthDrawing(seen)) {
+      this.pacer.drew(now_ms);
       for (const [index, plot] of this.plots.entries()) {
         plot.draw(this.source.curves(this.panels[index] as Panel, seen, this.plotWidth), seen);
       }

@@ -1,9 +1,13 @@
 /** The 3D view, served by the same service behind the same sign-in. */
 
 import { useEffect, useRef } from "react";
+import { FramePacer, paceWindow } from "../../charts/pacer";
 import { Card } from "../../components/Card";
 import { useStop } from "../../service/StopProvider";
 import styles from "./Operate.module.css";
+
+/** The view has to leave most of a slow machine to the loop and the charts. */
+const REST = 4;
 
 export function SceneCard() {
   const frame = useRef<HTMLIFrameElement>(null);
@@ -16,7 +20,9 @@ export function SceneCard() {
     let unwatch = () => {};
     const onLoad = () => {
       unwatch();
-      if (element.contentWindow !== null) unwatch = watch(element.contentWindow);
+      if (element.contentWindow === null) return;
+      unwatch = watch(element.contentWindow);
+      paceWindow(element.contentWindow, new FramePacer(REST));
     };
     element.addEventListener("load", onLoad);
     return () => {
