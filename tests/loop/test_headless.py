@@ -12,6 +12,7 @@ from backend.loop.commands import (
     PretensionReached,
     ProgramEnded,
     Refused,
+    Reset,
     RunProgram,
     SetMode,
     SetReferences,
@@ -42,6 +43,11 @@ def mode_of(ring: Ring) -> Mode:
     newest = ring.newest()
     assert newest is not None
     return list(MODE_CODE)[int(newest[INDEX["mode"]])]
+
+
+def slack(ring: Ring) -> bool:
+    newest = ring.newest()
+    return newest is not None and bool(max(newest[INDEX["F_A"]], newest[INDEX["F_B"]]) < 0.5)
 
 
 async def pretension(headless: Headless) -> None:
@@ -137,6 +143,22 @@ def test_reaching_the_pretension_is_told_once_and_motion_is_granted_from_then_on
         await headless.advance(0.5)
         assert len(told) == 1
         assert isinstance(await headless.send(SetMode(Mode.RUN)), Accepted)
+        headless.close()
+
+    asyncio.run(session())
+
+
+def test_pretension_is_reached_again_after_a_stop_let_the_tendons_go(make: Make) -> None:
+    async def session() -> None:
+        headless = make()
+        told: list[object] = []
+        headless.listen(lambda event: told.append(event) if isinstance(event, PretensionReached) else None)
+        for times in (1, 2):
+            assert isinstance(await headless.send(SetMode(Mode.PRETENSION)), Accepted)
+            await headless.advance_until(lambda times=times: len(told) == times, timeout_s=30.0)
+            await headless.send(Stop())
+            await headless.advance_until(lambda: slack(headless.ring), timeout_s=60.0)
+            assert isinstance(await headless.send(Reset()), Accepted)
         headless.close()
 
     asyncio.run(session())
