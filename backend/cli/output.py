@@ -57,8 +57,7 @@ class Meter:
 
     def __call__(self, phase: str, elapsed_s: float) -> None:
         """Show how far it is."""
-        done = {"completed": elapsed_s} if phase == "program" else {}
-        self.progress.update(self.task, description=phase, **done)
+        self.progress.update(self.task, description=phase, completed=elapsed_s if phase == "program" else None)
 
 
 @contextmanager
