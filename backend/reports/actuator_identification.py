@@ -12,7 +12,9 @@ from backend.reports.identification_figures import (
     residual_panels,
     step_panels,
 )
-from backend.reports.source import Source, facts, figures_table, parameter_section, settings_table, subtitle
+from backend.reports.judgement import figures_table
+from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
+from backend.reports.source import Source
 from backend.storage.identifications import Identification
 
 TABLE_1 = {

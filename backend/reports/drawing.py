@@ -84,7 +84,9 @@ def thinned(t: Array, y: Array) -> tuple[Array, Array]:
     kept: list[int] = [0]
     for start, stop in pairwise(edges):
         stretch = y[start:stop]
-        kept += sorted({start + int(np.argmin(stretch)), start + int(np.argmax(stretch))})
+        lowest = np.argmin(np.where(np.isnan(stretch), np.inf, stretch))
+        highest = np.argmax(np.where(np.isnan(stretch), -np.inf, stretch))
+        kept += sorted({start + int(lowest), start + int(highest)})
     kept.append(t.size - 1)
     return t[kept], y[kept]
 
@@ -92,6 +94,11 @@ def thinned(t: Array, y: Array) -> tuple[Array, Array]:
 def panel_letter(axes: Axes, letter: str) -> None:
     """Put the panel's letter above its upper left corner."""
     axes.set_title(letter, loc="left", fontweight="bold", pad=3)
+
+
+def upper_legend(axes: Axes) -> None:
+    """Put the legend in one line above the upper right corner, clear of all curves."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)
 
 
 def limit_line(axes: Axes, value: float, label: str) -> None:

@@ -12,7 +12,7 @@ from scipy.signal import csd, detrend, step
 from backend.identification.response import simulate
 from backend.identification.result import Model
 from backend.recording.columns import Columns
-from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, thinned, to_svg
+from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, thinned, to_svg, upper_legend
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -46,11 +46,11 @@ def record_panels(columns: Columns, start: int, models: Mapping[str, Model], per
             row.plot(*thinned(t, shown[output]), color=COLOURS[output], label="measured")
             row.plot(*thinned(t[start - begin :], simulated), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
             row.set_ylabel(f"{output} [{unit}]")
-            _legend(row)
+            upper_legend(row)
         for force in ("F_A", "F_B"):
             axes[3].plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=0.8, label=f"${force}$")
         axes[3].set(xlabel="t from the start of the excitation [s]", ylabel="Tension [N]", xlim=(t[0], t[-1]))
-        _legend(axes[3])
+        upper_legend(axes[3])
         for row, letter in zip(axes, "ABCD", strict=True):
             panel_letter(row, letter)
         return to_svg(drawn, name)
@@ -139,7 +139,3 @@ def _frequency_response(columns: Columns, start: int, output: str, period_s: flo
 def _bode(top: Axes, bottom: Axes, omega: Array, response: Complex, **style: Any) -> None:
     top.plot(omega, np.abs(response), **style)
     bottom.plot(omega, np.degrees(np.unwrap(np.angle(response))), **style)
-
-
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)

@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from backend.reports.document import Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
-from backend.reports.source import Source, facts, figures_table, parameter_section, settings_table, subtitle
+from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, shown
+from backend.reports.judgement import results_section, verdict
+from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
 
 _NOTES = (
@@ -22,98 +24,25 @@ _NOTES = (
 
 
 def tracking_report(source: Source) -> Report:
-    """Build the report of a tracking run or an own sequence; a run without result says why it has none."""
-    run = source.run
-    what = "Tracking experiment" if run.kind == "tracking" else "Reference sequence"
+    """Build the report of a tracking run; a run without result says why it has none."""
+    outcome, sentence = verdict(source)
     metrics = source.result.metrics if source.result else {}
-    criteria = source.result.criteria if source.result else []
-    outcome, verdict = _verdict(metrics, criteria)
-    sections = [_results(metrics, criteria)] if metrics else []
-    sections.append(Section("How it was made", (settings_table(source), *_lineage(source))))
+    sections = [*results_section(source), Section("How it was made", (settings_table(source), *lineage(source)))]
     if source.columns["t"].size:
         sections.append(_figures(source, metrics))
     if metrics.get("steps"):
         sections.append(Section("Steps", (_steps(metrics["steps"]),)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
-        title=what,
+        title="Tracking experiment",
         subtitle=subtitle(source),
         outcome=outcome,
-        verdict=verdict,
-        facts=(*facts(source), *_tuning_facts(source)),
+        verdict=sentence,
+        facts=(*facts(source), *tuning_facts(source)),
         sections=tuple(sections),
-        footer=f"Sinew {run.software} · {what.lower()} · run {run.id}",
-        date=run.started_at,
+        footer=f"Sinew {source.run.software} · tracking experiment · run {source.run.id}",
+        date=source.run.started_at,
     )
-
-
-def _verdict(metrics: Mapping[str, Any], criteria: list[dict[str, Any]]) -> tuple[str, str]:
-    if not metrics:
-        return "incomplete", "No result: the run holds no samples of its program."
-    failed = [item["title"] for item in criteria if item["passed"] is False]
-    played = f"{exact(metrics['played_s'])} s of {exact(metrics['planned_s'])} s were played"
-    if not metrics["complete"]:
-        return "incomplete", f"Incomplete: {played}. Figures cover that part only." + (
-            f" Already failed: {', '.join(failed)}." if failed else ""
-        )
-    if failed:
-        return "failed", f"{len(failed)} of {len(criteria)} criteria failed: {', '.join(failed)}."
-    if not criteria:
-        return "neutral", "No criteria are set for this kind of run."
-    unjudged = sum(item["passed"] is None for item in criteria)
-    return (
-        ("incomplete", f"{unjudged} of {len(criteria)} criteria could not be judged.")
-        if unjudged
-        else ("passed", f"All {len(criteria)} criteria passed.")
-    )
-
-
-def _tuning_facts(source: Source) -> tuple[Fact, ...]:
-    loop = source.run.settings.get("loop", {})
-    lams = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
-    if "lam_motor" in loop:
-        lams.append(f"λ_motor = {exact(loop['lam_motor'])} s")
-    bank = source.bank
-    gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
-    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", gains)]
-    if source.run.plant == "simulator" and "seed" in loop:
-        lines.append(Fact("Seed", str(loop["seed"])))
-    return tuple(lines)
-
-
-def _lam_text(source: Source, name: str) -> str:
-    column = source.columns[f"lam_{name}"]
-    if column.size == 0:
-        return "–"
-    low, high = float(column.min()), float(column.max())
-    low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
-    return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
-
-
-def _results(metrics: Mapping[str, Any], criteria: list[dict[str, Any]]) -> Section:
-    words = {True: "pass", False: "fail", None: "not judged"}
-    judged = Table(
-        "Criteria of the tracking experiment.",
-        (
-            Column("Criterion", number=False, wide=True),
-            Column("Bound"),
-            Column("Figure"),
-            Column("Unit", number=False),
-            Column("Result", number=False),
-        ),
-        tuple(
-            (
-                item["title"],
-                f"{item['relation']} {exact(item['bound'])}",
-                shown(item["figure"]),
-                item["unit"],
-                words[item["passed"]],
-            )
-            for item in criteria
-        ),
-    )
-    figures = figures_table(metrics)
-    return Section("Results", (judged, figures) if criteria else (figures,))
 
 
 def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
@@ -196,29 +125,3 @@ def _steps(steps: list[dict[str, Any]]) -> Table:
         columns,
         tuple(rows),
     )
-
-
-def _lineage(source: Source) -> tuple[Paragraph | Table, ...]:
-    if source.bank is None:
-        return (
-            Paragraph(
-                "Gains were computed from the plant's geometry and its nominal lags; no identification was used."
-            ),
-        )
-    rows = tuple(
-        (
-            shown(entry.S_nominal, 4),
-            *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
-            "imported" if entry.identification_id is None else f"identification {entry.identification_id}",
-        )
-        for entry in source.bank.entries
-    )
-    columns = (
-        Column("S_nominal", "N·m/rad"),
-        Column("K_q"),
-        Column("T_q", "s"),
-        Column("K_S"),
-        Column("T_S", "s"),
-        Column("From", number=False),
-    )
-    return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)

@@ -7,7 +7,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, limit_line, panel_letter, thinned, to_svg
+from backend.reports.drawing import (
+    COLOURS,
+    INK,
+    LIMIT_GREY,
+    figure,
+    limit_line,
+    panel_letter,
+    thinned,
+    to_svg,
+    upper_legend,
+)
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -38,7 +48,7 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
         limit_line(axes, F_max, f"trip at {F_max:g} N")
         axes.axhline(0.0, color=LIMIT_GREY, linewidth=0.7)
         axes.set(xlabel="t [s]", ylabel=_LABELS["F"], xlim=(columns["t"][0], columns["t"][-1]))
-        _legend(axes)
+        upper_legend(axes)
         return to_svg(drawn, name)
 
 
@@ -79,7 +89,7 @@ def _tracked(axes: Axes, part: Columns, signal: str) -> None:
     )
     axes.set_ylabel(_LABELS[signal])
     axes.margins(y=0.08)
-    _legend(axes)
+    upper_legend(axes)
 
 
 def _voltages(axes: Axes, part: Columns, u_max: float) -> None:
@@ -88,7 +98,7 @@ def _voltages(axes: Axes, part: Columns, u_max: float) -> None:
     limit_line(axes, u_max, f"±{u_max:g} V")
     axes.axhline(-u_max, color=LIMIT_GREY, linewidth=0.7, linestyle=(0, (1, 1.5)))
     axes.set(ylabel=_LABELS["u"], ylim=(-1.25 * u_max, 1.25 * u_max))
-    _legend(axes)
+    upper_legend(axes)
 
 
 def _design(axes: Axes, lam: float | None, longest: float) -> None:
@@ -101,10 +111,6 @@ def _design(axes: Axes, lam: float | None, longest: float) -> None:
         t, y, color=INK, linewidth=0.8, linestyle=(0, (4, 2)), label=rf"$1/(\lambda s+1)^2$, $\lambda$ = {lam:g} s"
     )
     axes.legend(loc="lower right")
-
-
-def _legend(axes: Axes) -> None:
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)
 
 
 def _between(columns: Columns, start_s: float, end_s: float) -> dict[str, Array]:

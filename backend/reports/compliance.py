@@ -1,0 +1,91 @@
+"""The report of a compliance run: whether the joint gives way as its stiffness says."""
+
+import numpy as np
+
+from backend.recording.columns import Columns
+from backend.reports.document import Figure, Paragraph, Report, Section
+from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.judgement import results_section, verdict
+from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.source import Source
+from backend.reports.tracking_figures import tension_panel
+
+_REST_S = 1.0
+
+_NOTES = (
+    "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured position "
+    "let expect F_exp = −S_ref q/r_j (equations 22 and 23 of the paper, linear approximations).",
+    "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "
+    "force is moved back by the delay that fits best, and each force counts from its mean over the second before the "
+    "first push.",
+    "The position loop is open: the decoupler's geometry alone holds q = 0, the stiffness loop is closed.",
+)
+
+
+def compliance_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    outcome, sentence = verdict(source)
+    sections = [*results_section(source), Section("How it was made", (settings_table(source), *lineage(source)))]
+    if source.result is not None:
+        sections.append(_figures(source))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
+    return Report(
+        title="Compliance experiment",
+        subtitle=subtitle(source),
+        outcome=outcome,
+        verdict=sentence,
+        facts=(*facts(source), *tuning_facts(source)),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · compliance experiment · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _figures(source: Source) -> Section:
+    metrics = source.result.metrics if source.result else {}
+    figures = {item["name"]: item["value"] for item in metrics["figures"]}
+    pushed_s = next(phase["start_s"] for phase in metrics["phases"] if phase["name"] == "pushes")
+    r_j = source.run.parameters["geometry"]["r_j"]["value"]
+    F_max = source.run.parameters["safety"]["F_max"]["value"]
+    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"], "forces")
+    return Section(
+        "Figures",
+        (
+            Figure(
+                "forces",
+                panels,
+                "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness "
+                "and position let expect, (C) their difference as measured (grey) and aligned. Compare figure 8 of "
+                "the paper.",
+            ),
+            Figure(
+                "tension",
+                tension_panel(source.columns, F_max, "tension"),
+                "Tendon tensions as the load cells show them.",
+            ),
+        ),
+    )
+
+
+def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str) -> str:
+    """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
+    t = columns["t"]
+    measured = columns["F_A"] - columns["F_B"]
+    expected = -columns["S_ref"] * columns["q"] / r_j
+    rest = (t >= pushed_s - _REST_S) & (t < pushed_s)
+    delay = int(np.searchsorted(t, t[0] + delay_s - 1e-9))
+    end = t.size - delay
+    aligned = (measured[delay:] - measured[rest].mean()) - (expected[:end] - expected[rest].mean())
+    with figure(3, height_in=4.4, sharex=True, height_ratios=(2, 3, 2)) as (drawn, axes):
+        axes[0].plot(*thinned(t, columns["q"]), color=COLOURS["q"], label="$q$")
+        axes[0].set_ylabel("q [rad]")
+        axes[1].plot(*thinned(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
+        axes[1].plot(*thinned(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
+        axes[1].set_ylabel("Force [N]")
+        axes[2].plot(*thinned(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
+        axes[2].plot(*thinned(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")
+        axes[2].set(xlabel="t [s]", ylabel="Difference [N]", xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABC", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)

@@ -1,0 +1,133 @@
+"""What every report says of where a run comes from: who, when, on what, with which settings, gains and parameters."""
+
+from typing import Any
+
+from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
+from backend.reports.source import Source
+from backend.storage.runs import EndState
+
+END_STATES = {
+    EndState.RUNNING: "still running",
+    EndState.COMPLETED: "completed",
+    EndState.STOPPED: "stopped by the operator",
+    EndState.TRIPPED: "tripped",
+    EndState.LINK_LOST: "link to the loop lost",
+    EndState.SERVICE_DIED: "service died",
+}
+
+
+def subtitle(source: Source) -> str:
+    """Return one line that tells this run from all others."""
+    run = source.run
+    return f"Run {run.id} · {run.started_at:%Y-%m-%d %H:%M} UTC · {run.plant}, parameters “{run.parameters_name}”"
+
+
+def facts(source: Source) -> tuple[Fact, ...]:
+    """Return what heads every report: who, when, on what, how it ended, with which software."""
+    run = source.run
+    ended = END_STATES[EndState(run.end_state)] + (f": {run.end_detail}" if run.end_detail else "")
+    lines = [
+        Fact("Run", f"{run.id}, {ended}"),
+        Fact("Started", f"{run.started_at:%Y-%m-%d %H:%M:%S} UTC by {run.who}"),
+        Fact("Plant", f"{run.plant}, parameters “{run.parameters_name}”"),
+    ]
+    if run.note:
+        lines.append(Fact("Note", run.note))
+    versions = run.settings.get("versions", {})
+    software = ", ".join([f"Sinew {run.software}", *(f"{name} {version}" for name, version in versions.items())])
+    return (*lines, Fact("Software", software))
+
+
+def tuning_facts(source: Source) -> tuple[Fact, ...]:
+    """Return λ as the samples have it, the gains in use and the seed of the simulator."""
+    loop = source.run.settings.get("loop", {})
+    lams = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
+    if "lam_motor" in loop:
+        lams.append(f"λ_motor = {exact(loop['lam_motor'])} s")
+    bank = source.bank
+    gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
+    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", gains)]
+    if source.run.plant == "simulator" and "seed" in loop:
+        lines.append(Fact("Seed", str(loop["seed"])))
+    return tuple(lines)
+
+
+def _lam_text(source: Source, name: str) -> str:
+    column = source.columns[f"lam_{name}"]
+    if column.size == 0:
+        return "–"
+    low, high = float(column.min()), float(column.max())
+    low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
+    return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"
+
+
+def settings_table(source: Source) -> Table:
+    """Return the settings of the plan and of the loop with their units, as the run stored them."""
+    rows = tuple(
+        (str(item["meaning"]), str(item["symbol"]), _chosen(item["value"]), shown_unit(item["unit"]))
+        for item in source.run.settings.get("declared", [])
+    )
+    titles = (
+        Column("Setting", number=False, wide=True),
+        Column("Symbol", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+    )
+    return Table("Settings of the run.", titles, rows)
+
+
+def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
+    """Return where the gains came from: the entries of the bank with their identifications."""
+    if source.bank is None:
+        return (
+            Paragraph(
+                "Gains were computed from the plant's geometry and its nominal lags; no identification was used."
+            ),
+        )
+    rows = tuple(
+        (
+            shown(entry.S_nominal, 4),
+            *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
+            "imported" if entry.identification_id is None else f"identification {entry.identification_id}",
+        )
+        for entry in source.bank.entries
+    )
+    columns = (
+        Column("S_nominal", "N·m/rad"),
+        Column("K_q"),
+        Column("T_q", "s"),
+        Column("K_S"),
+        Column("T_S", "s"),
+        Column("From", number=False),
+    )
+    return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)
+
+
+def parameter_section(source: Source) -> Section:
+    """Return every number of the parameter set with unit and source."""
+    rows = tuple(
+        (f"{section}.{entry}", _chosen(item["value"]), shown_unit(item["unit"]), str(item["source"]))
+        for section, entries in source.run.parameters.items()
+        for entry, item in entries.items()
+    )
+    columns = (
+        Column("Parameter", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+        Column("Source", number=False, wide=True),
+    )
+    caption = f"Parameter set “{source.run.parameters_name}” as it was when the run began."
+    return Section("Plant parameters", (Table(caption, columns, rows),))
+
+
+def _chosen(value: Any) -> str:
+    if isinstance(value, list):
+        return "; ".join(_chosen(item) for item in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return exact(value) if isinstance(value, float) else str(value)
+
+
+def shown_unit(unit: str) -> str:
+    """Return a unit as it is printed; counts have none."""
+    return "" if unit == "1" else unit

@@ -1,0 +1,83 @@
+"""Reports of compliance runs, sessions and own sequences, from records made by formula."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from backend.experiments.compliance import compliance_criteria, compliance_figures
+from backend.experiments.compliance_plan import CompliancePlan
+from backend.experiments.result import criteria_documents, figure_documents
+from backend.reports.build import build_report
+from backend.reports.document import Figure, Report, Table
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source
+from tests.reports.tracking_run import PLAN, samples, source_of
+
+
+def names_of_figures(report: Report) -> list[str]:
+    return [block.name for section in report.sections for block in section.blocks if isinstance(block, Figure)]
+
+
+def compliance_source() -> Source:
+    plan = CompliancePlan(profile="steps", hold_s=0.5)
+    tracked = source_of(samples(PLAN))
+    t = np.arange(round(plan.program().duration_s * 1000)) * 1e-3
+    columns = {name: np.zeros_like(t) for name in tracked.columns} | {"t": t}
+    push = np.where(t < 6.0, 0.0, 10.0 * np.sin(3.0 * (t - 6.0)))
+    columns |= {
+        "S": 10.0 + 0 * t,
+        "S_ref": 10.0 + 0 * t,
+        "q": 0.0075 * push,
+        "F_A": 17 - push / 2,
+        "F_B": 17 + push / 2,
+    }
+    figures = compliance_figures(columns, 0.075)
+    metrics = {
+        "complete": True,
+        "figures": figure_documents(figures),
+        "phases": [vars(phase) for phase in plan.phases()],
+    }
+    assert tracked.result is not None
+    criteria = criteria_documents(compliance_criteria(figures, complete=True))
+    run = replace(tracked.run, kind="compliance")
+    return Source(run, replace(tracked.result, metrics=metrics, criteria=criteria), columns, None)
+
+
+def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
+    report = build_report(compliance_source())
+    assert (report.title, report.outcome) == ("Compliance experiment", "passed")
+    assert report.verdict == "All 2 criteria passed."
+    assert names_of_figures(report) == ["forces", "tension"]
+    criteria = next(block for block in report.sections[0].blocks if isinstance(block, Table))
+    assert criteria.rows[0][:2] == ("Force error, aligned", "< 0.5")
+    assert "2.239 N" in to_html(report)
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_a_session_is_shown_and_not_judged() -> None:
+    tracked = source_of(samples(PLAN))
+    columns = dict(tracked.columns)
+    columns["q_ref"] = columns["q_ref"].copy()
+    columns["q_ref"][:5_000] = np.nan  # no reference was in force yet
+    settings = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False, "bank": None}
+    session = Source(replace(tracked.run, kind="session", settings=settings), None, columns, None)
+    report = build_report(session)
+    assert (report.title, report.outcome) == ("Session", "neutral")
+    assert "nothing is judged" in report.verdict
+    assert names_of_figures(report) == ["panels", "tension"]
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_an_own_sequence_has_figures_but_no_criteria() -> None:
+    tracked = source_of(samples(PLAN))
+    assert tracked.result is not None
+    sequence = Source(
+        replace(tracked.run, kind="sequence"), replace(tracked.result, criteria=[]), tracked.columns, None
+    )
+    report = build_report(sequence)
+    assert (report.title, report.outcome) == ("Own sequence", "neutral")
+    assert "No criteria" in report.verdict
+    assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
+        "Metrics on measured signals"
+    ]
