@@ -1,0 +1,107 @@
+"""The websocket of the running service, decoded as a client does."""
+
+import asyncio
+import json
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidStatus
+
+from backend import wire
+from backend.sample import STORED_NAMES
+from tests.e2e.service import Service
+
+MESSAGES = 400
+
+
+def address(service: Service) -> str:
+    return service.url.replace("http", "ws") + "/api/live"
+
+
+def bearer(operator: httpx.Client) -> dict[str, str]:
+    return {"Authorization": operator.headers["Authorization"]}
+
+
+async def receive(socket: ClientConnection) -> dict[str, Any] | wire.Frame:
+    message = await asyncio.wait_for(socket.recv(), 20.0)
+    return wire.unpack(message) if isinstance(message, bytes) else json.loads(message)
+
+
+def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: httpx.Client) -> None:
+    async def session() -> None:
+        async with connect(address(service), additional_headers=bearer(running), max_size=None) as socket:
+            layout = await receive(socket)
+            assert isinstance(layout, dict)
+            assert layout["type"] == "layout"
+            assert tuple(field["name"] for field in layout["fields"]) == STORED_NAMES
+            state = await receive(socket)
+            assert isinstance(state, dict)
+            assert state["type"] == "state"
+            frames, texts = [], [state]
+            while len(frames) < 60:
+                message = await receive(socket)
+                if isinstance(message, dict):
+                    texts.append(message)
+                else:
+                    frames.append(message)
+            for before, after in zip(frames[:-1], frames[1:], strict=True):
+                assert after.first_tick == before.first_tick + before.columns.shape[1] + after.missed
+            mode = frames[-1].columns[STORED_NAMES.index("mode")]
+            assert layout["modes"][int(mode[-1])] == "run"
+            assert np.isfinite(frames[-1].columns[STORED_NAMES.index("q")]).all()
+            assert sum(text["type"] == "state" for text in texts) >= 2
+            assert any(text["type"] == "event" and text["kind"] == "mode" for text in texts)
+            assert sum(frame.columns.shape[1] for frame in frames) > 1000
+
+    asyncio.run(session())
+
+
+def test_a_command_is_marked_for_everybody_and_pings_are_answered(service: Service, running: httpx.Client) -> None:
+    async def session() -> None:
+        async with connect(address(service), additional_headers=bearer(running), max_size=None) as socket:
+            await socket.send('{"type":"ping","id":42}')
+            body = {"q_ref": 0.123, "S_ref": 10.0}
+            await asyncio.to_thread(running.put, "/api/references", json=body)
+            wanted = {"pong": False, "mark": False, "state": False}
+            for _ in range(MESSAGES):
+                message = await receive(socket)
+                if isinstance(message, dict):
+                    wanted["pong"] |= message == {"type": "pong", "id": 42}
+                    wanted["mark"] |= message.get("kind") == "references" and "0.123" in message["text"]
+                    wanted["state"] |= message.get("references") == body
+                if all(wanted.values()):
+                    return
+            raise AssertionError(f"not seen: {[name for name, seen in wanted.items() if not seen]}")
+
+    asyncio.run(session())
+
+
+@pytest.mark.parametrize("path", ["/api/live", "/scene", "/scene/"])
+def test_nobody_listens_unsigned_or_from_another_origin(service: Service, operator: httpx.Client, path: str) -> None:
+    async def refused(headers: dict[str, str]) -> int:
+        with pytest.raises(InvalidStatus) as error:
+            async with connect(service.url.replace("http", "ws") + path, additional_headers=headers):
+                pass
+        return int(error.value.response.status_code)
+
+    assert asyncio.run(refused({})) in (401, 403)
+    assert asyncio.run(refused({"Origin": "http://evil.example", **bearer(operator)})) == 403
+
+
+def test_a_message_that_is_no_ping_ends_the_websocket(service: Service, operator: httpx.Client) -> None:
+    async def session() -> None:
+        async with connect(address(service), additional_headers=bearer(operator), max_size=None) as socket:
+            await socket.send('{"type":"command","id":1}')
+            for _ in range(MESSAGES):
+                if socket.close_code is not None:
+                    break
+                try:
+                    await asyncio.wait_for(socket.recv(), 20.0)
+                except Exception:
+                    break
+            assert socket.close_code == 1008
+
+    asyncio.run(session())
