@@ -1,0 +1,109 @@
+"""The closed loops of the baselines offline: plant, sensors, limits and safety module as for the cascade."""
+
+from backend.controllers import decoupler, feedback_linearization, single_loop
+from backend.controllers.decoupler import Decoupler
+from backend.tuning.closed_loop import (
+    Array,
+    Inputs,
+    Rig,
+    Trajectory,
+    empty_arrays,
+    fill_delay_line,
+    inputs_of,
+    record,
+    rest_state,
+    rig_of,
+    trajectory_of,
+)
+from plant.compiled import compiled_run
+from plant.dynamics import PlantState
+from plant.interface import Measurement, MotorCommand
+from plant.parameters import PlantParameters
+from plant.safety import exceeded
+from plant.sensors import DELAY_SLOTS, sense
+from plant.simulator import actuate
+
+
+@compiled_run
+def _single_loop(
+    rig: Rig,
+    tuning: single_loop.Tuning,
+    x: PlantState,
+    controller: single_loop.State,
+    inputs: Inputs,
+    line: Array,
+    out: Array,
+) -> int:
+    fill_delay_line(rig, x, line)
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        y, controller = single_loop.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if exceeded(rig.plant, rig.bounds, x):
+            return k
+    return -1
+
+
+# numba compiles per function, not per law handed in: a law as an argument would be compiled anew in every process.
+@compiled_run
+def _feedback_linearization(
+    rig: Rig,
+    tuning: feedback_linearization.Tuning,
+    x: PlantState,
+    controller: feedback_linearization.State,
+    inputs: Inputs,
+    line: Array,
+    out: Array,
+) -> int:
+    fill_delay_line(rig, x, line)
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        y, controller = feedback_linearization.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], m)
+        record(out[k], m, y)
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        if exceeded(rig.plant, rig.bounds, x):
+            return k
+    return -1
+
+
+def run_single_loop(
+    parameters: PlantParameters,
+    tuning: single_loop.Tuning,
+    q_ref: Array,
+    S_ref: Array,
+    F_push: Array | None = None,
+    seed: int = 0,
+) -> Trajectory:
+    """As ``closed_loop.run``, under the single loop."""
+    rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
+    controller = single_loop.take_over(tuning, u_A, u_B, m)
+    line, out = empty_arrays(q_ref.size)
+    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
+    return trajectory_of(out, _single_loop(rig, tuning, x, controller, inputs, line, out))
+
+
+def run_feedback_linearization(
+    parameters: PlantParameters,
+    tuning: feedback_linearization.Tuning,
+    q_ref: Array,
+    S_ref: Array,
+    F_push: Array | None = None,
+    seed: int = 0,
+) -> Trajectory:
+    """As ``closed_loop.run``, under feedback linearisation."""
+    rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
+    controller = feedback_linearization.take_over(tuning, u_A, u_B, m)
+    line, out = empty_arrays(q_ref.size)
+    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
+    return trajectory_of(out, _feedback_linearization(rig, tuning, x, controller, inputs, line, out))
+
+
+def _at_rest(
+    parameters: PlantParameters, d: Decoupler, q_ref: float, S_ref: float
+) -> tuple[Rig, PlantState, float, float, Measurement]:
+    rig = rig_of(parameters)
+    x, u_A, u_B = rest_state(rig, *decoupler.motor_positions(d, q_ref, S_ref))
+    return rig, x, u_A, u_B, Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
