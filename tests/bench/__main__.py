@@ -1,0 +1,30 @@
+"""``python -m tests.bench [PART ...]``: performance as ratios of figures taken in the same run, so that it reads alike
+on any machine. Ends with 1 if a bound is missed.
+"""
+
+import sys
+from collections.abc import Callable
+
+from rich.console import Console
+
+from tests.bench import closed_loop_bench, control_laws
+
+PARTS: dict[str, Callable[[Console], bool]] = {
+    "closed-loop": closed_loop_bench.bench,
+    "control-laws": control_laws.bench,
+}
+"""Each prints its tables and returns whether all its bounds were met."""
+
+
+def main(chosen: list[str]) -> int:
+    unknown = [name for name in chosen if name not in PARTS]
+    if unknown:
+        print(f"unknown part {unknown[0]!r}; known are {', '.join(PARTS)}", file=sys.stderr)
+        return 2
+    console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
+    met = [PARTS[name](console) for name in chosen or PARTS]
+    return 0 if all(met) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,73 @@
+"""Compile twin.c and run it on what ``backend.tuning.closed_loop.simulate`` runs on."""
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from backend.controllers import cascade
+from backend.tuning.closed_loop import Array, Inputs, Rig
+from plant.dynamics import PlantState
+
+SOURCE = Path(__file__).with_name("twin.c")
+
+
+class CompilerMissingError(RuntimeError):
+    """There is no gcc on this machine."""
+
+
+class CTwin:
+    """The C twin, compiled by gcc with ``flags`` into the empty ``folder``."""
+
+    def __init__(self, folder: Path, flags: Sequence[str]) -> None:
+        gcc = shutil.which("gcc")
+        if gcc is None:
+            raise CompilerMissingError("gcc is not installed: apt-get install gcc, then run the bench again")
+        library = folder / "twin.so"
+        warnings = ["-std=c11", "-Wall", "-Wextra", "-Werror"]
+        subprocess.run([gcc, *warnings, *flags, "-shared", "-fPIC", "-o", library, SOURCE, "-lm"], check=True)
+        self._simulate = ctypes.CDLL(str(library)).simulate
+        self._simulate.restype = ctypes.c_int64
+
+    def simulate(
+        self, rig: Rig, tuning: cascade.Tuning, x: PlantState, controller: cascade.State, inputs: Inputs, out: Array
+    ) -> int:
+        """As ``closed_loop.simulate``; returns the tick at which the safety module tripped, or −1."""
+        structs = [struct_of(value) for value in (rig, tuning, x, controller, inputs)]
+        return int(self._simulate(*map(ctypes.byref, structs), _pointer(out)))
+
+
+def struct_of(value: Any) -> ctypes.Structure:
+    """C struct with the fields of a NamedTuple, in order: an array as pointer and shape, None as nothing."""
+    fields: list[tuple[str, Any]] = []
+    values: list[Any] = []
+    for name, part in value._asdict().items():
+        if part is None:
+            continue
+        if isinstance(part, np.ndarray):
+            fields += [(name, ctypes.POINTER(ctypes.c_double))]
+            fields += [(f"{name}_{axis}", ctypes.c_int64) for axis in range(part.ndim)]
+            values += [_pointer(part), *part.shape]
+        else:
+            converted = _converted(part)
+            fields.append((name, type(converted)))
+            values.append(converted)
+    return type(type(value).__name__, (ctypes.Structure,), {"_fields_": fields})(*values)
+
+
+def _converted(part: Any) -> Any:
+    if hasattr(part, "_asdict"):
+        return struct_of(part)
+    if isinstance(part, tuple):
+        return (ctypes.c_double * len(part))(*part)
+    return ctypes.c_double(part) if isinstance(part, float) else ctypes.c_int64(part)
+
+
+def _pointer(array: Array) -> Any:
+    if array.dtype != np.float64 or not array.flags.c_contiguous:
+        raise ValueError("the C twin reads contiguous float64 arrays")
+    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
