@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from backend.recording.columns import recorded_columns
 from backend.reports.build import build_report
 from backend.reports.exports import to_csv
 from backend.reports.html import to_html
@@ -22,7 +23,7 @@ def write_files(database: Database, run_id: int, folder: Path) -> tuple[Path, ..
     contents = {
         "report.html": to_html(report).encode(),
         "report.pdf": to_pdf(report),
-        "data.csv": to_csv(source.columns),
+        "data.csv": to_csv(recorded_columns(database, run_id)[0]),
         "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
     }
     folder.mkdir(parents=True, exist_ok=True)

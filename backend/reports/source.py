@@ -2,17 +2,20 @@
 
 from dataclasses import dataclass
 
-from backend.recording.columns import Columns, recorded_columns
+from backend.recording.columns import Columns, drawn_columns, recorded_columns
 from backend.storage import Database, banks, identifications, results, runs
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
-from backend.storage.runs import Run
+from backend.storage.runs import Run, RunKind
 
 
 @dataclass(frozen=True)
 class Source:
-    """A run with all that its report says. ``columns`` are its samples, t [s] from the first."""
+    """A run with all that its report says.
+
+    ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
+    """
 
     run: Run
     result: Result | None
@@ -31,4 +34,6 @@ def load_source(database: Database, run_id: int) -> Source:
         result = results.newest(session, run_id)
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
         estimates = identifications.find(session, run_id=run_id)
-    return Source(run, result, recorded_columns(database, run_id)[0], bank, estimates[0] if estimates else None)
+    by_hand = run.kind == RunKind.SESSION
+    columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
+    return Source(run, result, columns, bank, estimates[0] if estimates else None)
