@@ -1,0 +1,115 @@
+"""Encoders, load cells and converters of the simulated rig, seen through its interface."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plant.dynamics import AT_REST, PlantState
+from plant.interface import ZERO_VOLTS, MotorCommand
+from plant.parameters import PlantParameters
+from plant.sensors import quantise
+from plant.simulator import Simulator
+from plant.spring import tension
+
+STANDING = PlantState(0.0, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
+
+
+def with_sensors(parameters: PlantParameters, **entries: float) -> PlantParameters:
+    return replace(parameters, sensors=replace(parameters.sensors, **entries))
+
+
+@given(st.floats(-10.0, 10.0), st.sampled_from([2.0 * np.pi / 4000, 2.0 * np.pi / 8000, 20.0 / 2**16]))
+def test_quantisation_is_the_nearest_multiple(value: float, step: float) -> None:
+    counts = quantise(value, step) / step
+    assert counts == pytest.approx(round(counts), abs=1e-9)
+    assert abs(quantise(value, step) - value) <= 0.5 * step * (1.0 + 1e-9)
+
+
+def test_encoders_read_whole_counts_of_their_own_resolution(ideal: PlantParameters) -> None:
+    parameters = with_sensors(ideal, joint_counts=4000, motor_counts=8000)
+    x = AT_REST._replace(q=0.12345, theta_A=1.23456, theta_B=-0.98765)
+    m = Simulator(parameters, x=x).read()
+    for seen, true, counts in ((m.q, x.q, 4000), (m.theta_A, x.theta_A, 8000), (m.theta_B, x.theta_B, 8000)):
+        count = seen * counts / (2.0 * np.pi)
+        assert count == pytest.approx(round(count), abs=1e-9)
+        assert abs(seen - true) <= np.pi / counts
+        assert seen != true
+
+
+def test_ideal_sensors_read_the_state_itself(ideal: PlantParameters) -> None:
+    x = AT_REST._replace(q=0.12345, theta_A=4.23456, theta_B=3.98765)
+    m = Simulator(ideal, x=x).read()
+    assert (m.q, m.theta_A, m.theta_B) == (x.q, x.theta_A, x.theta_B)
+    r_m, r_j = ideal.geometry.r_m, ideal.geometry.r_j
+    spring = ideal.dynamics().spring_A
+    assert tension(spring, r_m * x.theta_A - r_j * x.q) == m.F_A
+    assert tension(spring, r_m * x.theta_B + r_j * x.q) == m.F_B
+
+
+@pytest.mark.parametrize("delay_ms", [0, 1, 12, 60])
+def test_load_cells_lag_by_their_delay_to_the_tick(ideal: PlantParameters, delay_ms: int) -> None:
+    late = Simulator(with_sensors(ideal, force_delay=1e-3 * delay_ms), x=STANDING)
+    prompt = Simulator(ideal, x=STANDING)
+    seen, true = [], []
+    for _ in range(200):
+        seen.append(late.read().F_A)
+        true.append(prompt.read().F_A)
+        for simulator in (late, prompt):
+            simulator.write(MotorCommand(6.0, 2.0))
+    assert len(set(true)) == 200
+    assert seen[delay_ms:] == true[: 200 - delay_ms]
+    assert seen[: delay_ms + 1] == [true[0]] * (delay_ms + 1)
+
+
+def test_load_cell_noise_has_its_standard_deviation_and_no_memory(ideal: PlantParameters) -> None:
+    simulator = Simulator(with_sensors(ideal, force_noise=0.05), seed=3)
+    noise = np.empty((8_000, 2))
+    for row in noise:
+        m = simulator.read()
+        row[:] = m.F_A, m.F_B
+        simulator.write(ZERO_VOLTS)
+    assert noise.std(axis=0) == pytest.approx(0.05, rel=0.04)
+    assert noise.mean(axis=0) == pytest.approx(0.0, abs=5 * 0.05 / np.sqrt(8_000))
+    lagged = np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1]
+    between = np.corrcoef(noise[:, 0], noise[:, 1])[0, 1]
+    assert max(abs(lagged), abs(between)) < 5 / np.sqrt(8_000)
+
+
+def test_same_seed_same_run_another_seed_another(lab: PlantParameters) -> None:
+    def forces(seed: int) -> list[float]:
+        simulator = Simulator(lab, seed=seed, x=STANDING)
+        seen = []
+        for _ in range(50):
+            seen.append(simulator.read().F_A)
+            simulator.write(MotorCommand(3.0, 3.0))
+        return seen
+
+    assert forces(1) == forces(1)
+    assert forces(1) != forces(2)
+
+
+def test_converters_round_the_voltage_to_16_bits_and_hold_it_within_10_V(ideal: PlantParameters) -> None:
+    parameters = with_sensors(ideal, converter_bits=16)
+    step = 20.0 / 2**16
+
+    def after(u: float, given: PlantParameters) -> PlantState:
+        simulator = Simulator(given, x=STANDING)
+        simulator.write(MotorCommand(u, -u))
+        return simulator.x
+
+    assert after(1.0003, parameters) == after(round(1.0003 / step) * step, ideal)
+    assert after(1.0003, parameters) != after(1.0003, ideal)
+    assert after(37.0, ideal) == after(10.0, ideal)
+
+
+def test_a_push_acts_at_r_j_towards_positive_q_and_is_reported(ideal: PlantParameters) -> None:
+    simulator = Simulator(ideal, x=STANDING)
+    simulator.push(2.0)
+    simulator.write(ZERO_VOLTS)
+    # From rest and in balance, J_j q' = r_j F_push t for a time much shorter than J_j/B_j.
+    expected = ideal.geometry.r_j * 2.0 * 1e-3 / ideal.geometry.J_j
+    assert simulator.x.q_dot == pytest.approx(expected, rel=0.06)
+    assert simulator.read().F_push == 2.0
