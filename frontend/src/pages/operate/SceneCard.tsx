@@ -1,15 +1,46 @@
-/** The 3D view, served by the same service behind the same sign-in. */
+/** The actuator: flat, or in 3D by the same service behind the same sign-in. */
 
+import { Button } from "@mantine/core";
+import { useDisclosure } from "@mantine/hooks";
 import { useEffect, useRef } from "react";
+import { paintsInSoftware } from "../../charts/canvas";
 import { FramePacer, paceWindow } from "../../charts/pacer";
 import { Card } from "../../components/Card";
 import { useStop } from "../../service/StopProvider";
+import { ActuatorDrawing } from "./ActuatorDrawing";
 import styles from "./Operate.module.css";
 
-/** The view has to leave most of a slow machine to the loop and the charts. */
+/** Times the length of a slow 3D frame that is left to the loop and the charts. */
 const REST = 4;
 
 export function SceneCard() {
+  // the 3D view shares this page's thread: without a graphics processor it would hold up STOP, so it is asked for there
+  const [solid, { toggle }] = useDisclosure(!paintsInSoftware());
+  return (
+    <Card
+      title="Actuator"
+      className={styles.scene}
+      aside={
+        <Button
+          size="compact-xs"
+          variant="default"
+          title={
+            solid
+              ? ""
+              : "This browser paints without a graphics processor: the 3D view will slow this page down."
+          }
+          onClick={toggle}
+        >
+          {solid ? "Show flat" : "Show in 3D"}
+        </Button>
+      }
+    >
+      {solid ? <SceneFrame /> : <ActuatorDrawing />}
+    </Card>
+  );
+}
+
+function SceneFrame() {
   const frame = useRef<HTMLIFrameElement>(null);
   const { watch } = useStop();
 
@@ -31,9 +62,5 @@ export function SceneCard() {
     };
   }, [watch]);
 
-  return (
-    <Card title="3D view" className={styles.scene}>
-      <iframe ref={frame} src="./scene/" title="3D view" className={styles.sceneFrame} />
-    </Card>
-  );
+  return <iframe ref={frame} src="./scene/" title="3D view" className={styles.sceneFrame} />;
 }

@@ -60,7 +60,7 @@ export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps)
           unit="s"
         />
         <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
-        <Reading label="PM" name="phase margin" value={fixed(preview?.phase_margin_deg, 0)} unit="°" />
+        <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
       </dl>
     </div>
   );

@@ -59,7 +59,7 @@ function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; 
   const saturates = preview !== undefined && preview.u_peak_V >= u_max;
   return (
     <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
-      60° step: peak {fixed(preview?.u_peak_V, 1)} V of {fixed(u_max, 0)} V, tension above{" "}
+      60° step: peak {fixed(preview?.u_peak_V, 1)} of {fixed(u_max, 0)} V, tension ≥{" "}
       {fixed(preview?.F_min_N, 1)} N
     </output>
   );

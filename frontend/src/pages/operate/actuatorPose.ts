@@ -1,0 +1,87 @@
+/** From samples to the drawing of the actuator: angles and lengths in the drawing's own units. Pure. */
+
+import { DEGREES } from "../../theme/signals";
+
+/** Reel and pulley [m], spring travel until it is solid [m], torque of the compliance fan [N·m]. */
+const R_M = 7.5e-3;
+const R_J = 75e-3;
+const SOLID_M = 61.4e-3;
+const FAN_TORQUE = 2;
+
+const SPRING_FREE = 74;
+const SPRING_SOLID = 34;
+const COILS = 6;
+const COIL_HALF = 9;
+
+export interface Signals {
+  readonly q: number;
+  readonly q_ref: number;
+  readonly S: number;
+  readonly theta_A: number;
+  readonly theta_B: number;
+  readonly F_A: number;
+  readonly F_B: number;
+}
+
+export interface Side {
+  readonly slack: boolean;
+  /** Zigzag of the spring from its top, which it fills less the more it is compressed. */
+  readonly spring: string;
+  readonly springLength: number;
+  /** Width of the tendon's line. */
+  readonly tendon: number;
+  readonly reel_deg: number;
+}
+
+export interface ActuatorPose {
+  /** Clockwise turn of the link, as SVG counts; positive q turns it the other way. */
+  readonly link_deg: number;
+  readonly ghost_deg: number;
+  /** Half angle that 2 N·m would deflect the joint. */
+  readonly fan_deg: number;
+  readonly A: Side;
+  readonly B: Side;
+}
+
+/** The pose for samples in SI. Elongations follow equation 1 of the paper; NaN is drawn as 0. */
+export function actuatorPose(signals: Signals, slack_N: number): ActuatorPose {
+  const value = (name: keyof Signals) => (Number.isFinite(signals[name]) ? signals[name] : 0);
+  const x_A = R_M * value("theta_A") - R_J * value("q");
+  const x_B = R_M * value("theta_B") + R_J * value("q");
+  return {
+    link_deg: -value("q") * DEGREES,
+    ghost_deg: -value("q_ref") * DEGREES,
+    fan_deg: Math.min(60, (FAN_TORQUE / Math.max(value("S"), 1)) * DEGREES),
+    A: side(x_A, value("F_A"), -value("theta_A"), slack_N),
+    B: side(x_B, value("F_B"), value("theta_B"), slack_N),
+  };
+}
+
+function side(elongation_m: number, force_N: number, reel_rad: number, slack_N: number): Side {
+  const compressed = Math.min(Math.max(elongation_m / SOLID_M, 0), 1);
+  const springLength = SPRING_FREE - compressed * (SPRING_FREE - SPRING_SOLID);
+  return {
+    slack: force_N < slack_N,
+    spring: zigzag(springLength),
+    springLength,
+    tendon: 1.5 + Math.min(Math.max(force_N, 0), 50) / 14,
+    reel_deg: reel_rad * DEGREES,
+  };
+}
+
+function zigzag(length: number): string {
+  const step = length / (2 * COILS);
+  const points = Array.from({ length: 2 * COILS - 1 }, (_, index) => {
+    const x = index % 2 === 0 ? COIL_HALF : -COIL_HALF;
+    return `L${x} ${((index + 1) * step).toFixed(1)}`;
+  });
+  return `M0 0${points.join("")}L0 ${length.toFixed(1)}`;
+}
+
+/** Sector of ± `half_deg` about straight up, with the given radius. */
+export function fanPath(half_deg: number, radius: number): string {
+  const angle = half_deg / DEGREES;
+  const x = (radius * Math.sin(angle)).toFixed(1);
+  const y = (-radius * Math.cos(angle)).toFixed(1);
+  return `M0 0L-${x} ${y}A${radius} ${radius} 0 0 1 ${x} ${y}Z`;
+}
