@@ -1,0 +1,43 @@
+"""A batch gives what its runs would give one after the other."""
+
+from functools import partial
+from threading import Barrier
+
+import numpy as np
+import pytest
+
+from backend.experiments.batch import run_batch
+from backend.tuning.closed_loop import run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from plant.parameters import load_parameters
+
+
+def test_results_do_not_depend_on_the_number_of_workers() -> None:
+    parameters = load_parameters("lab")
+    tuning = cascade_tuning(parameters, Lambdas())
+    q_ref, S_ref = np.repeat([0.0, 0.5], 200), np.full(400, 10.0)
+
+    def mean_force(seed: int) -> float:
+        return float(run(parameters, tuning, q_ref, S_ref, seed=seed).F_A.mean())
+
+    alone = [mean_force(seed) for seed in range(12)]
+    assert len(set(alone)) == 12
+    assert run_batch([partial(mean_force, seed) for seed in range(12)], workers=1) == alone
+    assert run_batch([partial(mean_force, seed) for seed in range(12)], workers=3) == alone
+
+
+def test_runs_go_on_side_by_side() -> None:
+    """Each waits for the other: one after the other they would never end."""
+    both = Barrier(2, timeout=30.0)
+    run_batch([both.wait, both.wait], workers=2)
+
+
+def test_the_first_error_of_a_run_is_raised() -> None:
+    def odd_fails(number: int) -> int:
+        if number % 2:
+            raise ValueError(f"run {number}")
+        return number
+
+    with pytest.raises(ValueError, match="run 1"):
+        run_batch([partial(odd_fails, number) for number in range(6)], workers=2)
