@@ -19,6 +19,7 @@ from backend.api.downloads import Downloads
 from backend.api.journal import Journal
 from backend.api.library import Library
 from backend.api.live import LiveStream
+from backend.api.offload import Offload
 from backend.api.picture import Picture
 from backend.api.schemas.live import StateMessage
 from backend.api.service import Service
@@ -123,9 +124,11 @@ async def _start(settings: Settings, stack: AsyncExitStack) -> tuple[Service, Sc
     _run_until_closed(live.run(), stack)
 
     library = Library(database, lambda: picture.task, lambda: _id_of_bank(picture.tuning))
-    downloads = Downloads(database)
-    stack.callback(downloads.close)
-    tasks = Tasks(Station(supervisor, database, settings.plant, parameters), bench, library, SEED)
+    offload = Offload()
+    stack.callback(offload.close)
+    downloads = Downloads(database, offload)
+    station = Station(supervisor, database, settings.plant, parameters)
+    tasks = Tasks(station, bench, library, downloads.prepare, SEED)
     stack.push_async_callback(tasks.close)
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())

@@ -1,18 +1,12 @@
 """Reports and exports of runs, made in a process of their own so that the live stream does not stutter."""
 
 import asyncio
-import multiprocessing
-import os
-import threading
-from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 
 from backend.api.errors import ApiError
+from backend.api.offload import Offload
 from backend.recording.columns import Columns, recorded_columns
-from backend.reports.build import build_report
-from backend.reports.exports import to_csv, to_mat, to_parquet
-from backend.reports.html import to_html
-from backend.reports.pdf import to_pdf
+from backend.reports.rendering import export, render
 from backend.reports.source import Source, load_source
 from backend.storage import Database, results, runs
 from backend.storage.runs import EndState, RunKind
@@ -20,15 +14,17 @@ from backend.storage.runs import EndState, RunKind
 COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
 
-EXPORTS = {"csv": to_csv, "parquet": to_parquet, "mat": to_mat}
-
 
 class Downloads:
-    """Makes what is downloaded; the first one starts the process that makes them."""
+    """Makes what is downloaded."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, offload: Offload) -> None:
         self._database = database
-        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_end_with_parent)
+        self._offload = offload
+
+    def prepare(self) -> None:
+        """Load what reports need ahead of the first one."""
+        self._offload.prepare(render)
 
     async def report_html(self, run_id: int) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, ApiError."""
@@ -41,15 +37,11 @@ class Downloads:
     async def data(self, run_id: int, kind: str) -> bytes:
         """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
         columns = await asyncio.to_thread(self._columns, run_id)
-        return await asyncio.get_running_loop().run_in_executor(self._pool, EXPORTS[kind], columns)
-
-    def close(self) -> None:
-        """End the process."""
-        self._pool.shutdown(cancel_futures=True)
+        return await self._offload.run(export, columns, kind)
 
     async def _report(self, run_id: int, kind: str) -> bytes:
         source = await asyncio.to_thread(self._source, run_id)
-        content = await asyncio.get_running_loop().run_in_executor(self._pool, _rendered, source, kind)
+        content = await self._offload.run(render, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
 
@@ -76,20 +68,3 @@ class Downloads:
 def _just_ended(source: Source) -> bool:
     ended = source.run.ended_at
     return ended is not None and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
-
-
-def _rendered(source: Source, kind: str) -> bytes:
-    report = build_report(source)
-    return to_pdf(report) if kind == "pdf" else to_html(report).encode()
-
-
-def _end_with_parent() -> None:
-    """End this process when the service dies without telling: nobody else would."""
-    parent = multiprocessing.parent_process()
-
-    def wait() -> None:
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections.abc import Callable
 
 from backend.api.bench import Bench
 from backend.api.errors import ApiError
@@ -23,10 +24,13 @@ _log = logging.getLogger(__name__)
 class Tasks:
     """Starts what takes its time and keeps the state informed of how far it is."""
 
-    def __init__(self, station: Station, bench: Bench, library: Library, seed: int) -> None:
+    def __init__(
+        self, station: Station, bench: Bench, library: Library, prepare_report: Callable[[], None], seed: int
+    ) -> None:
         self._station = station
         self._bench = bench
         self._library = library
+        self._prepare_report = prepare_report
         self._seed = seed
         self._running: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
@@ -91,6 +95,7 @@ class Tasks:
     async def _start(self, order: Order) -> int:
         run = await asyncio.to_thread(create_run, self._station, order)
         self._show(order, run, "starting", 0.0)
+        self._prepare_report()
         self._running = asyncio.create_task(self._perform(order, run))
         return run.id
 

@@ -51,16 +51,16 @@ def export(
 ) -> None:
     """Write all samples of a run to a file; SI units."""
     from backend.recording.columns import recorded_columns
-    from backend.reports.exports import to_csv, to_mat, to_parquet
+    from backend.reports.rendering import EXPORTS
     from backend.storage import runs
 
-    exports = {".csv": to_csv, ".parquet": to_parquet, ".mat": to_mat}
-    if file.suffix not in exports:
+    kind = file.suffix.removeprefix(".")
+    if kind not in EXPORTS:
         fail(f"{file}: name the file .csv, .parquet or .mat", status=2)
     with database_of(settings_with(data=data)) as database:
         with database.reading() as session:
             runs.get(session, run)
-        file.write_bytes(exports[file.suffix](recorded_columns(database, run)[0]))
+        file.write_bytes(EXPORTS[kind](recorded_columns(database, run)[0]))
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from itertools import pairwise
 from typing import Any
 
 import httpx
@@ -47,10 +48,10 @@ def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: 
                     texts.append(message)
                 else:
                     frames.append(message)
-            for before, after in zip(frames[:-1], frames[1:], strict=True):
+            for before, after in pairwise(frames):
                 assert after.first_tick == before.first_tick + before.columns.shape[1] + after.missed
             mode = frames[-1].columns[STORED_NAMES.index("mode")]
-            assert layout["modes"][int(mode[-1])] == "run"
+            assert layout["modes"][int(mode[-1])] == "run", running.get("/api/state").json()["fault"]
             assert np.isfinite(frames[-1].columns[STORED_NAMES.index("q")]).all()
             assert sum(text["type"] == "state" for text in texts) >= 2
             assert any(text["type"] == "event" and text["kind"] == "mode" for text in texts)

@@ -1,0 +1,54 @@
+"""A process beside the service for what takes long: the live stream does not stutter while it computes.
+
+Imports nothing of the project, so that the process loads only what its work needs.
+"""
+
+import asyncio
+import multiprocessing
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_NICENESS = 10
+"""Of the process: the loop, the recorder and the stream come first."""
+
+
+class Offload:
+    """One process, started by the first work; works one after the other."""
+
+    def __init__(self) -> None:
+        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_begin)
+
+    async def run(self, work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T:
+        """Return ``work(*arguments)``, computed in the process; both must be picklable."""
+        return await asyncio.get_running_loop().run_in_executor(self._pool, work, *arguments)
+
+    def prepare(self, work: Callable[..., object]) -> None:
+        """Start the process and let it load what ``work`` needs, without waiting for it."""
+        self._pool.submit(_load, work)
+
+    def close(self) -> None:
+        """End the process once its present work is done."""
+        self._pool.shutdown(cancel_futures=True)
+
+
+def _load(_work: Callable[..., object]) -> None:
+    """Do nothing: unpickling the argument has loaded its module."""
+
+
+def _begin() -> None:
+    """Give way to others, and end when the service dies without telling: nobody else would end this process."""
+    os.nice(_NICENESS)
+    parent = multiprocessing.parent_process()
+
+    def wait() -> None:
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
