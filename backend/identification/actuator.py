@@ -1,19 +1,21 @@
 """From the recorded columns of the closed-loop experiment to G_q and G_S (method section 4, figures 4 and 5)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import pi
 from typing import Any
 
 import numpy as np
 
-from backend.identification.estimate import estimate
+from backend.identification.candidates import Candidates, rank
 from backend.identification.fit import Method
 from backend.identification.record import Record, Signal
 from backend.identification.result import Estimate, Grade, Verdict
 
-Q_STRUCTURE = "lags4"
-S_STRUCTURE = "order:4"
+STRUCTURES = ("order:4", "lags4", "third", "first")
+"""What is tried for G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""
+
+_REST_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,16 @@ class ActuatorGeometry:
 
 @dataclass(frozen=True)
 class ActuatorIdentification:
-    """G_q and G_S at one nominal point; ``S_nominal`` and ``q_nominal`` are where the actuator rested before."""
+    """G_q and G_S at one nominal point, each the best of its candidates.
+
+    ``S_nominal`` [N·m/rad] and ``q_nominal`` [rad] are where the actuator rested before; ``motion_counts`` is the
+    peak-to-peak of q during the excitation in encoder counts.
+    """
 
     G_q: Estimate
     G_S: Estimate
+    candidates_q: Candidates
+    candidates_S: Candidates
     S_nominal: float
     q_nominal: float
     motion_counts: float
@@ -63,6 +71,8 @@ class ActuatorIdentification:
         return {
             "G_q": self.G_q.to_json(),
             "G_S": self.G_S.to_json(),
+            "candidates_q": self.candidates_q.to_json(),
+            "candidates_S": self.candidates_S.to_json(),
             "S_nominal": self.S_nominal,
             "q_nominal": self.q_nominal,
             "motion_counts": self.motion_counts,
@@ -75,41 +85,41 @@ def identify_actuator(
     period_s: float,
     geometry: ActuatorGeometry,
     start: int,
-    *,
-    q_structure: str = Q_STRUCTURE,
-    S_structure: str = S_STRUCTURE,
+    structures: Sequence[str] = STRUCTURES,
 ) -> ActuatorIdentification:
     """Identify theta_A_ref -> q and theta_A_ref -> S from the samples of one run.
 
     ``samples`` holds the columns theta_A_ref, q and S, shape (n,) each; ``start`` is the index at which the
-    excitation begins, the samples before it show the point at rest. Raises RecordError and the errors of
-    :func:`backend.identification.estimate.estimate`.
+    excitation begins, the samples before it show the point at rest. Raises RecordError, StructureError and
+    NotConvergedError.
     """
-    u = np.asarray(samples["theta_A_ref"], dtype=np.float64)
-    q = np.asarray(samples["q"], dtype=np.float64)
-    S = np.asarray(samples["S"], dtype=np.float64)
-    rest = slice(max(0, start - int(0.5 / period_s)), max(start, 1))
-    G_q = estimate(
+    u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
+    rest = slice(max(0, start - int(_REST_S / period_s)), max(start, 1))
+    # Output error without a noise model: what these records leave unexplained is friction and dynamics, not noise,
+    # and the input is known exactly.
+    q_candidates = rank(
         Record(period_s, u[start:], q[start:]),
-        q_structure,
+        structures,
         Method.OUTPUT_ERROR,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
-    G_S = estimate(
+    S_candidates = rank(
         Record(period_s, u[start:], S[start:]),
-        S_structure,
+        structures,
         Method.OUTPUT_ERROR,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
     )
     return ActuatorIdentification(
-        G_q=G_q,
-        G_S=G_S,
+        G_q=q_candidates.best,
+        G_S=S_candidates.best,
+        candidates_q=q_candidates,
+        candidates_S=S_candidates,
         S_nominal=float(np.mean(S[rest])),
         q_nominal=float(np.mean(q[rest])),
         motion_counts=float(np.ptp(q[start:])) / geometry.q_resolution,
-        verdict=_joint_verdict(G_q.verdict, G_S.verdict),
+        verdict=_joint_verdict(q_candidates.best.verdict, S_candidates.best.verdict),
     )
 
 

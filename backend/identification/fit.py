@@ -13,6 +13,7 @@ from backend.identification.output_error import COARSE, FINE, NotConvergedError,
 from backend.identification.record import Record, Signal
 from backend.identification.refined_iv import fit_refined_iv
 from backend.identification.residuals import input_correlation, whiteness
+from backend.identification.response import UnstableModelError
 from backend.identification.result import CorrelationTest
 from backend.identification.start import quick_starts, thorough_starts
 from backend.identification.structures import Structure
@@ -21,6 +22,7 @@ from backend.identification.uncertainty import sandwich
 _NOISE_ROUNDS = 6
 _NOISE_SETTLED = 0.05
 _STARTS_TRIED = 3
+_CLOSE = 1.1
 
 
 class Method(StrEnum):
@@ -135,10 +137,13 @@ def _unwhitened(found: Fit) -> Fit:
 
 
 def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
-    """Solve from quick starting values, and from thorough ones as well where the residuals do not come out white."""
-    found = _first_converged(problem, quick_starts(problem, *further))
+    """Solve from quick starting values, and from thorough ones where the residuals do not come out white."""
+    found = _first_converged(problem, quick_starts(problem, *further), FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not Fit(found, None).whiteness().passed):
-        other = _first_converged(problem, thorough_starts(problem))
+        # A start that simulates about as well as the solution before it was improved lies in a better valley.
+        bound = np.inf if found is None else _CLOSE * found.cost
+        better = [start for error, start in thorough_starts(problem) if error < bound]
+        other = _first_converged(problem, better, FINE)
         if other is not None and (found is None or other.cost < found.cost):
             found = other
     if found is None:
@@ -146,17 +151,16 @@ def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signa
     return Fit(found, None) if drive is None else Fit(fit_refined_iv(found, drive), drive)
 
 
-def _first_converged(problem: Problem, starts: list[Signal]) -> Evaluation | None:
+def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -> Evaluation | None:
     for start in starts[:_STARTS_TRIED]:
         try:
-            return fit_output_error(problem, start)
-        except NotConvergedError:
+            return fit_output_error(problem, start, tolerance)
+        except (NotConvergedError, UnstableModelError):
             continue
     return None
 
 
 def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal, tolerance: float = FINE) -> Fit:
-    solution = fit_output_error(problem, start, tolerance)
     if drive is None:
-        return Fit(solution, None)
-    return Fit(fit_refined_iv(solution, drive, tolerance), drive)
+        return Fit(fit_output_error(problem, start, tolerance), None)
+    return Fit(fit_refined_iv(fit_output_error(problem, start, COARSE), drive, tolerance), drive)

@@ -43,20 +43,18 @@ class Problem:
         free = free_responses(self.structure.poles(parameters), self.record.period_s, count)
         return self.whiten(np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count))))
 
-    def sensitivities(self, parameters: Signal, u: Signal, simulated: Signal, initial: Signal) -> Signal:
-        """Differentiate the response to ``u`` and ``initial`` in z; whitened, shape (n, parameters).
+    def sensitivities(self, parameters: Signal, u: Signal, initial: Signal, simulated: Signal) -> Signal:
+        """Differentiate the whitened response to ``u`` and ``initial`` in the logarithms of the dynamic parameters.
 
-        ``simulated`` is the response from rest. Forward differences: each costs one simulation, and the relative
-        error of 1e-5 slows the iteration unnoticeably without moving its solution.
+        ``simulated`` is that response; shape (n, parameters - 1). Forward differences: each costs one simulation,
+        and the relative error of 1e-5 slows the iteration unnoticeably without moving its solution.
         """
-        whole = self.simulated(parameters, u, initial)
-        columns = np.empty((u.size, parameters.size))
-        columns[:, 0] = simulated / parameters[0]
+        columns = np.empty((u.size, parameters.size - 1))
         for i in range(1, parameters.size):
             nearby = parameters.copy()
             nearby[i] *= 1.0 + _STEP
-            columns[:, i] = (self.simulated(nearby, u, initial) - whole) / _STEP
-        return self.whiten(columns)
+            columns[:, i - 1] = self.whiten(self.simulated(nearby, u, initial)) - simulated
+        return columns / _STEP
 
     def whiten(self, signal: Signal) -> Signal:
         """Pass a signal or columns of signals through the whitening polynomial."""
@@ -73,8 +71,8 @@ class Evaluation:
     def __init__(self, problem: Problem, parameters: Signal) -> None:
         self.problem = problem
         self.parameters = parameters
-        self._simulated = problem.simulated(parameters, problem.record.u)
-        self.error = problem.whiten(problem.record.y - self._simulated)
+        self._from_rest = problem.whiten(problem.simulated(parameters, problem.record.u))
+        self.error = problem.whiten(problem.record.y) - self._from_rest
         columns = problem.nuisance(parameters)
         self._size = np.linalg.norm(columns, axis=0)
         self.nuisance = columns / self._size
@@ -95,12 +93,17 @@ class Evaluation:
     @cached_property
     def sensitivities(self) -> Signal:
         """Derivatives of the whitened model output in z, shape (n, p)."""
-        return self.problem.sensitivities(self.parameters, self.problem.record.u, self._simulated, self.initial)
+        order, u = self.problem.structure.order, self.problem.record.u
+        whole = self._from_rest + self.nuisance[:, :order] @ (self.initial * self._size[:order])
+        in_logarithms = self.problem.sensitivities(self.parameters, u, self.initial, whole)
+        return np.column_stack((self._from_rest / self.parameters[0], in_logarithms))
 
     def instruments(self, u: Signal) -> Signal:
         """Differentiate the whitened response to an input free of noise in z; shape (n, p)."""
         rest = np.zeros(self.problem.structure.order)
-        return self.problem.sensitivities(self.parameters, u, self.problem.simulated(self.parameters, u), rest)
+        clean = self.problem.whiten(self.problem.simulated(self.parameters, u))
+        in_logarithms = self.problem.sensitivities(self.parameters, u, rest, clean)
+        return np.column_stack((clean / self.parameters[0], in_logarithms))
 
     def without_nuisance(self, columns: Signal) -> Signal:
         """Part of the columns, shape (n, m), that is orthogonal to the nuisance terms."""

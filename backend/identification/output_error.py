@@ -11,7 +11,7 @@ from backend.identification.linearisation import Evaluation, Problem, moved, tri
 from backend.identification.record import Signal
 from backend.identification.response import UnstableModelError
 
-MAX_ITERATIONS = 60
+MAX_ITERATIONS = 40
 FINE = 1e-3
 COARSE = 0.1
 _FLOOR = 1e-11

@@ -17,10 +17,10 @@ Reals = NDArray[np.floating]
 
 def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
     """Autocorrelation of the residuals, shape (n,), at 1 .. 25 samples."""
-    products = correlation(residuals, residuals)
     lags = np.arange(1, _WHITENESS_LAGS + 1)
+    products = np.array([residuals[lag:] @ residuals[: residuals.size - lag] for lag in lags])
     deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
-    return _tested(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
+    return _tested(lags * period_s, products / max(residuals @ residuals, np.finfo(float).tiny), deviation)
 
 
 def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:

@@ -4,8 +4,10 @@ Nothing is approximated: the state equations are integrated by the matrix expone
 sections, which keep several poles near z = 1 apart where one long polynomial would not.
 """
 
+from functools import cache
+
 import numpy as np
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 from scipy.signal import lfilter, sosfilt
 
 from backend.identification.record import Signal
@@ -30,21 +32,26 @@ def state_space(poles: Poles) -> tuple[Signal, Signal, Signal]:
     """
     lags, pairs = split_poles(poles)
     order = lags.size + 2 * pairs.size
-    blocks = [np.array([[lag]]) for lag in lags]
+    A, B, C = np.zeros((order, order)), np.zeros(order), np.zeros(order)
+    state, fed_by = 0, -1
+    for lag in lags:
+        A[state, state] = lag
+        _feed(A, B, state, fed_by, -lag)
+        state, fed_by = state + 1, state
     for pole in pairs:
         omega = abs(pole)
-        blocks.append(np.array([[0.0, omega], [-omega, 2.0 * pole.real]]))
-    A = np.asarray(block_diag(*blocks))
-    B = np.zeros(order)
-    entries = list(range(lags.size)) + [lags.size + 2 * i + 1 for i in range(pairs.size)]
-    exits = list(range(lags.size)) + [lags.size + 2 * i for i in range(pairs.size)]
-    rates = [-float(lag) for lag in lags] + [float(abs(pole)) for pole in pairs]
-    B[entries[0]] = rates[0]
-    for entry, rate, previous in zip(entries[1:], rates[1:], exits[:-1], strict=True):
-        A[entry, previous] += rate
-    C = np.zeros(order)
-    C[exits[-1]] = 1.0
+        A[state, state + 1], A[state + 1, state], A[state + 1, state + 1] = omega, -omega, 2.0 * pole.real
+        _feed(A, B, state + 1, fed_by, omega)
+        state, fed_by = state + 2, state
+    C[fed_by] = 1.0
     return A, B, C
+
+
+def _feed(A: Signal, B: Signal, state: int, fed_by: int, rate: float) -> None:
+    if fed_by < 0:
+        B[state] = rate
+    else:
+        A[state, fed_by] = rate
 
 
 def sections(poles: Poles, period_s: float) -> Signal:
@@ -96,17 +103,21 @@ def simulate(poles: Poles, period_s: float, u: Signal, initial: Signal | None = 
 
 def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
     """Responses to ``order`` independent initial states, no input; shape (count, order)."""
+    # Until e^-80 only: beyond it comes nothing but subnormal numbers, which are slow.
+    alive = min(count, poles.size + int(80.0 / (np.min(-poles.real) * period_s)))
     columns = np.zeros((poles.size, count))
     columns[:, : poles.size] = _impulses(poles.size)
-    return np.asarray(sosfilt(sections(poles, period_s), columns, axis=1).T)
+    columns[:, :alive] = sosfilt(sections(poles, period_s), columns[:, :alive], axis=1)
+    return columns.T
 
 
+@cache
 def _impulses(order: int) -> Signal:
     """Return an impulse and its differences, (order, order): through the poles alone they span the free responses."""
-    kernels = [np.array([1.0])]
-    for _ in range(order - 1):
-        kernels.append(np.convolve(kernels[-1], [1.0, -1.0]))
-    return np.array([np.pad(kernel, (0, order - kernel.size)) for kernel in kernels])
+    rows = np.eye(order)
+    for row in range(1, order):
+        rows[row] = rows[row - 1] - np.roll(rows[row - 1], 1)
+    return rows
 
 
 def check_stable(poles: Poles, period_s: float) -> None:

@@ -9,7 +9,9 @@ from backend.identification.response import Poles, UnstableModelError, simulate
 from backend.identification.structures import Structure, structure
 
 _CUT_OFFS = 6
-_LAGS = 8
+_LAGS = 10
+_FEW_LAGS = 4
+_EQUATIONS = 4000
 _FAST_PAIRS = 6
 _DAMPINGS = (0.3, 1.0)
 
@@ -24,21 +26,25 @@ def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
     Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter
     estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
-    among = [*further, *_equal_lags(problem, problem.structure)]
-    if problem.structure.kind != "lags":
-        among += _state_variable_filter(problem)
+    if problem.structure.kind == "lags":
+        among = [*further, *_equal_lags(problem, problem.structure, _LAGS)]
+    else:
+        among = [*further, *_equal_lags(problem, problem.structure, _FEW_LAGS), *_state_variable_filter(problem)]
     ranked = _ranked(problem, among)
     if not ranked:
         raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
-    return ranked
+    return [parameters for _, parameters in ranked]
 
 
-def thorough_starts(problem: Problem) -> list[Signal]:
-    """Further starts for order 3 and more, best first: the best single lag with faster poles behind it."""
+def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
+    """Return simulation errors and parameters of further starts for order 3 and more, best first.
+
+    They are the best single lag with faster poles behind it.
+    """
     return [] if problem.structure.kind == "lags" else _ranked(problem, _lag_and_faster_poles(problem))
 
 
-def _ranked(problem: Problem, among: list[Signal]) -> list[Signal]:
+def _ranked(problem: Problem, among: list[Signal]) -> list[tuple[float, Signal]]:
     scored = []
     for candidate in among:
         if np.all(np.isfinite(candidate)) and np.all(candidate[1:] > 0.0):
@@ -46,7 +52,7 @@ def _ranked(problem: Problem, among: list[Signal]) -> list[Signal]:
                 scored.append(_fit_gain(problem, candidate))
             except UnstableModelError:
                 continue
-    return [parameters for _, parameters in sorted(scored, key=lambda pair: pair[0])]
+    return sorted(scored, key=lambda pair: pair[0])
 
 
 def _fit_gain(problem: Problem, candidate: Signal) -> tuple[float, Signal]:
@@ -54,24 +60,30 @@ def _fit_gain(problem: Problem, candidate: Signal) -> tuple[float, Signal]:
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
     both = problem.whiten(np.column_stack((problem.simulated(unit, record.u), record.y)))
-    nuisance = problem.nuisance(unit)
-    factor = triangle(np.column_stack((nuisance / np.linalg.norm(nuisance, axis=0), both)))
+    columns = np.hstack((problem.nuisance(unit), both))[_thinned(record.u.size)]
+    columns[:, :-2] /= np.linalg.norm(columns[:, :-2], axis=0)
+    factor = triangle(columns)
     gain = factor[-2, -1] / factor[-2, -2] if factor[-2, -2] else 0.0
     if gain == 0.0 or not np.isfinite(gain):
         raise UnstableModelError("the input does not reach the output")
     return float(abs(factor[-1, -1])), np.concatenate(([gain], candidate[1:]))
 
 
-def _equal_lags(problem: Problem, shape: Structure) -> list[Signal]:
+def _thinned(count: int, first: int = 0) -> slice:
+    """Every so many samples: a few thousand equations choose a start as well as all of them."""
+    return slice(first, None, max(1, count // _EQUATIONS))
+
+
+def _equal_lags(problem: Problem, shape: Structure, count: int) -> list[Signal]:
     record = problem.record
-    sums = np.geomspace(5.0 * record.period_s, record.duration_s / 3.0, _LAGS)
+    sums = np.geomspace(5.0 * record.period_s, record.duration_s / 3.0, count)
     return [_from_poles(shape, np.full(shape.order, -shape.order / total, dtype=np.complex128)) for total in sums]
 
 
 def _lag_and_faster_poles(problem: Problem) -> list[Signal]:
     """Put faster poles over a grid of frequencies behind the best single lag: a pair, at order 4 and another lag."""
     single = Problem(problem.record, structure("first"), problem.whitening)
-    T = float(_ranked(single, _equal_lags(single, single.structure))[0][1])
+    T = float(_ranked(single, _equal_lags(single, single.structure, _LAGS))[0][1][1])
     found = []
     for omega in np.geomspace(3.0 / T, 0.5 / problem.record.period_s, _FAST_PAIRS):
         for damping in _DAMPINGS:
@@ -92,7 +104,7 @@ def _state_variable_filter(problem: Problem) -> list[Signal]:
         u_filtered = simulate(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
         settled = min(count // 4, int(3.0 * order / (cut_off * record.period_s)))
         columns = np.column_stack((*(-d for d in derivatives[1:]), trend, u_filtered, derivatives[0]))
-        factor = triangle(columns[settled:])
+        factor = triangle(columns[_thinned(count, settled)])
         solution = np.linalg.lstsq(factor[:-1, :-1], factor[:-1, -1], rcond=None)[0]
         scaled = np.concatenate(([1.0], solution[:order]))
         if np.all(np.isfinite(scaled)) and scaled[-1] != 0.0:

@@ -7,7 +7,7 @@ from backend.identification.result import FirstOrder, Grade, Residuals, Verdict
 
 MIN_COUNTS = 20.0
 MIN_FIT_PERCENT = 80.0
-CAUTION_FIT_PERCENT = 90.0
+CAUTION_FIT_PERCENT = 98.5
 MAX_GAIN_ERROR_PERCENT = 10.0
 CAUTION_GAIN_ERROR_PERCENT = 5.0
 MAX_STD_PERCENT = 10.0
@@ -47,11 +47,12 @@ def judge(
     if spread > CAUTION_STD_PERCENT:
         reason = f"gain or lag known to ±{spread:.1f} % only"
         (against if spread > MAX_STD_PERCENT else doubts).append(reason)
-    if not residuals.input_correlation.passed:
-        if fit < CAUTION_FIT_PERCENT:
-            reason = f"fit of {fit:.1f} % on unseen data, and not for noise alone"
-            (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
-        doubts.append("residuals still depend on the input, so the model is local (friction or missing dynamics)")
+    if not residuals.input_correlation.passed and fit < CAUTION_FIT_PERCENT:
+        reason = (
+            f"{100.0 - fit:.1f} % of the motion follows the input in a way the model does not"
+            " (friction or missing dynamics), so it holds near this amplitude only"
+        )
+        (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
     if against:
         return Verdict(Grade.UNUSABLE, tuple(against + doubts))
     if doubts:
