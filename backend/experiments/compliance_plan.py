@@ -79,4 +79,4 @@ class CompliancePlan:
             yield self._at(start + share * (end - start), _PIECE_S, Shape.RAMP)
 
     def _at(self, F_push: float, duration_s: float, shape: Shape) -> Segment:
-        return Segment(duration_s, 0.0, self.S_ref, float(F_push), shape)
+        return Segment(round(duration_s, 3), 0.0, self.S_ref, float(F_push), shape)

@@ -133,4 +133,5 @@ Plan = TrackingPlan | CompliancePlan | SequencePlan | ActuatorIdentificationPlan
 
 
 def _steps(duration_s: float, references: Iterable[tuple[float, float]]) -> tuple[Segment, ...]:
-    return tuple(Segment(duration_s, q_ref, S_ref) for q_ref, S_ref in references)
+    # Whole milliseconds, as the loop plays them: fractions would let plan and samples drift apart.
+    return tuple(Segment(round(duration_s, 3), q_ref, S_ref) for q_ref, S_ref in references)

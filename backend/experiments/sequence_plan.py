@@ -86,4 +86,6 @@ def _segment(position: int, item: Any) -> Segment:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SettingError(f"{label}.{name}", value, f"needs a number in {unit}", unit=unit)
         require_within(f"{label}.{name}", value, minimum, maximum, unit)
-    return Segment(**{name: float(value) for name, value in numbers.items()}, shape=Shape(shape))
+    values = {name: float(value) for name, value in numbers.items()}
+    values["duration_s"] = round(values["duration_s"], 3)  # whole milliseconds, as the loop plays them
+    return Segment(**values, shape=Shape(shape))

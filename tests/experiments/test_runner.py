@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.experiments.bank_building import BankError, build_bank, points_of, tuning_command
-from backend.experiments.evaluation import recorded_columns
+from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
@@ -16,6 +16,7 @@ from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.runner import Order, Outcome, Station, create_run, run_experiment
 from backend.faults import Fault
 from backend.loop.commands import Reset, Stop
+from backend.recording.columns import recorded_columns
 from backend.refusal import OutOfRangeError
 from backend.storage import identifications, open_database, results, runs
 from backend.storage.records import UnknownRecordError
@@ -164,6 +165,19 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Stat
     command = tuning_command(station.parameters, LoopSettings(lam_q=0.6), bank)
     assert (command.lam_q, len(command.entries)) == (0.6, 1)
     assert command.entries[0].S_nominal == point.S_nominal
+
+
+@pytest.mark.parametrize("parameters", ["lab"])
+def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: Station) -> None:
+    outcome = perform(station, CompliancePlan(pushes=2, hold_s=1.0))
+    result = outcome.evaluation.result
+    assert result is not None
+    figures = {item["name"]: item["value"] for item in result.metrics["figures"]}
+    assert figures["rmse_aligned_N"] < 0.5
+    assert figures["delay_s"] == pytest.approx(station.parameters.sensors.force_delay, abs=0.004)
+    assert figures["stiffness_felt"] == pytest.approx(10.0, rel=0.03)
+    assert figures["largest_push_N"] > 5.0
+    assert all(item["passed"] for item in result.criteria)
 
 
 def test_an_identification_that_ends_early_gives_no_model(station: Station) -> None:

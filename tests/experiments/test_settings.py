@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pytest
 
 from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.plans import ActuatorIdentificationPlan, TrackingPlan
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError, describe, from_values
 from backend.loop.program import Law, Segment, Shape
@@ -135,6 +135,19 @@ def test_own_sequences_are_checked_segment_by_segment() -> None:
         SequencePlan("step 3")
     with pytest.raises(OutOfRangeError, match="3600"):
         sequence(*[good] * 7)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        TrackingPlan(q_duration_s=1.23456, S_duration_s=0.98765),
+        CompliancePlan(push_seed=4),
+        SequencePlan('[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'),
+    ],
+)
+def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> None:
+    for segment in plan.program().segments:
+        assert segment.duration_s * 1000 == pytest.approx(round(segment.duration_s * 1000), abs=1e-9)
 
 
 @pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
