@@ -57,27 +57,37 @@ export function drawMarks(
   const { ctx, bbox } = plot;
   const scale = plot.scales.x as uPlot.Scale;
   const ratio = devicePixelRatio;
+  const inSight = marks.filter((mark) => mark.time_s >= (scale.min ?? 0) && mark.time_s <= (scale.max ?? 0));
   ctx.save();
   ctx.lineWidth = ratio;
-  ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
-  ctx.textAlign = "left";
-  ctx.textBaseline = "bottom";
-  let labelledTo = Number.NEGATIVE_INFINITY;
-  for (const mark of marks) {
-    if (mark.time_s < (scale.min ?? 0) || mark.time_s > (scale.max ?? 0)) continue;
+  for (const mark of inSight) {
     const x = Math.round(plot.valToPos(mark.time_s, "x", true)) + 0.5;
     ctx.strokeStyle = mark.fault ? colours.fault : colours.limit;
     ctx.beginPath();
     ctx.moveTo(x, bbox.top);
     ctx.lineTo(x, bbox.top + bbox.height);
     ctx.stroke();
-    if (!labels || x < labelledTo) continue;
+  }
+  if (labels) drawLabels(plot, inSight, colours);
+  ctx.restore();
+}
+
+/** Names of the marks above the chart, as many as fit; those of faults come first. */
+function drawLabels(plot: uPlot, marks: readonly PlacedMark[], colours: ChartColours): void {
+  const { ctx, bbox } = plot;
+  const ratio = devicePixelRatio;
+  const taken: [left: number, right: number][] = [];
+  ctx.font = `${FONT_PX * ratio}px system-ui, sans-serif`;
+  ctx.textAlign = "left";
+  ctx.textBaseline = "bottom";
+  for (const mark of [...marks.filter((one) => one.fault), ...marks.filter((one) => !one.fault)]) {
     const text = mark.text.length > LABEL_LENGTH ? `${mark.text.slice(0, LABEL_LENGTH - 1)}…` : mark.text;
     const width = ctx.measureText(text).width;
-    const left = Math.min(x - ratio, bbox.left + bbox.width - width);
+    const left = Math.min(plot.valToPos(mark.time_s, "x", true), bbox.left + bbox.width - width);
+    const right = left + width + LABEL_GAP_PX * ratio;
+    if (taken.some(([from, to]) => left < to && right > from)) continue;
+    taken.push([left, right]);
     ctx.fillStyle = mark.fault ? colours.fault : colours.axis;
     ctx.fillText(text, left, bbox.top - 2 * ratio);
-    labelledTo = left + width + LABEL_GAP_PX * ratio;
   }
-  ctx.restore();
 }

@@ -64,6 +64,7 @@ export class SignalPlot {
   }
 
   show(name: string, shown: boolean): void {
+    if (shown !== this.hidden.has(name)) return;
     if (shown) this.hidden.delete(name);
     else this.hidden.add(name);
     const index = this.panel.traces.findIndex((trace) => trace.name === name);
@@ -111,7 +112,11 @@ export class SignalPlot {
       cursor: { show: false },
       scales: {
         x: { time: false, auto: false, range: asAsked },
-        y: { auto: false, range: asAsked },
+        // asked for nothing (a curve was switched on or off), uPlot would leave the axis empty
+        y: {
+          auto: false,
+          range: (_plot, min, max) => (min === null ? [this.range.min, this.range.max] : [min, max]),
+        },
       },
       series: [
         {},

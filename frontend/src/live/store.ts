@@ -1,5 +1,6 @@
 /** What the page knows of the running system, in one place, changed by the socket and read by everything. */
 
+import { replaceEqualDeep } from "@tanstack/react-query";
 import { SampleWindow } from "../samples/window";
 import type { Frame } from "../wire/frame";
 import type { Layout, Mark, State } from "../wire/types";
@@ -57,7 +58,8 @@ export class LiveStore {
       this.clock.reset();
       this.change({ marks: [] });
     }
-    this.change({ state });
+    // equal parts keep their identity, so that only what shows a change is rendered again
+    this.change({ state: replaceEqualDeep(this.live.state, state) });
   }
 
   addMark(mark: Mark): void {
