@@ -43,7 +43,7 @@ def _load(_work: Callable[..., object]) -> None:
 
 def _begin() -> None:
     """Give way to others, and end when the service dies without telling: nobody else would end this process."""
-    os.nice(_NICENESS)
+    os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
     parent = multiprocessing.parent_process()
 
     def wait() -> None:
