@@ -11,6 +11,7 @@ from backend.experiments.metrics import NoSamplesError, figure
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.result import Document, json_ready
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
+from backend.identification.candidates import Candidates
 from backend.identification.result import Estimate, Grade
 from backend.loop.program import Excitation
 from backend.storage.identifications import NewIdentification
@@ -96,7 +97,8 @@ def to_store(
         },
         quality={
             "motion_counts": estimate.motion_counts,
-            **{name: _quality(channel) for name, channel in channels.items()},
+            "G_q": {**_quality(estimate.G_q), "candidates": _candidates(estimate.candidates_q)},
+            "G_S": {**_quality(estimate.G_S), "candidates": _candidates(estimate.candidates_S)},
         },
         usable=estimate.verdict.grade is not Grade.UNUSABLE,
         verdict=estimate.verdict.sentence,
@@ -132,3 +134,22 @@ def _quality(channel: Estimate) -> Document:
             "verdict": channel.verdict.sentence,
         }
     )
+
+
+def _candidates(candidates: Candidates) -> list[Document]:
+    """List every structure that was tried, best first, in brief; one that gave no model says why."""
+    ranked: list[Document] = [
+        {
+            "structure": candidate.model.structure,
+            "parameters": candidate.model.parameters,
+            "K": candidate.first_order.K,
+            "T": candidate.first_order.T,
+            "fit_percent": candidate.fit_percent,
+            "BIC": candidate.residuals.BIC,
+            "grade": candidate.verdict.grade,
+            "problem": "",
+        }
+        for candidate in candidates.ranked
+    ]
+    failed: list[Document] = [{"structure": name, "problem": problem} for name, problem in candidates.failed.items()]
+    return [json_ready(item) for item in (*ranked, *failed)]

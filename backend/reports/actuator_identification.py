@@ -45,7 +45,9 @@ def actuator_identification_report(source: Source) -> Report:
     sections = []
     if found is not None:
         sections += [
-            Section("Models", (_models(found), _comparison(found, tension_N), figures_table(metrics))),
+            Section(
+                "Models", (_models(found), _candidates(found), _comparison(found, tension_N), figures_table(metrics))
+            ),
         ]
     sections.append(Section("How it was made", (settings_table(source), *_data(found))))
     if found is not None:
@@ -106,7 +108,7 @@ def _model_row(key: str, model: Mapping[str, Any], quality: Mapping[str, Any]) -
     reduced, error = model["first_order"], quality["gain_error_percent"]
     return (
         key,
-        _STRUCTURES.get(model["structure"], str(model["structure"]).replace(":", " ")),
+        _structure(model["structure"]),
         shown(reduced["K"], 4),
         shown(reduced["K_std"], 2),
         shown(quality["gain_geometry"], 4),
@@ -154,6 +156,31 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
             "model that leaves nothing out.",
         ),
     )
+
+
+def _candidates(found: Identification) -> Table:
+    columns = (
+        Column("Model", number=False),
+        Column("Structure", number=False),
+        Column("K"),
+        Column("T", "s"),
+        Column("Fit", "%"),
+        Column("BIC"),
+        Column("Grade", number=False, wide=True),
+    )
+    rows = []
+    for key in CHANNELS:
+        for item in found.quality[key].get("candidates", ()):
+            figures = [shown(item.get(name), digits) for name, digits in (("K", 4), ("T", 3), ("fit_percent", 3))]
+            BIC = "–" if item.get("BIC") is None else f"{item['BIC']:.0f}".replace("-", "−")
+            rows.append((key, _structure(item["structure"]), *figures, BIC, item["problem"] or item["grade"]))
+    return Table(
+        "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)
+    )
+
+
+def _structure(name: str) -> str:
+    return _STRUCTURES.get(name, name.replace(":", " "))
 
 
 def _comparison(found: Identification, tension_N: float) -> Table:

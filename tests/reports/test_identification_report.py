@@ -43,6 +43,18 @@ def identification() -> Identification:
             "gain_geometry": geometry,
             "gain_error_percent": 100 * (gain / geometry - 1),
             "grade": "usable with caution",
+            "candidates": [
+                {
+                    "structure": "lags4",
+                    "K": gain,
+                    "T": 0.34,
+                    "fit_percent": 97.0,
+                    "BIC": -1234.5,
+                    "grade": "usable",
+                    "problem": "",
+                },
+                {"structure": "third", "problem": "not converged"},
+            ],
             "residuals": {"whiteness": test, "input_correlation": {**test, "passed": True}},
         }
     return Identification(
@@ -81,10 +93,12 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     assert (report.outcome, report.verdict) == ("incomplete", "Usable with caution for tuning: friction.")
     tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
     assert all(len(row) == len(table.columns) for table in tables for row in table.rows)
-    models, comparison = tables[0].rows, tables[1].rows
+    models, candidates, comparison = tables[0].rows, tables[1].rows, tables[2].rows
     assert models[0][:4] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.00010")
     assert models[1][5] == "−0.12"
     assert models[0][-1] == "coloured, free of input"
+    assert candidates[0] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.340", "97.0", "−1234", "usable")
+    assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
     assert comparison[1] == ("G_S", "0.7200", "0.7209", "2.826", "0.342", "1.19")
 
 
