@@ -33,9 +33,7 @@ def create_app(
         title="Sinew",
         version=__version__,
         description=DESCRIPTION,
-        openapi_url="/api/openapi.json",
-        docs_url=None,
-        redoc_url=None,
+        openapi_url=None,  # described at /api/openapi.json to those who are signed in
         lifespan=lifespan,
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,

@@ -6,6 +6,7 @@ Imports nothing of the project, so that the process loads only what its work nee
 import asyncio
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -42,7 +43,8 @@ def _load(_work: Callable[..., object]) -> None:
 
 
 def _begin() -> None:
-    """Give way to others, and end when the service dies without telling: nobody else would end this process."""
+    """Give way to others; leave Ctrl+C to the service; end when it dies without telling, as nobody else would."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
     parent = multiprocessing.parent_process()
 

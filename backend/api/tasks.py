@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from typing import Any
 
 from backend.api.bench import Bench
 from backend.api.errors import ApiError
@@ -13,6 +14,7 @@ from backend.api.schemas.state import TaskView
 from backend.experiments.catalogue import EXPERIMENTS, experiment
 from backend.experiments.loop_settings import LoopSettings, split_values
 from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.playing import require_ready
 from backend.experiments.prediction import predict
 from backend.experiments.runner import Order, Station, create_run, perform
 from backend.experiments.settings import Setting, SettingError, describe, from_values
@@ -37,13 +39,17 @@ class Tasks:
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
+        in_force = _values(self._loop_settings())
         return [
             ExperimentKind(
                 name=name,
                 title=entry.title,
                 description=entry.description,
                 duration_s=entry.plan().program().duration_s,
-                settings=[_setting_view(setting) for setting in (*describe(entry.plan), *describe(LoopSettings))],
+                settings=[
+                    _setting_view(setting, in_force.get(setting.name, setting.default))
+                    for setting in (*describe(entry.plan), *describe(LoopSettings))
+                ],
             )
             for name, entry in EXPERIMENTS.items()
         ]
@@ -55,6 +61,7 @@ class Tasks:
         plan, wanted = split_values(entry.plan, {**_values(in_force), **request.settings})
         async with self._starting:
             self._require_free()
+            require_ready(self._station.loop)
             if wanted != in_force:
                 await self._use(wanted, who)
             return await self._start(Order(plan, wanted, who))
@@ -132,16 +139,16 @@ def _identification_plan(request: IdentificationRequest) -> ActuatorIdentificati
     return from_values(ActuatorIdentificationPlan, request.model_dump(exclude={"kind"}))
 
 
-def _values(settings: LoopSettings) -> dict[str, object]:
+def _values(settings: LoopSettings) -> dict[str, Any]:
     return {setting.name: getattr(settings, setting.name) for setting in describe(LoopSettings)}
 
 
-def _setting_view(setting: Setting) -> SettingView:
+def _setting_view(setting: Setting, default: float | int | str) -> SettingView:
     return SettingView(
         name=setting.name,
         meaning=setting.meaning,
         unit=setting.unit,
-        default=setting.default,
+        default=default,
         minimum=setting.minimum,
         maximum=setting.maximum,
         choices=list(setting.choices) or None,

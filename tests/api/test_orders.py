@@ -95,7 +95,8 @@ def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
 def test_bad_orders_are_refused_before_anything_moves(off: httpx.Client) -> None:
     before = off.get("/api/runs").json()["total"]
     unknown = off.post("/api/experiments", json={"name": "levitation"})
-    assert (unknown.status_code, problem(unknown)["legal"]) == (422, ["tracking"])
+    assert unknown.status_code == 422
+    assert "tracking" in problem(unknown)["legal"]
     setting = off.post("/api/experiments", json={"name": "tracking", "settings": {"q_amplitude": 2.0}})
     told = problem(setting)
     assert (told["quantity"], told["value"], told["unit"]) == ("q_amplitude", 2.0, "rad")

@@ -2,12 +2,13 @@
 
 import html
 from pathlib import Path
+from typing import Any
 
 from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 
-from backend.api.auth import address_of, gate_of
+from backend.api.auth import SignedIn, address_of, gate_of
 from backend.api.errors import ApiError
 from backend.api.security import DOCUMENT_POLICY
 
@@ -20,7 +21,7 @@ router = APIRouter(include_in_schema=False)
 async def index(request: Request, token: str | None = None, name: str = "") -> Response:
     """Sign in by the link's token, then show the dashboard under an address without it."""
     if token is None:
-        return _file("index.html")
+        return _dashboard()
     gate = gate_of(request)
     try:
         person = gate.sign_in(token, name[:40], address_of(request))
@@ -32,9 +33,16 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
 
 
 @router.get("/api/docs")
-async def documentation() -> Response:
+async def documentation() -> RedirectResponse:
     """Show the documentation of this interface, from files of this service alone."""
-    return _file("docs.html")
+    return RedirectResponse("/docs.html")
+
+
+@router.get("/api/openapi.json")
+async def description(request: Request, _person: SignedIn) -> dict[str, Any]:
+    """Return the description of this interface."""
+    application: FastAPI = request.app
+    return application.openapi()
 
 
 def mount_static(app: FastAPI) -> None:
@@ -43,10 +51,11 @@ def mount_static(app: FastAPI) -> None:
         app.mount("/", StaticFiles(directory=STATIC))
 
 
-def _file(name: str) -> Response:
-    if not (STATIC / name).is_file():
+def _dashboard() -> Response:
+    file = STATIC / "index.html"
+    if not file.is_file():
         return _message(503, "The dashboard's pages are not built yet: run make frontend, then load this page again.")
-    return FileResponse(STATIC / name, headers={"Cache-Control": "no-cache"})
+    return FileResponse(file, headers={"Cache-Control": "no-cache"})
 
 
 def _message(status: int, text: str) -> HTMLResponse:

@@ -1,0 +1,6 @@
+/** The documentation of the REST interface, from files of this service alone: a lab may be offline. */
+
+import "swagger-ui-dist/swagger-ui.css";
+import SwaggerUI from "swagger-ui-dist/swagger-ui-es-bundle.js";
+
+SwaggerUI({ url: "./api/openapi.json", dom_id: "#docs" });
