@@ -97,7 +97,7 @@ class ActuatorIdentificationPlan:
     amplitude_rad: float = number(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
     chip_s: float = number(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
     bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
-    periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last one is kept for validation")
+    periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation")
     settle_s: float = number(8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts")
 
     def program(self) -> Program:

@@ -32,12 +32,12 @@ SLICE_S = 0.1
 _END_STATES = {
     Fault.STOP_PRESSED: EndState.STOPPED,
     Fault.OPERATOR_LOST: EndState.LINK_LOST,
-    Fault.SERVICE_LOST: EndState.LINK_LOST,
+    Fault.SERVICE_LOST: EndState.SERVICE_DIED,
 }
 
 
 class BenchNotReadyError(Exception):
-    """The loop is in a mode that no program can start from; ``legal`` lists the modes that could be asked for."""
+    """The loop is in a mode that no program can start from; the message says what to do first."""
 
     def __init__(self, reason: str, mode: Mode) -> None:
         super().__init__(reason)
@@ -46,11 +46,10 @@ class BenchNotReadyError(Exception):
 
 @dataclass(frozen=True)
 class Ending:
-    """How a program ended; ``end_tick`` is the first tick after its last sample, None when it never started."""
+    """How a program ended, as whoever watched it saw it."""
 
     end_state: EndState
     detail: str
-    end_tick: int | None
 
 
 Notify = Callable[[str, float], None]
@@ -153,14 +152,13 @@ class _Watch:
 
     def ending(self, reason: str) -> Ending:
         """Return how it ended; ``reason`` is what is known where no event tells."""
-        end_tick = self._ended.tick if self._ended is not None else None
         if self._ended is not None and self._ended.completed:
-            return Ending(EndState.COMPLETED, "", end_tick)
+            return Ending(EndState.COMPLETED, "")
         if self._died is not None:
-            return Ending(EndState.LINK_LOST, self._died.reason, end_tick)
+            return Ending(EndState.LINK_LOST, self._died.reason)
         if self.hung:
-            return Ending(EndState.STOPPED, "the program hung and was stopped", end_tick)
+            return Ending(EndState.STOPPED, "the program hung and was stopped")
         if self._stopped is not None:
             fault, detail = self._stopped.fault, self._stopped.detail
-            return Ending(_END_STATES.get(fault, EndState.TRIPPED), f"{fault}: {detail}" if detail else fault, end_tick)
-        return Ending(EndState.STOPPED, reason or self._cause, end_tick)
+            return Ending(_END_STATES.get(fault, EndState.TRIPPED), f"{fault}: {detail}" if detail else fault)
+        return Ending(EndState.STOPPED, reason or self._cause)

@@ -89,7 +89,7 @@ async def perform(station: Station, order: Order, run: Run, notify: Notify) -> O
         ending = await play(station.loop, order.plan.program(), run.id, notify)
         await _stored(station, run.id)
     except BaseException as error:
-        _close(station, run.id, Ending(EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}", None))
+        _close(station, run.id, Ending(EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}"))
         raise
     closed = _close(station, run.id, ending)
     notify("evaluation", 0.0)
