@@ -14,6 +14,7 @@ import { OperatePage } from "./pages/operate/OperatePage";
 import { SignInPage } from "./pages/SignInPage";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
+import { useFreshness } from "./service/useFreshness";
 import { RequestError } from "./wire/client";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
@@ -38,6 +39,7 @@ export function App() {
 function Shell() {
   const [shortcuts, { open, close, toggle }] = useDisclosure(false);
   const [, go] = useLocation();
+  useFreshness();
   useHotkeys([["?", toggle], ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)])]);
   return (
     <div className={styles.shell}>

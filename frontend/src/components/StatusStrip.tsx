@@ -43,7 +43,7 @@ export function StatusStrip() {
         </Button>
       )}
       <output className={styles.proof} aria-label="Stop result" data-kind={stop.state.kind}>
-        {stopSentence(stop.state)}
+        {stopSentence(stop.state, state?.mode, state?.stop_proof ?? null)}
       </output>
     </div>
   );

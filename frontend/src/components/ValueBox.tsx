@@ -10,13 +10,12 @@ interface ValueBoxProps {
   readonly decimals: number;
   readonly step: number;
   readonly width: number;
-  readonly invalid?: boolean;
   readonly disabled?: boolean;
   onCommit(value: number): void;
 }
 
 export function ValueBox(props: ValueBoxProps) {
-  const { label, unit, value, decimals, step, width, invalid = false, disabled = false, onCommit } = props;
+  const { label, unit, value, decimals, step, width, disabled = false, onCommit } = props;
   const [typed, setTyped] = useState<string | number | null>(null);
 
   function commit(): void {
@@ -33,7 +32,6 @@ export function ValueBox(props: ValueBoxProps) {
       fixedDecimalScale={typed === null}
       step={step}
       hideControls
-      error={invalid}
       disabled={disabled}
       w={width}
       rightSection={<span aria-hidden="true">{unit}</span>}

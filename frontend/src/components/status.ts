@@ -3,7 +3,7 @@
 import type { Health } from "../live/link";
 import { age, fixed } from "../samples/format";
 import type { StopState } from "../service/stop";
-import type { State, Task } from "../wire/types";
+import type { State, StopProof, Task } from "../wire/types";
 
 export type Tone = "calm" | "busy" | "warn" | "fault";
 
@@ -68,19 +68,31 @@ export function taskProgress(task: Task): number {
   return task.duration_s > 0 ? Math.min(1, task.elapsed_s / task.duration_s) : 0;
 }
 
-/** What became of the last STOP, in words; empty when there was none. */
-export function stopSentence(stop: StopState): string {
+/**
+ * What became of the last STOP, in words; empty when there was none, and once the motors may move again. A stop that
+ * somebody else asked for is told by the service's own `proof`.
+ */
+export function stopSentence(
+  stop: StopState,
+  mode: State["mode"] | undefined,
+  proof: StopProof | null,
+): string {
+  const over = mode !== undefined && mode !== "tripped" && mode !== "off";
+  if (stop.kind === "confirmed" && over) return "";
   switch (stop.kind) {
     case "idle":
-      return "";
+      return proof === null || mode !== "tripped" ? "" : proofSentence(proof);
     case "sending":
       return "STOP sent, waiting for proof …";
-    case "confirmed": {
-      const ticks = stop.proof.zero_tick - stop.proof.arrived_tick;
-      const plural = ticks === 1 ? "tick" : "ticks";
-      return `Zero volts in ${ticks} ${plural} · ${fixed(stop.proof.milliseconds, 2)} ms (tick ${stop.proof.zero_tick})`;
-    }
+    case "confirmed":
+      return proofSentence(stop.proof);
     case "unconfirmed":
       return `STOP NOT CONFIRMED: ${stop.reason} Use the stop at the machine.`;
   }
+}
+
+function proofSentence(proof: StopProof): string {
+  const ticks = proof.zero_tick - proof.arrived_tick;
+  const plural = ticks === 1 ? "tick" : "ticks";
+  return `Zero volts in ${ticks} ${plural} · ${fixed(proof.milliseconds, 2)} ms (tick ${proof.zero_tick})`;
 }

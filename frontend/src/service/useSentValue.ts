@@ -12,7 +12,7 @@ export interface SentValue {
   readonly editing: boolean;
   readonly pending: boolean;
   /** Why the last value was refused; null once the next one is tried. */
-  readonly refusal: string | null;
+  readonly refusal: Error | null;
   edit(value: number): void;
   commit(value: number): void;
   cancel(): void;
@@ -20,7 +20,7 @@ export interface SentValue {
 
 export function useSentValue(inForce: number, send: (value: number) => Promise<unknown>): SentValue {
   const [draft, happen] = useReducer(nextDraft, FOLLOWING);
-  const [refusal, setRefusal] = useState<string | null>(null);
+  const [refusal, setRefusal] = useState<Error | null>(null);
   const [pending, setPending] = useState(false);
   const busy = useRef(false);
   const waiting = useRef<number | null>(null);
@@ -43,7 +43,7 @@ export function useSentValue(inForce: number, send: (value: number) => Promise<u
       await send(value);
       setRefusal(null);
     } catch (error) {
-      setRefusal(error instanceof Error ? error.message : String(error));
+      setRefusal(error instanceof Error ? error : new Error(String(error)));
       if (waiting.current === null) happen({ kind: "drop" });
     }
     busy.current = false;

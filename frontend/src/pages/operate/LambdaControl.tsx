@@ -8,6 +8,7 @@ import { SignalName } from "../../components/SignalName";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
 import { useSetTuning } from "../../service/commands";
+import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
 import type { LoopPreview, Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -67,7 +68,6 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
           decimals={DECIMALS}
           step={STEP_S}
           width={84}
-          invalid={sent.refusal !== null}
           onCommit={sent.commit}
         />
         <ActionIcon
@@ -110,7 +110,7 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
         </div>
       </div>
       <StepPreview symbol={symbol} hue={hue} preview={preview} drafted={drafted !== undefined} />
-      <Refusal text={sent.refusal} />
+      <Refusal text={refusalText(sent.refusal, 1, DECIMALS, "s")} detail={sent.refusal?.message} />
     </div>
   );
 }

@@ -109,8 +109,8 @@ function limitLines(limits: Limits | undefined): ReadonlyMap<Panel, readonly Lim
     alwaysInSight,
   });
   return new Map<Panel, readonly LimitLine[]>([
-    [POSITION, [line(q_min * DEGREES, "least"), line(q_max * DEGREES, "most")]],
-    [STIFFNESS, [line(S_min, "least"), line(S_max, "most")]],
+    [POSITION, [line(q_min * DEGREES, "lowest q_ref"), line(q_max * DEGREES, "highest q_ref")]],
+    [STIFFNESS, [line(S_min, "lowest S_ref"), line(S_max, "highest S_ref")]],
     [
       FORCE,
       [line(F_min, `slack ${fixed(F_min, 0)} N`, true), line(F_max, `limit ${fixed(F_max, 0)} N`, true)],

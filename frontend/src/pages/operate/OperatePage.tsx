@@ -1,6 +1,7 @@
 /** The operator's page: charts, 3D view, controls. */
 
 import { LiveCharts } from "./LiveCharts";
+import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
 import styles from "./Operate.module.css";
 import { ReferencesCard } from "./ReferencesCard";
@@ -14,7 +15,10 @@ export function OperatePage() {
       <div className={styles.charts}>
         <LiveCharts />
       </div>
-      <SceneCard />
+      <div className={styles.views}>
+        <SceneCard />
+        <MapCard />
+      </div>
       <div className={styles.controls}>
         <ModeCard />
         <ReferencesCard />

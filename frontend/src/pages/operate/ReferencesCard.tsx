@@ -8,6 +8,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { useSetReferences } from "../../service/commands";
+import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
 import { DEGREES } from "../../theme/signals";
 import type { Limits, References } from "../../wire/types";
@@ -35,6 +36,7 @@ function ReferenceControls({ references, limits }: { references: References; lim
       <ReferenceControl
         name="q_ref"
         unit="deg"
+        factor={DEGREES}
         inForce={q_ref * DEGREES}
         min={limits.q_min * DEGREES}
         max={limits.q_max * DEGREES}
@@ -45,6 +47,7 @@ function ReferenceControls({ references, limits }: { references: References; lim
       <ReferenceControl
         name="S_ref"
         unit="N·m/rad"
+        factor={1}
         inForce={S_ref}
         min={limits.S_min}
         max={limits.S_max}
@@ -59,6 +62,8 @@ function ReferenceControls({ references, limits }: { references: References; lim
 interface ReferenceControlProps {
   readonly name: string;
   readonly unit: string;
+  /** From SI to the unit shown. */
+  readonly factor: number;
   readonly inForce: number;
   readonly min: number;
   readonly max: number;
@@ -68,7 +73,7 @@ interface ReferenceControlProps {
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, inForce, min, max, step, decimals, send } = props;
+  const { name, unit, factor, inForce, min, max, step, decimals, send } = props;
   const sent = useSentValue(inForce, send);
   return (
     <div className={styles.control}>
@@ -96,11 +101,14 @@ function ReferenceControl(props: ReferenceControlProps) {
           decimals={decimals}
           step={step}
           width={124}
-          invalid={sent.refusal !== null}
           onCommit={sent.commit}
         />
       </div>
-      <Refusal text={sent.refusal} hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`} />
+      <Refusal
+        text={refusalText(sent.refusal, factor, decimals, unit)}
+        detail={sent.refusal?.message}
+        hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`}
+      />
     </div>
   );
 }

@@ -1,0 +1,80 @@
+import { describe, expect, it } from "vitest";
+import type { State } from "../wire/types";
+import { currentStatus, stopSentence, taskProgress } from "./status";
+
+const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
+
+function state(part: Partial<State>): State {
+  return {
+    mode: "run",
+    link: { alive: true, silent_s: 0, starts: 1 },
+    fault: null,
+    task: null,
+    problems: [],
+    pretension_done: true,
+    recording_run: null,
+    ...part,
+  } as State;
+}
+
+const FAULT = { code: "force_limit", message: "F_A = 51 N", remedy: "Unload the joint.", tick: 9 } as const;
+const TASK = { kind: "tracking", run: 12, elapsed_s: 6, duration_s: 24, phase: "both_at_once" };
+
+describe("currentStatus", () => {
+  it("puts a lost link before everything: what is shown is old", () => {
+    const status = currentStatus(state({ fault: FAULT }), "down", 4200);
+    expect(status.tone).toBe("warn");
+    expect(status.text).toContain("4.2 s");
+    expect(status.resettable).toBe(false);
+  });
+
+  it("puts a fault before a task, with its remedy", () => {
+    const status = currentStatus(state({ fault: FAULT, task: TASK }), "live", 10);
+    expect(status).toMatchObject({
+      tone: "fault",
+      text: "F_A = 51 N",
+      remedy: "Unload the joint.",
+      resettable: true,
+    });
+  });
+
+  it("tells a dead loop from a fault", () => {
+    const dead = state({ link: { alive: false, silent_s: 2, starts: 1 } });
+    expect(currentStatus(dead, "live", 10)).toMatchObject({ tone: "fault", resettable: true });
+  });
+
+  it("names the task and how far it is", () => {
+    expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: both at once");
+    expect(taskProgress(TASK)).toBe(0.25);
+  });
+
+  it("does not hide problems of the service behind a task", () => {
+    const status = currentStatus(state({ task: TASK, problems: ["Disk full."] }), "live", 10);
+    expect(status).toMatchObject({ tone: "warn", text: "Disk full.", task: TASK });
+  });
+
+  it("says what comes next, and what is recorded", () => {
+    expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toContain("Ready to run");
+    expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain("Recording run 7");
+  });
+});
+
+describe("stopSentence", () => {
+  const confirmed = { kind: "confirmed", proof: PROOF } as const;
+
+  it("shows the proof until the motors may move again", () => {
+    expect(stopSentence(confirmed, "tripped", null)).toBe("Zero volts in 1 tick · 0.83 ms (tick 1001)");
+    expect(stopSentence(confirmed, "pretension", null)).toBe("");
+  });
+
+  it("shows the proof of a stop from elsewhere", () => {
+    expect(stopSentence({ kind: "idle" }, "tripped", PROOF)).toContain("0.83 ms");
+    expect(stopSentence({ kind: "idle" }, "run", PROOF)).toBe("");
+  });
+
+  it("never hides that a stop is not confirmed", () => {
+    const text = stopSentence({ kind: "unconfirmed", reason: "No answer." }, "run", null);
+    expect(text).toContain("NOT CONFIRMED");
+    expect(text).toContain("at the machine");
+  });
+});
