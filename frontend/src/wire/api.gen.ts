@@ -838,7 +838,7 @@ export interface components {
             bits: number;
             /**
              * Periods
-             * @description periods of the sequence; the last one is kept for validation [1]
+             * @description periods of the sequence; the last third of all is kept for validation [1]
              * @default 2
              */
             periods: number;
