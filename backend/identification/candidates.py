@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from backend.identification.errors import NoStartError, NotConvergedError
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method
-from backend.identification.output_error import NotConvergedError
 from backend.identification.record import Record
 from backend.identification.result import Estimate, Grade
-from backend.identification.start import NoStartError
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from backend.identification.fit import Fit, Method, fit, refit
+from backend.identification.frequency import check_frequency_response
 from backend.identification.linearisation import WHITE, Evaluation, Problem
 from backend.identification.record import Record, Signal
 from backend.identification.reduction import reduce_to_first_order
@@ -26,7 +27,7 @@ def estimate(
     """Identify the structure from the record.
 
     ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
-    the output's sensor. Raises StructureError, NoStartError, NotConvergedError.
+    the output's sensor. Raises IdentificationError.
     """
     shape = structure(structure_name)
     found = fit(record, shape, method)
@@ -55,6 +56,7 @@ def estimate(
         first_order=first_order,
         noise=tuple(found.problem.whitening[1:].tolist()),
         residuals=residuals,
+        frequency=check_frequency_response(model, record),
         gain_geometry=gain_geometry,
         gain_error_percent=gain_error,
         verdict=judge(first_order, held_out, residuals, gain_error, counts),

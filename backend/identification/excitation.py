@@ -15,17 +15,27 @@ NoiseFreeInput = Callable[[Signal], Signal]
 _LAGS_OF_FIT = 14
 
 
+def external_signal(record: Record) -> Signal | None:
+    """Return what enters the loop from outside, shape (n,): u + C y where the controller C is known, or else r.
+
+    None where neither is known, or where r is constant.
+    """
+    if record.controller is not None:
+        return np.asarray(record.u + lfilter(_feedback(record, record.controller), [1.0, -1.0], record.y))
+    return record.r if record.r is not None and np.ptp(record.r) > 0.0 else None
+
+
 def noise_free_input(problem: Problem) -> NoiseFreeInput | None:
     """How to rebuild the input without noise for this record; None where nothing from outside the loop is known."""
     record = problem.record
+    external = external_signal(record)
+    if external is None:
+        return None
     if record.controller is not None:
-        numerator = _feedback(record, record.controller)
-        from_outside = record.u + lfilter(numerator, [1.0, -1.0], record.y)
-        return lambda parameters: _centred(_closed_loop_input(problem, parameters, numerator, from_outside))
-    if record.r is not None and np.ptp(record.r) > 0.0:
-        fitted = _centred(_fitted_input(record, record.r))
-        return lambda parameters: fitted
-    return None
+        feedback = _feedback(record, record.controller)
+        return lambda parameters: _centred(_closed_loop_input(problem, parameters, feedback, external))
+    fitted = _centred(_fitted_input(record, external))
+    return lambda parameters: fitted
 
 
 def _centred(u: Signal) -> Signal:

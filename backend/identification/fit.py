@@ -6,10 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
+from backend.identification.arx import fit_arx
+from backend.identification.errors import NotConvergedError
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.linearisation import WHITE, Evaluation, Problem, difference
 from backend.identification.noise import fit_autoregression
-from backend.identification.output_error import COARSE, FINE, NotConvergedError, fit_output_error
+from backend.identification.output_error import COARSE, FINE, fit_output_error
 from backend.identification.record import Record, Signal
 from backend.identification.refined_iv import fit_refined_iv
 from backend.identification.residuals import input_correlation, whiteness
@@ -30,21 +32,27 @@ class Method(StrEnum):
 
     ``DEFAULT`` solves the refined-IV equation, closed-loop form where set point or controller are known, output
     error where they are not, and models the noise as autoregressive where the residuals are coloured by noise.
-    ``SRIVC`` and ``OUTPUT_ERROR`` do without the noise model, ``RIVC`` insists on it.
+    ``SRIVC`` and ``OUTPUT_ERROR`` do without the noise model, ``RIVC`` insists on it. ``ARX`` is the paper's method.
     """
 
     DEFAULT = "default"
     SRIVC = "srivc"
     RIVC = "rivc"
     OUTPUT_ERROR = "output_error"
+    ARX = "arx"
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A solution and how it was found; ``drive`` is None where the measured input serves as instrument."""
+    """A solution and how it was found.
+
+    ``drive`` is None where the measured input serves as instrument; ``arx_covariance`` is there where the parameters
+    come from ARX.
+    """
 
     solution: Evaluation
     drive: NoiseFreeInput | None
+    arx_covariance: Signal | None = None
 
     @property
     def problem(self) -> Problem:
@@ -59,6 +67,8 @@ class Fit:
     @property
     def method(self) -> str:
         """Name of the estimator that ran, for people."""
+        if self.arx_covariance is not None:
+            return "ARX with low-pass prefilter"
         order = self.problem.whitening.size - 1
         if self.drive is not None:
             return f"closed-loop RIVC, AR({order}) noise" if order else "closed-loop SRIVC"
@@ -72,6 +82,8 @@ class Fit:
     @cached_property
     def covariance(self) -> Signal:
         """Covariance of the parameters, shape (p, p), robust to coloured residuals."""
+        if self.arx_covariance is not None:
+            return self.arx_covariance
         sensitivities = instruments = self.solution.without_nuisance(self.solution.sensitivities)
         if self.drive is not None:
             clean = self.drive(self.parameters)
@@ -92,8 +104,10 @@ class Fit:
 
 
 def fit(record: Record, structure: Structure, method: Method) -> Fit:
-    """Estimate the parameters. Raises NoStartError, NotConvergedError."""
+    """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError."""
     problem = Problem(record, structure, WHITE)
+    if method is Method.ARX:
+        return _arx(problem)
     drive = None if method is Method.OUTPUT_ERROR else noise_free_input(problem)
     first = _from_starts(problem, drive)
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
@@ -109,8 +123,15 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
 def refit(found: Fit, record: Record) -> Fit:
     """Estimate from another record with the same noise model, starting from what was found, to a tenth of a sigma."""
     problem = replace(found.problem, record=record)
+    if found.arx_covariance is not None:
+        return _arx(problem)
     drive = None if found.drive is None else noise_free_input(problem)
     return _solve(problem, drive, found.parameters, COARSE)
+
+
+def _arx(problem: Problem) -> Fit:
+    parameters, covariance = fit_arx(problem)
+    return Fit(Evaluation(problem, parameters), None, covariance)
 
 
 def _with_noise_model(first: Fit) -> Fit:

@@ -7,6 +7,7 @@ y = G u + noise / D.
 
 import numpy as np
 
+from backend.identification.errors import NotConvergedError
 from backend.identification.linearisation import Evaluation, Problem, moved, triangle
 from backend.identification.record import Signal
 from backend.identification.response import UnstableModelError
@@ -16,10 +17,6 @@ FINE = 1e-3
 COARSE = 0.1
 _FLOOR = 1e-11
 _MAX_DAMPING = 1e8
-
-
-class NotConvergedError(ValueError):
-    """The iteration found no minimum; the record does not determine this structure."""
 
 
 def fit_output_error(problem: Problem, start: Signal, tolerance: float = FINE) -> Evaluation:

@@ -5,38 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from backend.identification.errors import RecordError
+
 Signal = NDArray[np.float64]
 
 MIN_SAMPLES = 200
-MIN_LEVELS = 2
-MAX_SATURATED_FRACTION = 0.02
-
-
-class RecordError(ValueError):
-    """A record from which nothing can be identified: which quantity, its value, the bound, the unit, what to do.
-
-    ``minimum`` or ``maximum`` is None where that side has no bound.
-    """
-
-    def __init__(
-        self,
-        quantity: str,
-        value: float,
-        minimum: float | None,
-        maximum: float | None,
-        unit: str,
-        remedy: str,
-    ) -> None:
-        bounds = [f"at least {minimum:.6g}"] if minimum is not None else []
-        bounds += [f"at most {maximum:.6g}"] if maximum is not None else []
-        shown_unit = "" if unit == "1" else f" {unit}"
-        super().__init__(f"{quantity} is {value:.6g}{shown_unit}, must be {' and '.join(bounds)}{shown_unit}: {remedy}")
-        self.quantity = quantity
-        self.value = value
-        self.minimum = minimum
-        self.maximum = maximum
-        self.unit = unit
-        self.remedy = remedy
+MAX_SATURATED_PERCENT = 2.0
+FEW_LEVELS = 20
+"""Inputs of so few levels are sequences, which rest at their extremes by design."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +31,7 @@ class Record:
     is applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is a signal from outside the loop, set
     point or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. Either one
     lets the estimators build instruments that are valid in closed loop. ``t`` [s], where given, is checked against
-    ``period_s``. ``u_limits`` are the bounds at which the input saturates, if any.
+    ``period_s``. Signals that rest at their own extremes, as limits make them, are refused.
     """
 
     period_s: float
@@ -64,7 +40,6 @@ class Record:
     r: Signal | None = None
     controller: Controller | None = None
     t: Signal | None = None
-    u_limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("u", "y", "r", "t"):
@@ -81,7 +56,9 @@ class Record:
         _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
         for name in ("u", "y"):
             _check_moves(name, getattr(self, name))
-        _check_saturation(self.u, self.u_limits)
+        _check_saturation("u", self.u)
+        if np.unique(self.y).size > self.y.size // 4:  # a coarse sensor rests at its extremes without being at a limit
+            _check_saturation("y", self.y)
 
     @property
     def time(self) -> Signal:
@@ -160,13 +137,16 @@ def _check_moves(name: str, values: Signal) -> None:
         )  # fmt: skip
 
 
-def _check_saturation(u: Signal, limits: tuple[float, float] | None) -> None:
-    if limits is None:
+def _check_saturation(name: str, values: Signal) -> None:
+    """Refuse a signal of many levels that spends far more time at its extreme ones than at the others."""
+    levels, counts = np.unique(values, return_counts=True)
+    if levels.size <= FEW_LEVELS:
         return
-    margin = 1e-9 * (limits[1] - limits[0])
-    saturated = float(np.mean((u <= limits[0] + margin) | (u >= limits[1] - margin)))
-    if saturated > MAX_SATURATED_FRACTION:
+    at_limits = int(max(counts[0], counts[-1]))
+    usual = float(np.mean(counts[1:-1]))
+    share = 100.0 * at_limits / values.size
+    if at_limits > 10.0 * usual and share > MAX_SATURATED_PERCENT:
         raise RecordError(
-            "part of the record with the input at its limit", 100.0 * saturated, None, 100.0 * MAX_SATURATED_FRACTION,
-            "%", "excite with a smaller amplitude",
+            f"time that {name} spends at its limit", share, None, MAX_SATURATED_PERCENT, "%",
+            "the signal is saturated: excite with a smaller amplitude",
         )  # fmt: skip

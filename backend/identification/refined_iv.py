@@ -13,9 +13,10 @@ needs no derivatives of the measured output, and it serves constrained structure
 
 import numpy as np
 
+from backend.identification.errors import NotConvergedError
 from backend.identification.excitation import NoiseFreeInput
 from backend.identification.linearisation import Evaluation, moved, triangle
-from backend.identification.output_error import FINE, NotConvergedError
+from backend.identification.output_error import FINE
 from backend.identification.record import Signal
 from backend.identification.response import UnstableModelError
 

@@ -84,6 +84,24 @@ class Residuals:
     FPE: float
 
 
+@dataclass(frozen=True)
+class FrequencyCheck:
+    """A non-parametric frequency response, and how far the model is from it where that can be trusted.
+
+    ``omega`` [rad/s], ``magnitude`` [unit of y / unit of u], ``phase_deg`` [deg, unwrapped] and ``coherence`` (0 to 1)
+    line by line; the worst deviations are taken over the ``trusted_lines``: coherence at least 0.9, input power at
+    least a hundredth of its largest.
+    """
+
+    omega: tuple[float, ...]
+    magnitude: tuple[float, ...]
+    phase_deg: tuple[float, ...]
+    coherence: tuple[float, ...]
+    worst_gain_percent: float
+    worst_phase_deg: float
+    trusted_lines: int
+
+
 class Grade(StrEnum):
     """How far a model may be trusted for tuning."""
 
@@ -126,9 +144,20 @@ class Estimate:
     first_order: FirstOrder
     noise: tuple[float, ...]
     residuals: Residuals = field(repr=False)
+    frequency: FrequencyCheck = field(repr=False)
     gain_geometry: float | None
     gain_error_percent: float | None
     verdict: Verdict
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the command line prints of foreign data."""
+        return {
+            "parameters": self.model.parameters,
+            "std_errors": self.std_errors,
+            "method": self.method,
+            "fit_percent": self.fit_percent,
+            "verdict": self.verdict.sentence,
+        }
 
     def to_json(self) -> dict[str, Any]:
         """Plain dictionaries, lists and numbers."""

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
+from backend.identification.errors import NoStartError
 from backend.identification.linearisation import Problem, triangle
 from backend.identification.record import Signal
 from backend.identification.response import Poles, UnstableModelError, simulate
@@ -14,10 +15,6 @@ _FEW_LAGS = 4
 _EQUATIONS = 4000
 _FAST_PAIRS = 6
 _DAMPINGS = (0.3, 1.0)
-
-
-class NoStartError(ValueError):
-    """No starting value gives a stable model."""
 
 
 def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
@@ -42,6 +39,15 @@ def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
     They are the best single lag with faster poles behind it.
     """
     return [] if problem.structure.kind == "lags" else _ranked(problem, _lag_and_faster_poles(problem))
+
+
+def dominant_lag(problem: Problem) -> float:
+    """Time constant [s], on a coarse grid, of the single lag that simulates the record best. Raises NoStartError."""
+    single = Problem(problem.record, structure("first"), problem.whitening)
+    ranked = _ranked(single, _equal_lags(single, single.structure, _LAGS))
+    if not ranked:
+        raise NoStartError("the input does not reach the output")
+    return float(ranked[0][1][1])
 
 
 def _ranked(problem: Problem, among: list[Signal]) -> list[tuple[float, Signal]]:
@@ -82,8 +88,7 @@ def _equal_lags(problem: Problem, shape: Structure, count: int) -> list[Signal]:
 
 def _lag_and_faster_poles(problem: Problem) -> list[Signal]:
     """Put faster poles over a grid of frequencies behind the best single lag: a pair, at order 4 and another lag."""
-    single = Problem(problem.record, structure("first"), problem.whitening)
-    T = float(_ranked(single, _equal_lags(single, single.structure, _LAGS))[0][1][1])
+    T = dominant_lag(problem)
     found = []
     for omega in np.geomspace(3.0 / T, 0.5 / problem.record.period_s, _FAST_PAIRS):
         for damping in _DAMPINGS:

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backend.identification.errors import StructureError
 from backend.identification.record import Signal
 
 MAX_ORDER = 4
 MAX_LAGS = 6
-
-
-class StructureError(ValueError):
-    """A structure that does not exist; the message lists those that do."""
 
 
 @dataclass(frozen=True)

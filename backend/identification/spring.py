@@ -1,0 +1,141 @@
+"""Spring characteristic from a load sweep: polynomials of several orders, and which of them to use (figure 3)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from backend.identification.errors import DataFileError, RecordError
+from backend.identification.import_data import read_csv
+from backend.identification.record import Signal
+
+ORDERS = (2, 3, 5)
+MIN_POINTS_PER_ORDER = 2
+MIN_IMPROVEMENT = 0.2
+NOISE_SHARE = 0.02
+_LENGTH_UNITS = {"m": 1.0, "mm": 1e-3}
+
+
+@dataclass(frozen=True)
+class SpringFit:
+    """Polynomial F(x) = k_0 + k_1 x + ... with its errors.
+
+    ``k`` and ``std_errors`` in N/m^i, lowest power first, shape (order + 1,); ``errors`` [N] measured minus fitted,
+    shape (n,); ``cross_validation_N`` is the RMS error at points left out one at a time.
+    """
+
+    order: int
+    k: tuple[float, ...]
+    std_errors: tuple[float, ...]
+    errors: Signal = field(repr=False)
+    rms_N: float
+    max_N: float
+    cross_validation_N: float
+    rising: bool
+
+    def force(self, x: Signal) -> Signal:
+        """Force [N] at elongation ``x`` [m], same shape."""
+        return np.asarray(np.polyval(self.k[::-1], x))
+
+
+@dataclass(frozen=True)
+class SpringIdentification:
+    """Fits of all orders, the recommended order and the sentence that says why."""
+
+    fits: tuple[SpringFit, ...]
+    recommended: int
+    reason: str
+
+    @property
+    def best(self) -> SpringFit:
+        """Fit of the recommended order."""
+        return next(fit for fit in self.fits if fit.order == self.recommended)
+
+
+def identify_spring(x: Signal, F: Signal, orders: tuple[int, ...] = ORDERS) -> SpringIdentification:
+    """Least-squares polynomials through elongations ``x`` [m] and forces ``F`` [N] of a taut spring, shape (n,).
+
+    Raises RecordError for points that are too few, not finite, without spread, or not taut.
+    """
+    x, F = np.asarray(x, dtype=np.float64), np.asarray(F, dtype=np.float64)
+    _check_points(x, F, max(orders))
+    fits = tuple(_fit(x, F, order) for order in orders)
+    recommended, reason = _recommend(fits)
+    return SpringIdentification(fits, recommended, reason)
+
+
+def read_load_sweep(text: str) -> tuple[Signal, Signal]:
+    """Elongation [m] and force [N], shape (n,) each, from CSV with the columns ``x [m]`` or ``x [mm]``, and ``F [N]``.
+
+    Raises DataFileError.
+    """
+    heading = next((line for line in text.lstrip("\ufeff").splitlines() if line.strip()), "")
+    unit = next((unit for unit in _LENGTH_UNITS if f"x [{unit}]" in heading), None)
+    if unit is None or "F [N]" not in heading:
+        raise DataFileError("the table needs the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading")
+    columns = read_csv(text)
+    return columns["x"] * _LENGTH_UNITS[unit], columns["F"]
+
+
+def _check_points(x: Signal, F: Signal, order: int) -> None:
+    if x.shape != F.shape or x.ndim != 1:
+        raise RecordError("number of forces", F.size, x.size, x.size, "1", "give one force per elongation")
+    bad = int(np.count_nonzero(~(np.isfinite(x) & np.isfinite(F))))
+    if bad:
+        raise RecordError("number of points that are not finite", bad, None, 0, "1", "leave those points out")
+    needed = MIN_POINTS_PER_ORDER * (order + 1)
+    if np.unique(x).size < needed:
+        raise RecordError(
+            "number of different elongations", np.unique(x).size, needed, None, "1", "measure more points"
+        )
+    lowest = -NOISE_SHARE * float(np.max(F))
+    if float(np.min(F)) < lowest:
+        raise RecordError(
+            "smallest force", float(np.min(F)), lowest, None, "N", "a tendon never pushes: check the sensor"
+        )
+
+
+def _fit(x: Signal, F: Signal, order: int) -> SpringFit:
+    # In the scaled variable of Polynomial.fit the columns are of one size: raw powers of millimetres lose six digits.
+    scaled = Polynomial.fit(x, F, order)
+    offset, scale = scaled.mapparms()
+    columns = np.vander(offset + scale * x, order + 1, increasing=True)
+    Q, R = np.linalg.qr(columns)
+    errors = F - scaled(x)
+    leverage = np.sum(Q**2, axis=1)
+    spread = np.sum(errors**2) / max(x.size - order - 1, 1)
+    to_powers = np.column_stack([_powers(offset, scale, power, order) for power in range(order + 1)])
+    root = to_powers @ np.linalg.inv(R)
+    k = to_powers @ np.asarray(scaled.coef, dtype=np.float64)
+    slope = scaled.deriv()(np.linspace(x.min(), x.max(), 200))
+    return SpringFit(
+        order=order,
+        k=tuple(k.tolist()),
+        std_errors=tuple(np.sqrt(spread * np.sum(root**2, axis=1)).tolist()),
+        errors=errors,
+        rms_N=float(np.sqrt(np.mean(errors**2))),
+        max_N=float(np.max(np.abs(errors))),
+        cross_validation_N=float(np.sqrt(np.mean((errors / (1.0 - leverage)) ** 2))),
+        rising=bool(np.all(slope > 0.0)),
+    )
+
+
+def _powers(offset: float, scale: float, power: int, order: int) -> Signal:
+    """Coefficients of (offset + scale x)^power in powers of x, padded to ``order + 1``."""
+    coefficients = (Polynomial([offset, scale]) ** power).coef
+    return np.pad(coefficients, (0, order + 1 - coefficients.size))
+
+
+def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
+    """Take the lowest order, unless a higher one predicts points left out clearly better and still rises."""
+    chosen = fits[0]
+    for fit in fits[1:]:
+        if fit.rising and fit.cross_validation_N < (1.0 - MIN_IMPROVEMENT) * chosen.cross_validation_N:
+            chosen = fit
+    errors = ", ".join(f"{fit.cross_validation_N:.3g} N (order {fit.order})" for fit in fits)
+    if chosen is fits[0]:
+        return chosen.order, (
+            f"order {chosen.order}: higher orders do not predict points left out {100 * MIN_IMPROVEMENT:.0f} % better"
+            f" ({errors}), and order 2 keeps the decoupler analytic"
+        )
+    return chosen.order, f"order {chosen.order}: it predicts points left out clearly better, {errors}"
