@@ -814,13 +814,13 @@ export interface components {
             kind: "actuator";
             /**
              * Tension N
-             * @description tendon tension held while theta_A is excited [N]
+             * @description tendon tension held while θ_A,ref is excited [N]
              * @default 20
              */
             tension_N: number;
             /**
              * Amplitude Rad
-             * @description amplitude of the binary sequence on theta_A_ref [rad]
+             * @description amplitude of the binary sequence on θ_A,ref [rad]
              * @default 1
              */
             amplitude_rad: number;
