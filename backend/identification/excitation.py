@@ -74,7 +74,7 @@ def _closed_loop_input(problem: Problem, parameters: Signal, feedback: Signal, f
         raise UnstableModelError("the loop of model and controller is unstable")
     zeros = np.concatenate((poles, [1.0], np.zeros(closed_poles.size - poles.size - 1)))
     # The stubs of zpk2sos leave complex zeros and poles out, which are what it is for.
-    sections = zpk2sos(zeros, closed_poles, 1.0)  # type: ignore[arg-type]
+    sections = zpk2sos(zeros, closed_poles, 1.0)  # type: ignore[arg-type]  # the stubs leave complex zeros out
     return np.asarray(sosfilt(sections, from_outside))
 
 

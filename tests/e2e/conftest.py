@@ -22,8 +22,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     return report
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    # Playwright's synchronous interface keeps an event loop running: it ends with the module, so that other tests of
+    # this process can run their own.
     with chromium() as running:
         yield running
 

@@ -50,7 +50,7 @@ def move_lambda(operator: Operator) -> None:
     page = operator.page
     before = operator.reading("Joint position", "q")
     operator.enter("λ_q value [s]", 0.45)
-    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("M_s")
+    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
     page.reload()
     box = page.get_by_role("textbox", name="λ_q value [s]", exact=True)
     expect(box).to_have_value("0.450", timeout=MOTION_TIMEOUT_MS)

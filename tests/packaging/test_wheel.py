@@ -33,7 +33,7 @@ def test_every_tracked_file_of_the_packages_is_in_the_wheel(shipped: set[str]) -
         ["git", "ls-files", "plant", "backend", "migrations"], cwd=ROOT, capture_output=True, text=True, check=True
     )
     tracked = {name for name in listed.stdout.splitlines() if (ROOT / name).is_file()}
-    assert {"plant/parameters/lab.toml", "backend/reports/report.typ", "backend/cli.py"} <= tracked
+    assert {"plant/parameters/lab.toml", "backend/reports/report.typ", "backend/__main__.py"} <= tracked
     assert tracked <= shipped
 
 
