@@ -11,7 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from backend.sample import NAMES
-from backend.scene.pose import pose
+from backend.scene.pose import can_be_drawn, pose
 from backend.scene.stage import Stage
 from plant.parameters import PlantParameters
 
@@ -50,8 +50,8 @@ class SceneMirror:
     def step(self) -> None:
         """Show the newest sample."""
         row = self._newest()
-        if row is not None:
-            sample = dict(zip(NAMES, row.tolist(), strict=True))
+        sample = None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
+        if sample is not None and can_be_drawn(sample):
             self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
     def _run(self) -> None:

@@ -44,17 +44,25 @@ class Pose:
 
 
 def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spring_B: Spring) -> Pose:
-    """Return the pose for ``sample`` (signals by name). Elongations follow equation 1, the force the load cell."""
+    """Return the pose for ``sample`` (signals by name). Elongations follow equation 1, the force the load cell.
+
+    Without a reference the ghost stands where the joint is.
+    """
     x_A = r_m * sample["theta_A"] - r_j * sample["q"]
     x_B = r_m * sample["theta_B"] + r_j * sample["q"]
     return Pose(
         q=sample["q"],
-        q_ref=sample["q_ref"],
+        q_ref=sample["q"] if math.isnan(sample["q_ref"]) else sample["q_ref"],
         fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
         F_push=sample["F_push"],
         A=_side(sample["theta_A"], x_A, sample["F_A"], spring_A),
         B=_side(sample["theta_B"], x_B, sample["F_B"], spring_B),
     )
+
+
+def can_be_drawn(sample: dict[str, float]) -> bool:
+    """Return whether all is known that a pose needs; a broken sensor reads nan."""
+    return all(math.isfinite(sample[name]) for name in ("q", "theta_A", "theta_B", "S"))
 
 
 def force_colour(force_N: float) -> tuple[int, int, int]:
@@ -69,11 +77,12 @@ def force_colour(force_N: float) -> tuple[int, int, int]:
 
 
 def _side(theta: float, x: float, force_N: float, spring: Spring) -> Side:
+    force_N = 0.0 if math.isnan(force_N) else force_N
     slack = x <= spring.x_slack
     compressed = min(max(x, spring.x_slack), spring.x_solid)
     return Side(
         theta=theta,
-        force_N=0.0 if math.isnan(force_N) else force_N,
+        force_N=force_N,
         spring_length=layout.SPRING_FREE - compressed,
         sag=max(spring.x_slack - x, 1e-4) if slack else 0.0,
         colour=SLACK_COLOUR if slack else force_colour(force_N),

@@ -101,7 +101,7 @@ class Stage:
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=0.9)
-        scene.configure_default_lights(enabled=True, cast_shadow=True)
+        scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows cost most without a graphics card
         camera = self._server.initial_camera
         camera.position = _units(0.16, -1.02, 0.10)
         camera.look_at = _units(0.0, 0.0, -0.048)

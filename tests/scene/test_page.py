@@ -1,0 +1,17 @@
+"""viser's page as the dashboard serves it."""
+
+import pytest
+
+from backend.scene.page import POLICY, page
+
+
+def test_the_page_is_one_file_that_reconnects_without_the_focus() -> None:
+    html = page()
+    assert html.index("document.hasFocus = () => true") < html.index("</head>")
+    assert 'src="http' not in html
+
+
+@pytest.mark.parametrize("directive", ["default-src 'none'", "connect-src 'self'", "frame-ancestors 'self'"])
+def test_the_page_may_load_nothing_from_elsewhere(directive: str) -> None:
+    assert directive in POLICY
+    assert "http" not in POLICY

@@ -1,0 +1,85 @@
+"""How a sample looks: lengths from equation 1, slack, colours, mirror symmetry."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backend.scene import layout
+from backend.scene.pose import SLACK_COLOUR, can_be_drawn, force_colour, pose
+from plant.parameters import load_parameters
+from plant.spring import elongation
+
+IDEAL = load_parameters("ideal")
+R_M, R_J = IDEAL.geometry.r_m, IDEAL.geometry.r_j
+SPRINGS = IDEAL.identified_spring("A"), IDEAL.identified_spring("B")
+
+
+def sample(q: float, x_A: float, x_B: float, **others: float) -> dict[str, float]:
+    """A sample with elongations x_A, x_B [m] at joint position q [rad]."""
+    given_values = {"q_ref": q, "S": 10.0, "F_A": 0.0, "F_B": 0.0, "F_push": 0.0, **others}
+    return {"q": q, "theta_A": (x_A + R_J * q) / R_M, "theta_B": (x_B - R_J * q) / R_M, **given_values}
+
+
+@given(q=st.floats(-1.4, 1.4), F=st.floats(1.0, 49.0))
+def test_springs_shorten_by_their_elongation_at_any_joint_position(q: float, F: float) -> None:
+    x = elongation(SPRINGS[0], F)
+    drawn = pose(sample(q, x, x), R_M, R_J, *SPRINGS)
+    for side in (drawn.A, drawn.B):
+        assert side.spring_length == pytest.approx(layout.SPRING_FREE - x, abs=1e-9)
+        assert not side.slack
+
+
+def test_a_slack_tendon_hangs_by_what_it_is_too_long() -> None:
+    drawn = pose(sample(0.0, 0.0, 0.030), R_M, R_J, *SPRINGS)
+    assert drawn.A.slack
+    assert drawn.A.sag == pytest.approx(0.00646, abs=1e-5)
+    assert drawn.A.colour == SLACK_COLOUR
+    assert drawn.A.spring_length == pytest.approx(layout.SPRING_FREE - drawn.A.sag)
+    assert not drawn.B.slack
+
+
+def test_a_spring_is_never_drawn_shorter_than_its_coils() -> None:
+    drawn = pose(sample(0.0, 0.080, 0.080), R_M, R_J, *SPRINGS)
+    assert drawn.A.spring_length == pytest.approx(layout.SPRING_FREE - IDEAL.spring.x_solid)
+    assert drawn.A.spring_length > 2.0 * layout.SPRING_WIRE * layout.SPRING_COILS
+
+
+@given(q=st.floats(-1.0, 1.0), x_A=st.floats(0.0, 0.06), x_B=st.floats(0.0, 0.06))
+def test_swapping_the_sides_gives_the_mirrored_pose(q: float, x_A: float, x_B: float) -> None:
+    one = pose(sample(q, x_A, x_B, F_A=11.0, F_B=22.0), R_M, R_J, *SPRINGS)
+    other = pose(sample(-q, x_B, x_A, F_A=22.0, F_B=11.0), R_M, R_J, *SPRINGS)
+    assert other.q == -one.q
+    for mine, theirs in ((one.A, other.B), (one.B, other.A)):
+        assert theirs.spring_length == pytest.approx(mine.spring_length, abs=1e-12)
+        assert replace(theirs, theta=0.0, spring_length=0.0, sag=0.0) == replace(
+            mine, theta=0.0, spring_length=0.0, sag=0.0
+        )
+
+
+def test_the_fan_narrows_as_the_joint_stiffens() -> None:
+    soft = pose(sample(0.0, 0.02, 0.02, S=8.0), R_M, R_J, *SPRINGS)
+    stiff = pose(sample(0.0, 0.05, 0.05, S=14.0), R_M, R_J, *SPRINGS)
+    assert soft.fan == pytest.approx(2.0 / 8.0)
+    assert stiff.fan < soft.fan
+
+
+def test_without_references_the_ghost_stands_where_the_joint_is() -> None:
+    drawn = pose(sample(0.3, 0.02, 0.02, q_ref=math.nan, F_A=math.nan), R_M, R_J, *SPRINGS)
+    assert drawn.q_ref == 0.3
+    assert drawn.A.force_N == 0.0
+
+
+def test_colours_grow_lighter_with_force_and_are_never_red() -> None:
+    shades = [force_colour(F) for F in range(0, 51, 2)]
+    lightness = [0.2126 * r + 0.7152 * g + 0.0722 * b for r, g, b in shades]
+    assert lightness == sorted(lightness)
+    assert force_colour(80.0) == force_colour(50.0)
+    assert all(g > 0.5 * r for r, g, _ in shades)
+
+
+def test_a_broken_sensor_leaves_the_last_picture() -> None:
+    assert can_be_drawn(sample(0.1, 0.02, 0.02, F_A=math.nan, q_ref=math.nan))
+    assert not can_be_drawn({**sample(0.1, 0.02, 0.02), "theta_A": math.nan})
