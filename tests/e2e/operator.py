@@ -1,5 +1,6 @@
 """What a person does at the dashboard, by the names that the page gives to its controls."""
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -68,8 +69,9 @@ class Operator:
         return self.page.get_by_role("figure", name=figure, exact=True).get_by_role("button", name=signal, exact=True)
 
     def reading(self, figure: str, signal: str) -> float:
-        """Newest value of a signal as the chart's legend shows it."""
-        return float(self.legend(figure, signal).inner_text().split()[-1].replace("\u2212", "-"))
+        """Newest value of a signal as the chart's legend shows it; nan while there is none."""
+        shown = self.legend(figure, signal).inner_text().split()[-1].replace("\u2212", "-")
+        return math.nan if shown == "\u2013" else float(shown)
 
     def picture(self, figure: str) -> bytes:
         """A chart as it looks now."""
