@@ -66,8 +66,8 @@ def identify(operator: Operator) -> str:
     operator.press("Start identification")
     expect(page.get_by_role("progressbar", name="Task progress", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     result = page.get_by_role("region", name="Result", exact=True)
-    expect(result).to_contain_text("G_q", timeout=IDENTIFICATION_TIMEOUT_MS)
-    expect(result).to_contain_text("G_S")
+    expect(result).to_contain_text("Gq", timeout=IDENTIFICATION_TIMEOUT_MS)
+    expect(result).to_contain_text("GS")
     link = page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first
     return link.inner_text()
 
