@@ -50,3 +50,7 @@ class NotConvergedError(IdentificationError):
 
 class NotContinuousError(IdentificationError):
     """A sampled model that no continuous-time system of the same order can have produced."""
+
+
+class UnstableModelError(IdentificationError):
+    """Parameters that describe no stable system with poles in the sampled band."""

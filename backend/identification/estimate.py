@@ -74,5 +74,5 @@ def _held_out_fit(found: Fit) -> float:
     """Fit on the last third of the record by a model of the first two thirds."""
     record = found.problem.record
     split = int(_TRAINING_PART * record.u.size)
-    trained = refit(found, record.part(0, split))
-    return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained.parameters)
+    trained = refit(found, record.part(0, split)).parameters
+    return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained)

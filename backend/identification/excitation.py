@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter, sosfilt, zpk2sos
 
+from backend.identification.errors import UnstableModelError
 from backend.identification.linearisation import Problem
 from backend.identification.record import Controller, Record, Signal
-from backend.identification.response import UnstableModelError, moving_average
+from backend.identification.response import moving_average
 
 NoiseFreeInput = Callable[[Signal], Signal]
 """From parameters to an input of shape (n,) that does not contain the measurement noise."""

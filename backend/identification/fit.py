@@ -7,15 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from backend.identification.arx import fit_arx
-from backend.identification.errors import NotConvergedError
+from backend.identification.errors import NotConvergedError, UnstableModelError
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.linearisation import WHITE, Evaluation, Problem, difference
 from backend.identification.noise import fit_autoregression
-from backend.identification.output_error import COARSE, FINE, fit_output_error
+from backend.identification.output_error import COARSE, FINE, adapt, fit_output_error
 from backend.identification.record import Record, Signal
 from backend.identification.refined_iv import fit_refined_iv
 from backend.identification.residuals import input_correlation, whiteness
-from backend.identification.response import UnstableModelError
 from backend.identification.result import CorrelationTest
 from backend.identification.start import quick_starts, thorough_starts
 from backend.identification.structures import Structure
@@ -114,19 +113,23 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
         return first
     if method is Method.DEFAULT and first.whiteness().passed:
         return first
-    coloured = _with_noise_model(first)
+    if method is Method.RIVC:
+        return _with_noise_model(first)
+    try:
+        coloured = _with_noise_model(first)
+    except (NotConvergedError, UnstableModelError):
+        return first
     # Residuals that still follow the input come from missing dynamics, not from noise: whitening them would trade
     # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
-    return coloured if method is Method.RIVC or coloured.input_correlation().passed else first
+    return coloured if coloured.input_correlation().passed else first
 
 
-def refit(found: Fit, record: Record) -> Fit:
-    """Estimate from another record with the same noise model, starting from what was found, to a tenth of a sigma."""
+def refit(found: Fit, record: Record) -> Evaluation:
+    """Adapt what was found to another record, by output error with the same noise model. Raises NotContinuousError."""
     problem = replace(found.problem, record=record)
     if found.arx_covariance is not None:
-        return _arx(problem)
-    drive = None if found.drive is None else noise_free_input(problem)
-    return _solve(problem, drive, found.parameters, COARSE)
+        return _arx(problem).solution
+    return adapt(problem, found.parameters)
 
 
 def _arx(problem: Problem) -> Fit:
@@ -169,7 +172,7 @@ def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signa
             found = other
     if found is None:
         raise NotConvergedError(f"{problem.structure.name}: no minimum found; try a simpler structure")
-    return Fit(found, None) if drive is None else Fit(fit_refined_iv(found, drive), drive)
+    return _with_instruments(found, drive)
 
 
 def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -> Evaluation | None:
@@ -181,7 +184,15 @@ def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -
     return None
 
 
-def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal, tolerance: float = FINE) -> Fit:
+def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal) -> Fit:
+    return _with_instruments(fit_output_error(problem, start, FINE if drive is None else COARSE), drive)
+
+
+def _with_instruments(near: Evaluation, drive: NoiseFreeInput | None) -> Fit:
+    """Go on to refined IV where there are instruments; where it fails, output error has the last word."""
     if drive is None:
-        return Fit(fit_output_error(problem, start, tolerance), None)
-    return Fit(fit_refined_iv(fit_output_error(problem, start, COARSE), drive, tolerance), drive)
+        return Fit(near, None)
+    try:
+        return Fit(fit_refined_iv(near, drive), drive)
+    except (NotConvergedError, UnstableModelError):
+        return Fit(fit_output_error(near.problem, near.parameters), None)

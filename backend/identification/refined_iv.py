@@ -13,24 +13,23 @@ needs no derivatives of the measured output, and it serves constrained structure
 
 import numpy as np
 
-from backend.identification.errors import NotConvergedError
+from backend.identification.errors import NotConvergedError, UnstableModelError
 from backend.identification.excitation import NoiseFreeInput
 from backend.identification.linearisation import Evaluation, moved, triangle
 from backend.identification.output_error import FINE
 from backend.identification.record import Signal
-from backend.identification.response import UnstableModelError
 
 MAX_ITERATIONS = 40
 _FLOOR = 1e-11
 
 
-def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput, tolerance: float = FINE) -> Evaluation:
+def fit_refined_iv(start: Evaluation, noise_free_input: NoiseFreeInput) -> Evaluation:
     """Iterate from ``start`` to the solution. Raises NotConvergedError, UnstableModelError."""
     here, signal = start, float(np.linalg.norm(start.problem.whiten(start.problem.record.y)))
     for _ in range(MAX_ITERATIONS):
         matrix, right = _equation(here, here.instruments(noise_free_input(here.parameters)))
         remaining = float(np.linalg.norm(right))
-        if remaining < tolerance * here.noise or remaining < _FLOOR * signal:
+        if remaining < FINE * here.noise or remaining < _FLOOR * signal:
             return here
         here = _stable_step(here, np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0]))
     name = start.problem.structure.name

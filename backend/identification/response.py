@@ -10,13 +10,10 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter, sosfilt
 
+from backend.identification.errors import UnstableModelError
 from backend.identification.record import Signal
 
 Poles = np.ndarray[tuple[int], np.dtype[np.complex128]]
-
-
-class UnstableModelError(ValueError):
-    """The parameters describe no stable system with finite poles."""
 
 
 def split_poles(poles: Poles) -> tuple[Signal, Poles]:

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from backend.identification.errors import NoStartError
+from backend.identification.errors import NoStartError, UnstableModelError
 from backend.identification.linearisation import Problem, triangle
 from backend.identification.record import Signal
-from backend.identification.response import Poles, UnstableModelError, simulate
+from backend.identification.response import Poles, simulate
 from backend.identification.structures import Structure, structure
 
 _CUT_OFFS = 6
