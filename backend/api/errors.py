@@ -41,6 +41,7 @@ _CODES = {
 RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"model": Refusal, "description": description}
     for status, description in {
+        400: "the body cannot be parsed",
         401: "not signed in",
         403: "the role, the host or the origin does not allow it",
         404: "no such thing",

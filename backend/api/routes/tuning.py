@@ -9,6 +9,9 @@ from backend.api.schemas.base import Finite
 from backend.api.schemas.tuning import TuningPreview, TuningRequest, TuningView
 from backend.api.service import ServiceInUse
 
+LAM_PREVIEW_MIN = 0.05
+"""Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
+
 router = APIRouter(prefix="/api/tuning", tags=["tuning"])
 
 
@@ -29,8 +32,8 @@ async def set_tuning(body: TuningRequest, service: ServiceInUse, person: Operato
 async def preview_tuning(
     service: ServiceInUse,
     _person: SignedIn,
-    lam_q: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the position loop [s]")],
-    lam_S: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the stiffness loop [s]")],
+    lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
+    lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
     return await service.bench.preview(lam_q, lam_S)
