@@ -7,6 +7,8 @@ export interface ChartColours {
   text: string;
   fault: string;
   panel: string;
+  accent: string;
+  accentSoft: string;
 }
 
 export function readColours(element: Element): ChartColours {
@@ -19,5 +21,7 @@ export function readColours(element: Element): ChartColours {
     text: variable("--text"),
     fault: variable("--fault"),
     panel: variable("--panel"),
+    accent: variable("--accent"),
+    accentSoft: variable("--accent-soft"),
   };
 }

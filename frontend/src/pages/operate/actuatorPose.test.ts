@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { actuatorPose, fanPath } from "./actuatorPose";
+import { actuatorPose } from "./actuatorPose";
 
 const REST = { q: 0, q_ref: 0, S: 10, theta_A: 4, theta_B: 4, F_A: 20, F_B: 20 };
 
@@ -31,6 +31,5 @@ describe("actuatorPose", () => {
     const soft = actuatorPose({ ...REST, S: 8 }, 1).fan_deg;
     expect(soft).toBeCloseTo((2 / 8) * (180 / Math.PI), 9);
     expect(soft).toBeGreaterThan(actuatorPose({ ...REST, S: 14 }, 1).fan_deg);
-    expect(fanPath(90, 10)).toBe("M0 0L-10.0 -0.0A10 10 0 0 1 10.0 -0.0Z");
   });
 });

@@ -25,8 +25,8 @@ export interface Signals {
 
 export interface Side {
   readonly slack: boolean;
-  /** Zigzag of the spring from its top, which it fills less the more it is compressed. */
-  readonly spring: string;
+  /** Zigzag of the spring from its top as x, y, x, y, …; shorter the more it is compressed. */
+  readonly spring: readonly number[];
   readonly springLength: number;
   /** Width of the tendon's line. */
   readonly tendon: number;
@@ -34,7 +34,7 @@ export interface Side {
 }
 
 export interface ActuatorPose {
-  /** Clockwise turn of the link, as SVG counts; positive q turns it the other way. */
+  /** Clockwise turn of the link, as a canvas counts; positive q turns it the other way. */
   readonly link_deg: number;
   readonly ghost_deg: number;
   /** Half angle that 2 N·m would deflect the joint. */
@@ -69,19 +69,10 @@ function side(elongation_m: number, force_N: number, reel_rad: number, slack_N: 
   };
 }
 
-function zigzag(length: number): string {
+function zigzag(length: number): number[] {
   const step = length / (2 * COILS);
-  const points = Array.from({ length: 2 * COILS - 1 }, (_, index) => {
-    const x = index % 2 === 0 ? COIL_HALF : -COIL_HALF;
-    return `L${x} ${((index + 1) * step).toFixed(1)}`;
-  });
-  return `M0 0${points.join("")}L0 ${length.toFixed(1)}`;
-}
-
-/** Sector of ± `half_deg` about straight up, with the given radius. */
-export function fanPath(half_deg: number, radius: number): string {
-  const angle = half_deg / DEGREES;
-  const x = (radius * Math.sin(angle)).toFixed(1);
-  const y = (-radius * Math.cos(angle)).toFixed(1);
-  return `M0 0L-${x} ${y}A${radius} ${radius} 0 0 1 ${x} ${y}Z`;
+  const points = [0, 0];
+  for (let turn = 1; turn < 2 * COILS; turn++)
+    points.push(turn % 2 === 1 ? COIL_HALF : -COIL_HALF, turn * step);
+  return [...points, 0, length];
 }

@@ -1,0 +1,119 @@
+/** Paints a pose: link and reference ghost on the pulley, two tendons with their springs and reels, the figures. */
+
+import type { Surface } from "../../charts/useCanvas";
+import { fixed } from "../../samples/format";
+import { DEGREES, HUES } from "../../theme/signals";
+import type { ActuatorPose, Side, Signals } from "./actuatorPose";
+
+/** Size of the picture in its own units; it is scaled to fit. */
+const WIDTH = 240;
+const HEIGHT = 326;
+const AXIS_Y = 132;
+const PULLEY = 46;
+const LINK = 84;
+const SPRING_TOP = 198;
+const REEL = 13;
+const SEAT = 13;
+
+type Pen = CanvasRenderingContext2D;
+
+export function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose): void {
+  const { context: pen, width, height, colours } = surface;
+  const scale = Math.min(width / WIDTH, height / HEIGHT, 1.5);
+  pen.save();
+  pen.translate(width / 2, (height - scale * HEIGHT) / 2);
+  pen.scale(scale, scale);
+  pen.lineCap = "round";
+  pen.lineJoin = "round";
+  paintJoint(pen, pose, colours);
+  paintSide(pen, -1, pose.A, HUES.F_A, signals.F_A, colours);
+  paintSide(pen, 1, pose.B, HUES.F_B, signals.F_B, colours);
+  pen.fillStyle = colours.text;
+  pen.textAlign = "center";
+  pen.font = "600 13px system-ui, sans-serif";
+  pen.fillText(`q ${fixed(signals.q * DEGREES, 1)}°`, 0, 16);
+  pen.fillText(`S ${fixed(signals.S, 2)} N·m/rad`, 0, HEIGHT - 4);
+  pen.restore();
+}
+
+function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): void {
+  pen.save();
+  pen.translate(0, AXIS_Y);
+  turned(pen, pose.link_deg, () => {
+    pen.globalAlpha = 0.2;
+    pen.fillStyle = HUES.S;
+    pen.beginPath();
+    pen.moveTo(0, 0);
+    pen.arc(0, 0, LINK + 10, -Math.PI / 2 - pose.fan_deg / DEGREES, -Math.PI / 2 + pose.fan_deg / DEGREES);
+    pen.fill();
+    pen.globalAlpha = 1;
+    line(pen, [0, 0, 0, -LINK], HUES.q, 9);
+    disc(pen, PULLEY, colours, 3);
+    line(pen, [0, -PULLEY + 9, 0, -PULLEY + 2], colours.axis, 3);
+  });
+  turned(pen, pose.ghost_deg, () => {
+    pen.setLineDash([5, 4]);
+    line(pen, [0, -PULLEY - 4, 0, -LINK - 12], HUES.q, 2.5);
+    pen.setLineDash([]);
+  });
+  pen.fillStyle = colours.text;
+  pen.beginPath();
+  pen.arc(0, 0, 5, 0, 2 * Math.PI);
+  pen.fill();
+  pen.restore();
+}
+
+function paintSide(
+  pen: Pen,
+  outward: -1 | 1,
+  side: Side,
+  hue: string,
+  force_N: number,
+  colours: Surface["colours"],
+): void {
+  pen.save();
+  pen.translate(outward * PULLEY, 0);
+  pen.setLineDash(side.slack ? [2, 5] : []);
+  line(pen, [0, AXIS_Y, 0, SPRING_TOP], hue, side.tendon);
+  pen.setLineDash([]);
+  line(pen, [-SEAT, SPRING_TOP, SEAT, SPRING_TOP], colours.limit, 4);
+  pen.translate(0, SPRING_TOP);
+  line(pen, side.spring, colours.axis, 2.2);
+  pen.translate(0, side.springLength);
+  line(pen, [-SEAT, 0, SEAT, 0], colours.limit, 4);
+  pen.translate(0, REEL + 4);
+  disc(pen, REEL, colours, 2.5);
+  turned(pen, side.reel_deg, () => line(pen, [0, 0, 0, -REEL + 2], colours.axis, 2.5));
+  pen.restore();
+  pen.fillStyle = colours.text;
+  pen.font = "12px system-ui, sans-serif";
+  pen.textAlign = outward < 0 ? "right" : "left";
+  pen.fillText(side.slack ? "slack" : `${fixed(force_N, 1)} N`, outward * (PULLEY + 12), SPRING_TOP - 26);
+}
+
+function turned(pen: Pen, degrees: number, paint: () => void): void {
+  pen.save();
+  pen.rotate(degrees / DEGREES);
+  paint();
+  pen.restore();
+}
+
+/** A line through points given as x, y, x, y, … */
+function line(pen: Pen, points: readonly number[], colour: string, width: number): void {
+  pen.strokeStyle = colour;
+  pen.lineWidth = width;
+  pen.beginPath();
+  for (let index = 0; index < points.length; index += 2)
+    pen.lineTo(points[index] ?? 0, points[index + 1] ?? 0);
+  pen.stroke();
+}
+
+function disc(pen: Pen, radius: number, colours: Surface["colours"], width: number): void {
+  pen.fillStyle = colours.panel;
+  pen.strokeStyle = colours.limit;
+  pen.lineWidth = width;
+  pen.beginPath();
+  pen.arc(0, 0, radius, 0, 2 * Math.PI);
+  pen.fill();
+  pen.stroke();
+}

@@ -1,0 +1,103 @@
+/** Paints the position-stiffness plane: region, grid, trail, references, joint. */
+
+import type { Surface } from "../../charts/useCanvas";
+import type { SampleWindow } from "../../samples/window";
+import { DEGREES, HUES } from "../../theme/signals";
+import type { Limits, References } from "../../wire/types";
+import { type Plane, planeOver, xOf, yOf } from "./planeScale";
+
+const Q_GRID_DEG = [-60, -30, 0, 30, 60];
+const S_GRID = [6, 8, 10, 12, 14, 16];
+const TRAIL_TICKS = 4000;
+const TRAIL_STEP = 40;
+const CROSS = 7;
+
+export function paintPlane(
+  surface: Surface,
+  limits: Limits,
+  references: References | undefined,
+  window: SampleWindow,
+): void {
+  const { context: pen, width, height, colours } = surface;
+  const plane = planeOver(limits, width, height);
+  paintRegion(pen, plane, limits, colours);
+  paintGrid(pen, plane, colours);
+  paintTrail(pen, plane, window, colours);
+  if (references) {
+    const [x, y] = [xOf(plane, references.q_ref), yOf(plane, references.S_ref)];
+    pen.strokeStyle = colours.accent;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(x - CROSS, y);
+    pen.lineTo(x + CROSS, y);
+    pen.moveTo(x, y - CROSS);
+    pen.lineTo(x, y + CROSS);
+    pen.stroke();
+  }
+  paintJoint(pen, xOf(plane, window.newest("q")), yOf(plane, window.newest("S")), colours);
+}
+
+function paintRegion(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  limits: Limits,
+  colours: Surface["colours"],
+): void {
+  const left = xOf(plane, limits.q_min);
+  const top = yOf(plane, limits.S_max);
+  pen.fillStyle = colours.accentSoft;
+  pen.fillRect(left, top, xOf(plane, limits.q_max) - left, yOf(plane, limits.S_min) - top);
+}
+
+function paintGrid(pen: CanvasRenderingContext2D, plane: Plane, colours: Surface["colours"]): void {
+  const floor = plane.height - plane.bottom;
+  pen.strokeStyle = colours.grid;
+  pen.fillStyle = colours.axis;
+  pen.lineWidth = 1;
+  pen.font = "11px system-ui, sans-serif";
+  pen.beginPath();
+  pen.textAlign = "center";
+  for (const degrees of Q_GRID_DEG) {
+    const x = Math.round(xOf(plane, degrees / DEGREES)) + 0.5;
+    pen.moveTo(x, 4);
+    pen.lineTo(x, floor);
+    pen.fillText(`${degrees < 0 ? "−" : ""}${Math.abs(degrees)}°`, x, floor + 15);
+  }
+  pen.textAlign = "right";
+  for (const S of S_GRID) {
+    const y = Math.round(yOf(plane, S)) + 0.5;
+    if (y > floor || y < 4) continue;
+    pen.moveTo(plane.left, y);
+    pen.lineTo(plane.width - 4, y);
+    pen.fillText(String(S), plane.left - 6, y + 4);
+  }
+  pen.stroke();
+}
+
+function paintTrail(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  window: SampleWindow,
+  colours: Surface["colours"],
+): void {
+  pen.strokeStyle = colours.limit;
+  pen.lineWidth = 1;
+  pen.beginPath();
+  const from = Math.max(window.startTick, window.endTick - TRAIL_TICKS);
+  for (let tick = from - (from % TRAIL_STEP) + TRAIL_STEP; tick < window.endTick; tick += TRAIL_STEP) {
+    const [q, S] = [window.at("q", tick), window.at("S", tick)];
+    if (Number.isFinite(q) && Number.isFinite(S)) pen.lineTo(xOf(plane, q), yOf(plane, S));
+  }
+  pen.stroke();
+}
+
+function paintJoint(pen: CanvasRenderingContext2D, x: number, y: number, colours: Surface["colours"]): void {
+  if (!Number.isFinite(x) || !Number.isFinite(y)) return;
+  pen.fillStyle = HUES.q;
+  pen.strokeStyle = colours.panel;
+  pen.lineWidth = 1.5;
+  pen.beginPath();
+  pen.arc(x, y, 5, 0, 2 * Math.PI);
+  pen.fill();
+  pen.stroke();
+}
