@@ -26,7 +26,8 @@ def router(authorise: Callable[[HTTPConnection], object], port: int) -> APIRoute
 
     @routes.get("/scene")
     def redirect(request: Request) -> RedirectResponse:
-        return RedirectResponse(request.url.replace(path="/scene/").include_query_params(), status_code=307)
+        query = f"?{request.url.query}" if request.url.query else ""
+        return RedirectResponse(f"/scene/{query}", status_code=307)
 
     @routes.get("/scene/")
     def client(request: Request) -> HTMLResponse:

@@ -19,7 +19,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 def client_with(service: Service, token_file: str) -> httpx.Client:
     token = (service.data / token_file).read_text().strip()
-    return httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, timeout=60.0)
+    return httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, timeout=240.0)
 
 
 @pytest.fixture(scope="session")
