@@ -49,7 +49,7 @@ def read_mat(stream: BinaryIO) -> Columns:
     """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError."""
     try:
         # The stubs know file names only; loadmat reads from open files as well.
-        content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]
+        content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
     except NotImplementedError:
         raise DataFileError("the file is MATLAB 7.3: save it with save(..., '-v7')") from None
     except (ValueError, TypeError, MatReadError, OSError, IndexError) as error:

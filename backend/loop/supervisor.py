@@ -21,13 +21,11 @@ from backend.loop.channel import (
     decode_from_loop,
     encode,
 )
-from backend.loop.commands import Accepted, Command, Event, Heartbeat, Refused, Shutdown, Stop, Stopped
+from backend.loop.commands import Accepted, Command, Event, Refused, Shutdown, Stop, Stopped
+from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
 from plant.interface import T_s
-
-HEARTBEAT_S = 0.05
-"""So often that the loop, which hears nothing for 0.34 s before it stops, bears six that come late."""
 
 START_TIMEOUT_S = 120.0
 """Long enough to compile the control laws on a machine that has never done so."""
@@ -49,6 +47,7 @@ class Supervisor:
         self.ring = Ring.create()
         self.granted: Granted | None = None
         self._process: Process | None = None
+        self._heart: Heart | None = None
         self._channel: Channel | None = None
         self._tasks: list[asyncio.Task[None]] = []
         self._ready: asyncio.Future[Granted] | None = None
@@ -221,11 +220,10 @@ class Supervisor:
                 _LOG.exception("a listener failed on %s", event)
 
     async def _beat(self, channel: Channel) -> None:
-        beat = encode(Heartbeat())
         counted, beats_without_tick = -1, 0
+        heart = self._heart = Heart(channel)
         while self._channel is channel:
-            with suppress(ChannelClosedError):
-                channel.send(beat)
+            heart.shown()
             if self.alive:
                 beats_without_tick = beats_without_tick + 1 if self.ring.count == counted else 0
                 counted = self.ring.count
@@ -238,6 +236,9 @@ class Supervisor:
         status = await process.wait()
         self._receive()
         channel, self._channel = self._channel, None
+        if self._heart is not None:
+            self._heart.stop()
+            self._heart = None
         if channel is not None:
             asyncio.get_running_loop().remove_reader(channel.fileno())
             channel.close()

@@ -19,7 +19,7 @@ def test_the_page_comes_with_its_own_policy(operator: httpx.Client) -> None:
     assert page.status_code == 200
     assert "wasm-unsafe-eval" in page.headers["content-security-policy"]
     assert "frame-ancestors 'self'" in page.headers["content-security-policy"]
-    assert operator.get("/scene?darkMode").headers["location"].endswith("/scene/?darkMode")
+    assert "/scene/?darkMode" in operator.get("/scene?darkMode").headers["location"]
 
 
 @pytest.mark.parametrize("path", ["/scene", "/scene/"])
