@@ -20,7 +20,7 @@ schema = schemathesis.openapi.from_dict(openapi()).exclude(operation_id=list(LON
 
 @schema.parametrize()
 @settings(
-    max_examples=4,
+    max_examples=3,
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
