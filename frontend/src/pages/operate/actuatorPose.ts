@@ -36,7 +36,8 @@ export interface Side {
 export interface ActuatorPose {
   /** Clockwise turn of the link, as a canvas counts; positive q turns it the other way. */
   readonly link_deg: number;
-  readonly ghost_deg: number;
+  /** Turn of the reference, null while there is none. */
+  readonly ghost_deg: number | null;
   /** Half angle that 2 N·m would deflect the joint. */
   readonly fan_deg: number;
   readonly A: Side;
@@ -50,7 +51,7 @@ export function actuatorPose(signals: Signals, slack_N: number): ActuatorPose {
   const x_B = R_M * value("theta_B") + R_J * value("q");
   return {
     link_deg: -value("q") * DEGREES,
-    ghost_deg: -value("q_ref") * DEGREES,
+    ghost_deg: Number.isFinite(signals.q_ref) ? -signals.q_ref * DEGREES : null,
     fan_deg: Math.min(60, (FAN_TORQUE / Math.max(value("S"), 1)) * DEGREES),
     A: side(x_A, value("F_A"), -value("theta_A"), slack_N),
     B: side(x_B, value("F_B"), value("theta_B"), slack_N),

@@ -14,6 +14,7 @@ const LINK = 84;
 const SPRING_TOP = 198;
 const REEL = 13;
 const SEAT = 13;
+const LEAST_LETTERS_PX = 11;
 
 type Pen = CanvasRenderingContext2D;
 
@@ -26,14 +27,20 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
   pen.lineCap = "round";
   pen.lineJoin = "round";
   paintJoint(pen, pose, colours);
+  pen.font = `${letters(scale, 12)}px system-ui, sans-serif`;
   paintSide(pen, -1, pose.A, HUES.F_A, signals.F_A, colours);
   paintSide(pen, 1, pose.B, HUES.F_B, signals.F_B, colours);
   pen.fillStyle = colours.text;
   pen.textAlign = "center";
-  pen.font = "600 13px system-ui, sans-serif";
+  pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
   pen.fillText(`q ${fixed(signals.q * DEGREES, 1)}°`, 0, 16);
   pen.fillText(`S ${fixed(signals.S, 2)} N·m/rad`, 0, HEIGHT - 4);
   pen.restore();
+}
+
+/** Height of letters in the picture's units so that they stay readable when it is small. */
+function letters(scale: number, wanted: number): number {
+  return Math.max(wanted, LEAST_LETTERS_PX / scale);
 }
 
 function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): void {
@@ -51,11 +58,13 @@ function paintJoint(pen: Pen, pose: ActuatorPose, colours: Surface["colours"]): 
     disc(pen, PULLEY, colours, 3);
     line(pen, [0, -PULLEY + 9, 0, -PULLEY + 2], colours.axis, 3);
   });
-  turned(pen, pose.ghost_deg, () => {
-    pen.setLineDash([5, 4]);
-    line(pen, [0, -PULLEY - 4, 0, -LINK - 12], HUES.q, 2.5);
-    pen.setLineDash([]);
-  });
+  if (pose.ghost_deg !== null) {
+    turned(pen, pose.ghost_deg, () => {
+      pen.setLineDash([5, 4]);
+      line(pen, [0, -PULLEY - 4, 0, -LINK - 12], HUES.q, 2.5);
+      pen.setLineDash([]);
+    });
+  }
   pen.fillStyle = colours.text;
   pen.beginPath();
   pen.arc(0, 0, 5, 0, 2 * Math.PI);
@@ -86,7 +95,6 @@ function paintSide(
   turned(pen, side.reel_deg, () => line(pen, [0, 0, 0, -REEL + 2], colours.axis, 2.5));
   pen.restore();
   pen.fillStyle = colours.text;
-  pen.font = "12px system-ui, sans-serif";
   pen.textAlign = outward < 0 ? "right" : "left";
   pen.fillText(side.slack ? "slack" : `${fixed(force_N, 1)} N`, outward * (PULLEY + 12), SPRING_TOP - 26);
 }

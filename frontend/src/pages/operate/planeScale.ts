@@ -20,14 +20,14 @@ const MARGIN = 0.12;
 /** The plane around the range of references, with a margin in which the joint can be seen beyond it. */
 export function planeOver(limits: Limits, width: number, height: number): Plane {
   const q_margin = MARGIN * (limits.q_max - limits.q_min);
-  const S_margin = 2 * MARGIN * (limits.S_max - limits.S_min);
   return {
     width: Math.max(width, LEFT + RIGHT + 1),
     height: Math.max(height, TOP + BOTTOM + 1),
     left: LEFT,
     bottom: BOTTOM,
     q: [limits.q_min - q_margin, limits.q_max + q_margin],
-    S: [limits.S_min - S_margin, limits.S_max + S_margin],
+    // from below the stiffness of slack tendons up
+    S: [0.5 * limits.S_min, 1.1 * limits.S_max],
   };
 }
 
