@@ -10,13 +10,21 @@ POLICY = (
 
 # Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
 # dashboard's business, and the dashboard's background is to show through, so the client follows its light or dark: it
-# reads that from its address, once.
+# reads that from its address, once. Without a graphics card a picture takes long, and the client would draw one after
+# the other and leave the dashboard no time: after a slow picture it rests three times as long.
 _HEAD = """<head>
 <script>
   document.hasFocus = () => true
   const dashboard = parent.document.documentElement, scheme = "data-mantine-color-scheme"
   const dark = () => dashboard.getAttribute(scheme) === "dark"
   history.replaceState(null, "", dark() ? "?hideViserLogo&darkMode" : "?hideViserLogo")
+  const nextFrame = window.requestAnimationFrame.bind(window)
+  let restUntil = 0
+  window.requestAnimationFrame = (draw) => nextFrame(function look(now) {
+    if (now < restUntil) return nextFrame(look)
+    nextFrame((next) => { if (next - now > 50) restUntil = next + Math.min(3 * (next - now), 1000) })
+    draw(now)
+  })
   if (parent !== window) new MutationObserver(() => location.reload()).observe(dashboard, { attributeFilter: [scheme] })
 </script>
 <style>

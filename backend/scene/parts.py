@@ -29,7 +29,6 @@ class Add(Protocol):
         mesh: Mesh,
         colour: tuple[int, int, int],
         opacity: float | None = None,
-        shadow: bool = True,
     ) -> Any:
         """Add ``mesh`` under ``name``."""
         ...
@@ -83,7 +82,7 @@ def joint(add: Add, parent: str, r_j: float) -> None:
 
 def ghost(add: Add, parent: str) -> None:
     """Add the see-through link that stands at the reference."""
-    add(f"{parent}/link", _bar(layout.LINK_WIDTH + 0.006, layout.LINK_FRONT + 0.008, 0.004), REFERENCE, 0.30, False)
+    add(f"{parent}/link", _bar(layout.LINK_WIDTH + 0.006, layout.LINK_FRONT + 0.008, 0.004), REFERENCE, 0.30)
 
 
 def carriage(add: Add, parent: str, name: str, reel_offset: float) -> None:

@@ -14,7 +14,7 @@ from backend.scene.pose import SLACK_COLOUR, Pose, Side
 from backend.scene.shapes import Mesh
 
 SCALE = 10.0
-"""Scene units per metre: the renderer's shadows and clipping planes are made for bodies of about this size."""
+"""Scene units per metre: the renderer's clipping planes are made for bodies of about this size."""
 
 _LENGTHS = np.geomspace(0.024, layout.SPRING_FREE, 9)
 """Spring lengths for which a coil is kept ready; between them the nearest is stretched by at most 9 %."""
@@ -69,7 +69,7 @@ class Stage:
         parts.joint(self._add, "/joint", r_j)
         self._ghost = self._scene.add_frame("/ghost", show_axes=False)
         parts.ghost(self._add, "/ghost")
-        self._fan = self._add("/joint/fan", parts.fan(0.2), (230, 159, 0), opacity=0.32, shadow=False)
+        self._fan = self._add("/joint/fan", parts.fan(0.2), (230, 159, 0), opacity=0.32)
         self._stiffness = self._scene.add_label(
             "/stiffness", "", position=_units(0.0, 0.0, -0.285), anchor="center-center"
         )
@@ -100,8 +100,10 @@ class Stage:
         scene = self._scene
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
-        scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=0.9)
-        scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows cost most without a graphics card
+        # Shadows and the reflections of a surrounding take seconds a picture on a machine without a graphics card.
+        scene.configure_environment_map(None)
+        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=3.0)
         camera = self._server.initial_camera
         camera.position = _units(0.16, -1.02, 0.10)
         camera.look_at = _units(0.0, 0.0, -0.048)
@@ -167,7 +169,6 @@ class Stage:
         mesh: Mesh,
         colour: tuple[int, int, int],
         opacity: float | None = None,
-        shadow: bool = True,
     ) -> Any:
         return self._scene.add_mesh_simple(
             name,
@@ -176,8 +177,6 @@ class Stage:
             color=colour,
             opacity=opacity,
             side="double",
-            cast_shadow=shadow,
-            receive_shadow=shadow,
         )
 
 
