@@ -15,7 +15,7 @@ from backend.loop.commands import Heartbeat
 HEARTBEAT_S = 0.05
 """So often that the loop, which hears nothing for 0.34 s before it stops, bears six that come late."""
 
-STALE_S = 1.0
+STALE_S = 3.0
 """An event loop that has not shown itself for so long [s] hangs."""
 
 
