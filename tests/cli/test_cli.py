@@ -1,0 +1,93 @@
+"""The command line in a process of its own: what it prints, what it refuses, how it ends."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
+
+
+def sinew(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "backend", *words], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
+    """A data folder with one tracking run, and what the command printed of it."""
+    folder = tmp_path_factory.mktemp("cli")
+    data, out = folder / "data", folder / "out"
+    ended = sinew(
+        "experiment", "tracking", "--params", "ideal", "--data", str(data), "--out", str(out), "--json", *SHORT
+    )
+    assert ended.returncode == 0, ended.stderr
+    return folder, json.loads(ended.stdout)
+
+
+def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[str, object]]) -> None:
+    folder, printed = tracked
+    out = folder / "out"
+    assert (out / "report.pdf").read_bytes().startswith(b"%PDF-")
+    assert "<html" in (out / "report.html").read_text()
+    header, *rows = (out / "data.csv").read_text().splitlines()
+    assert header.startswith("t,q,q_ref,S,S_ref,theta_A,theta_B,F_A,F_B,u_A,u_B")
+    assert len(rows) == pytest.approx(7000, abs=2)
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["metrics"] == printed["metrics"]
+    assert metrics["metrics"]["min_tension_N"] > 5.0
+    assert metrics["settings"]["loop"]["lam_q"] == 0.6
+    assert metrics["settings"]["loop"]["seed"] == 3
+
+
+def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[str, object]]) -> None:
+    folder, printed = tracked
+    data = ["--data", str(folder / "data")]
+    listed = json.loads(sinew("runs", "list", "--json", *data).stdout)
+    assert [(run["id"], run["kind"], run["end_state"]) for run in listed] == [(printed["run"], "tracking", "completed")]
+    assert json.loads(sinew("runs", "show", str(printed["run"]), *data).stdout)["metrics"] == printed["metrics"]
+    csv = folder / "again.csv"
+    assert sinew("runs", "export", str(printed["run"]), str(csv), *data).returncode == 0
+    assert csv.read_text() == (folder / "out" / "data.csv").read_text()
+    assert sinew("db", "check", *data).returncode == 0
+    assert sinew("db", "backup", str(folder / "copy.db"), *data).returncode == 0
+    assert (folder / "copy.db").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["experiment", "levitation"], "tracking"),
+        (["experiment", "tracking", "--set", "lam_q=0.1"], "lam_q = 0.1 s"),
+        (["experiment", "tracking", "--set", "q_amplitude=2"], "q_amplitude = 2 rad"),
+        (["experiment", "tracking", "--set", "speed=2"], "speed"),
+        (["experiment", "tracking", "--set", "lam_q"], "key=value"),
+        (["experiment", "tracking", "--params", "nowhere.toml"], "nowhere.toml"),
+        (["identify", "actuator", "--set", "tension_N=70"], "tension_N = 70 N"),
+        (["runs", "show", "7"], "no run 7"),
+        (["runs", "export", "7", "file.doc"], ".csv"),
+        (["bank", "show", "7"], "no bank 7"),
+        (["bank", "build", "b", "7"], "no identification 7"),
+        (["serve", "--port", "70000"], "port"),
+        (["serve", "--params", "nowhere"], "nowhere"),
+    ],
+)
+def test_what_goes_wrong_is_one_line_and_a_status(tmp_path: Path, words: list[str], said: str) -> None:
+    ended = sinew(*words, "--data", str(tmp_path))
+    assert ended.returncode in (1, 2)
+    assert said in ended.stderr
+    assert len(ended.stderr.strip().splitlines()) == 1
+    assert ended.stdout == ""
+
+
+def test_help_tells_units_and_needs_nothing_heavy() -> None:
+    assert "[rad]" in sinew("experiment", "--help").stdout
+    loaded = "import sys, backend.cli; print([m for m in ('numba', 'scipy', 'fastapi', 'viser') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
+    findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
+    assert {"scheduling", "memory", "1 ms beat", "DAQ driver"} <= {finding["what"] for finding in findings}
+    assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
