@@ -12,7 +12,9 @@ from backend.cli.place import DataFolder, database_of, settings_with
 if TYPE_CHECKING:
     from backend.storage.banks import Bank
 
-app = typer.Typer(help="Controller banks: list them, build them from identifications.", no_args_is_help=True)
+app = typer.Typer(
+    help="Controller banks: list them, build them from identifications.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.command("list")

@@ -7,7 +7,9 @@ from backend.cli.ordering import current_user, run_headless, values_of
 from backend.cli.output import AsJson
 from backend.cli.place import DataFolder, ParameterSet, settings_with
 
-app = typer.Typer(help="Identify models from experiments on the simulator.", no_args_is_help=True)
+app = typer.Typer(
+    help="Identify models from experiments on the simulator.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.callback()

@@ -9,7 +9,7 @@ import typer
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, database_of, settings_with
 
-app = typer.Typer(help="Stored runs: search, show, export, report.", no_args_is_help=True)
+app = typer.Typer(help="Stored runs: search, show, export, report.", no_args_is_help=True, rich_markup_mode=None)
 
 RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 

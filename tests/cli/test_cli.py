@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from backend.cli import main
+
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
 
@@ -70,15 +72,30 @@ def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[
         (["bank", "show", "7"], "no bank 7"),
         (["bank", "build", "b", "7"], "no identification 7"),
         (["serve", "--port", "70000"], "port"),
-        (["serve", "--params", "nowhere"], "nowhere"),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_a_status(tmp_path: Path, words: list[str], said: str) -> None:
-    ended = sinew(*words, "--data", str(tmp_path))
-    assert ended.returncode in (1, 2)
-    assert said in ended.stderr
+def test_what_goes_wrong_is_one_line_and_a_status(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    said: str,
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sinew", *words, "--data", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    assert ended.value.code in (1, 2)
+    assert said in printed.err
+    assert len(printed.err.strip().splitlines()) == 1
+    assert printed.out == ""
+
+
+def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:
+    ended = sinew("serve", "--params", "nowhere", "--port", "0", "--data", str(tmp_path))
+    assert ended.returncode == 1
+    assert "nowhere" in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
-    assert ended.stdout == ""
 
 
 def test_help_tells_units_and_needs_nothing_heavy() -> None:
