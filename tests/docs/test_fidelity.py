@@ -1,0 +1,66 @@
+"""docs/fidelity.md keeps what it promises, and its tables are those that the code gives."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plant.parameters import PlantParameters, load_parameters
+from tests.bench.fidelity import TABLE_1, default_plan, gain_rows, motor_rows
+from tests.bench.fidelity_runs import Bench
+
+PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
+
+
+def written(table: str) -> list[list[str]]:
+    """Rows of a table of the page, cell by cell, headings left out."""
+    found = re.search(rf"<!-- table: {table} -->\n((?:\|.*\n)+)", PAGE)
+    assert found, f"docs/fidelity.md has no table {table}: run python -m tests.bench.fidelity --write docs/fidelity.md"
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in found[1].splitlines()[2:]]
+
+
+def numbers(row: list[str]) -> list[float]:
+    return [float(number) for cell in row[1:] for number in re.findall(r"-?\d+\.?\d*(?:e[+-]\d+)?", cell)]
+
+
+@pytest.fixture(scope="module")
+def lab() -> PlantParameters:
+    return load_parameters("lab")
+
+
+def test_motor_is_identified_as_in_the_paper(lab: PlantParameters) -> None:
+    computed = list(motor_rows(lab))
+    assert [row[0] for row in computed] == [row[0] for row in written("motor")]
+    for row, on_page in zip(computed, written("motor"), strict=True):
+        assert numbers(row) == pytest.approx(numbers(on_page), abs=2e-3)
+    mean = next(row for row in computed if row[0] == "A and B, 63.21 % rule")
+    K_m, _, T_m, _ = numbers(mean)
+    assert pytest.approx(2.86, rel=0.03) == K_m
+    assert pytest.approx(0.22, rel=0.05) == T_m
+
+
+def test_gains_are_geometric_at_every_tension() -> None:
+    for row in written("gains"):
+        assert float(row[2]) == pytest.approx(0.05, rel=0.05)
+        assert float(row[6]) == pytest.approx(0.721, rel=0.02)
+
+
+def test_gains_on_the_page_are_those_of_the_code(lab: PlantParameters) -> None:
+    computed = next(gain_rows(lab, {20.0: Bench(lab).play(default_plan(20.0))}))
+    on_page = next(row for row in written("gains") if row[0] == "20 N")
+    for column in (2, 4, 6, 8):
+        assert float(computed[column]) == pytest.approx(float(on_page[column]), rel=0.02)
+
+
+def test_time_constant_of_the_first_order_fit_rises_with_tension() -> None:
+    T = [float(row[4].split("±")[0]) for row in written("first order G_q")]
+    assert np.all(np.diff(T) > 0.0)
+
+
+def test_published_columns_are_table_1() -> None:
+    for (tension, row), q, S in zip(
+        TABLE_1.items(), written("first order G_q"), written("first order G_S"), strict=True
+    ):
+        assert q[:3] == [f"{tension:g} N", f"{row.K_q:g}", f"{row.T_q:g}"]
+        assert S[:3] == [f"{tension:g} N", f"{row.K_S:g}", f"{row.T_S:g}"]
