@@ -17,14 +17,14 @@ from backend.loop.commands import (
     Stopped,
 )
 from backend.loop.mode import LEGAL, MODES, Mode
-from backend.loop.program import Law, Program
+from backend.loop.program import IDENTIFYING, Program
 from backend.sample import INDEX
 from backend.storage.runs import EndState
 from plant.interface import T_s
 
 PRETENSION_TIMEOUT_S = 120.0
 TRAVEL_ALLOWANCE_S = 60.0
-"""A force-hold program first travels to its point; a program longer than planned by this much hangs."""
+"""A program of identification first travels to its point; a program longer than planned by this much hangs."""
 
 SLICE_S = 0.1
 """How often progress is told [s of loop time]."""
@@ -91,7 +91,7 @@ async def play(loop: LoopAccess, program: Program, run: int, notify: Notify) -> 
 
 async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -> str | None:
     """Bring the loop to where the program can start, and start it; return why it could not."""
-    mode = Mode.IDENTIFY if program.law is Law.FORCE_HOLD else Mode.EXPERIMENT
+    mode = Mode.IDENTIFY if program.law in IDENTIFYING else Mode.EXPERIMENT
     if mode not in LEGAL[mode_of(loop)]:
         answer = await loop.send(SetMode(Mode.PRETENSION))
         if isinstance(answer, Refused):

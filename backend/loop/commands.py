@@ -67,7 +67,7 @@ class SetTuning:
 
 @dataclass(frozen=True)
 class RunProgram:
-    """Play a program in IDENTIFY (law FORCE_HOLD) or EXPERIMENT; back to PRETENSION or RUN when it has ended."""
+    """Play a program in IDENTIFY (laws IDENTIFYING) or EXPERIMENT; back to PRETENSION or RUN when it has ended."""
 
     program: Program
     run: int = 0

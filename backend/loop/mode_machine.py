@@ -21,8 +21,10 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Tracking, Travel, Winding
+from backend.loop.motor_steps import MotorSteps
 from backend.loop.player import Target
-from backend.loop.program import Law, Program
+from backend.loop.program import IDENTIFYING, Law, Program
+from backend.loop.tension_sweep import TensionSweep
 from backend.refusal import require_within
 from plant.interface import Measurement, Plant, PlantError
 from plant.parameters import PlantParameters
@@ -78,9 +80,14 @@ class ModeMachine:
 
     @property
     def keeps_taut(self) -> bool:
-        """Whether slack would be a fault now: everywhere under control but on the way to pretension."""
+        """Whether slack would be a fault now: everywhere under control but on the way to pretension.
+
+        Voltage steps are made with slack tendons on purpose.
+        """
         on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
-        return self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING and not on_the_way
+        slack_wanted = isinstance(self.motion, MotorSteps)
+        closed = self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING
+        return closed and not on_the_way and not slack_wanted
 
     def set_mode(self, command: SetMode) -> None:
         """Carry out an operator's move. Raises RefusedError."""
@@ -102,7 +109,7 @@ class ModeMachine:
     def run_program(self, command: RunProgram) -> None:
         """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
         program = command.program
-        mode = Mode.IDENTIFY if program.law is Law.FORCE_HOLD else Mode.EXPERIMENT
+        mode = Mode.IDENTIFY if program.law in IDENTIFYING else Mode.EXPERIMENT
         self._require_legal(mode)
         self._require_taut(mode)
         motion: Motion
@@ -110,6 +117,10 @@ class ModeMachine:
             # Motor B stays at zero: what motor A winds stretches both springs.
             theta_A = sum(self._wound(program.tension_N))
             motion = ForceHold(self._carried(), NO_REFERENCE, program, theta_A)
+        elif program.law is Law.MOTOR_STEPS:
+            motion = self._motor_steps(program)
+        elif program.law is Law.TENSION_SWEEP:
+            motion = self._tension_sweep(program)
         else:
             for segment in program.segments:
                 self._require_references(segment.q_ref, segment.S_ref)
@@ -169,6 +180,24 @@ class ModeMachine:
         require_within("q_ref", q_ref, self.bounds.q_min, self.bounds.q_max, "rad")
         require_within("S_ref", S_ref, self.bounds.S_min, self.bounds.S_max, "N·m/rad")
 
+    def _motor_steps(self, program: Program) -> MotorSteps:
+        if not program.steps:
+            raise RefusedError("a program of voltage steps needs at least one step")
+        theta_max = self._geometry.r_j / self._geometry.r_m * self.bounds.q_trip  # what the joint's range winds up
+        for step in program.steps:
+            require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
+            require_within("u", step.u, -self.bounds.u_max, self.bounds.u_max, "V")
+        centre = self._wound(PRETENSION_N)
+        return MotorSteps(self._carried(), NO_REFERENCE, program, centre, self.bounds.F_slack, theta_max)
+
+    def _tension_sweep(self, program: Program) -> TensionSweep:
+        if not program.legs:
+            raise RefusedError("a sweep of the tension needs at least one leg")
+        tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
+        for tension_N in tensions:
+            require_within("tension_N", tension_N, self.bounds.F_slack, self.bounds.F_max, "N")
+        return TensionSweep(self._carried(), NO_REFERENCE, program, tuple(map(self._wound, tensions)))
+
     def _carried(self) -> Carry:
         if self.motion is not None:
             return self.motion.carry()
@@ -178,7 +207,7 @@ class ModeMachine:
     def _enter(self, mode: Mode, motion: Motion | None, cause: str, run: int = 0) -> None:
         if self._program is not None:
             self.events.append(ProgramEnded(self.tick, self.run, completed=cause == "program ended"))
-            if self._program.law is not Law.FORCE_HOLD:
+            if self._program.law not in IDENTIFYING:
                 self._release_push()
             self._program = None
         self.events.append(ModeChanged(self.tick, self.mode, mode, cause))

@@ -61,7 +61,7 @@ class Motion(Protocol):
         ...
 
 
-class _MotorPositions:
+class MotorPositions:
     """Common to the motions below the cascade: the pair of inner loops following motor references."""
 
     done = False
@@ -71,9 +71,11 @@ class _MotorPositions:
         self.target = target
 
     def carry(self) -> Carry:
+        """Return the motor loops for the next motion."""
         return self._carry
 
-    def _follow(self, tuning: cascade.Tuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+    def follow(self, tuning: cascade.Tuning, m: Measurement, theta_A_ref: float, theta_B_ref: float) -> Decision:
+        """One tick of both motor loops towards motor references [rad]."""
         state = self._carry.state
         if tuning.motors != self._carry.gains:
             state = motors.bumpless(self._carry.gains, tuning.motors, state, m.theta_A, m.theta_B)
@@ -84,7 +86,7 @@ class _MotorPositions:
         return Decision(y.u_A, y.u_B, theta_A_ref, theta_B_ref, self.target, q_ref, S_ref, 0.0, limits)
 
 
-class Winding(_MotorPositions):
+class Winding(MotorPositions):
     """Pretension from slack: both motors wind until both load cells read the pretension."""
 
     def __init__(self, carry: Carry, target: Target) -> None:
@@ -95,7 +97,7 @@ class Winding(_MotorPositions):
         """One tick of winding."""
         self._state = pretension.step(self._state, PRETENSION_N, m.F_A, m.F_B)
         self.done = self._state.steady_s >= pretension.STANDSTILL_S
-        return self._follow(tuning, m, self._state.theta_A_ref, self._state.theta_B_ref)
+        return self.follow(tuning, m, self._state.theta_A_ref, self._state.theta_B_ref)
 
     @property
     def tensions(self) -> tuple[float, float]:
@@ -103,7 +105,7 @@ class Winding(_MotorPositions):
         return self._state.F_A, self._state.F_B
 
 
-class Travel(_MotorPositions):
+class Travel(MotorPositions):
     """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
 
     def __init__(self, carry: Carry, target: Target, theta_A: float, theta_B: float) -> None:
@@ -117,10 +119,10 @@ class Travel(_MotorPositions):
         if (theta_A_ref, theta_B_ref) == self._goal:
             self._settled_s += T_s
             self.done = self._settled_s >= pretension.STANDSTILL_S
-        return self._follow(tuning, m, theta_A_ref, theta_B_ref)
+        return self.follow(tuning, m, theta_A_ref, theta_B_ref)
 
 
-class ForceHold(_MotorPositions):
+class ForceHold(MotorPositions):
     """Actuator identification: theta_B_ref at zero, the tension held by motor A, the excitation on top (figure 5)."""
 
     def __init__(self, carry: Carry, target: Target, program: Program, theta_A: float) -> None:
@@ -149,10 +151,10 @@ class ForceHold(_MotorPositions):
         trim, state = force_hold.step(self._state, self._F_ref, m.F_A, m.F_B)
         if arrived:
             self._state = state
-        return self._follow(tuning, m, self._base_A + trim + offset, self._base_B)
+        return self.follow(tuning, m, self._base_A + trim + offset, self._base_B)
 
 
-class Braking(_MotorPositions):
+class Braking(MotorPositions):
     """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
     def __init__(self, carry: Carry, target: Target, m: Measurement) -> None:

@@ -14,6 +14,12 @@ class Law(StrEnum):
     CASCADE = "cascade"
     COMPLIANCE = "compliance"
     FORCE_HOLD = "force_hold"
+    MOTOR_STEPS = "motor_steps"
+    TENSION_SWEEP = "tension_sweep"
+
+
+IDENTIFYING = (Law.FORCE_HOLD, Law.MOTOR_STEPS, Law.TENSION_SWEEP)
+"""Laws that move the motors below the cascade, in the mode IDENTIFY."""
 
 
 class Shape(StrEnum):
@@ -59,13 +65,43 @@ class Excitation:
         return self.periods * len(self.levels) * self.chip_s
 
 
+ZERO_VOLTS_S = 0.2
+"""How long both motors stand at zero volts before a voltage step [s], so that the step starts from rest."""
+
+BRAKE_S = 0.5
+"""Length of braking after a voltage step [s]: full speed takes 0.3 s."""
+
+
+@dataclass(frozen=True)
+class VoltageStep:
+    """Both motors, tendons slack, from rest at ``theta_start`` [rad] under ``u`` [V].
+
+    It ends after ``duration_s``, or as soon as a motor has turned by ``travel_rad``.
+    """
+
+    theta_start: float
+    u: float
+    duration_s: float
+    travel_rad: float
+
+
+@dataclass(frozen=True)
+class TensionLeg:
+    """Wind both motors evenly to the angles that hold ``tension_N`` in both tendons, within ``duration_s``."""
+
+    tension_N: float
+    duration_s: float
+
+
 @dataclass(frozen=True)
 class Program:
     """A law and what it is fed.
 
     Under ``CASCADE`` and ``COMPLIANCE`` the segments are played. Under ``FORCE_HOLD`` (actuator identification,
     figure 5 of the paper) theta_B_ref is 0, a slow force loop holds ``tension_N``, and after ``settle_s`` the
-    excitation starts; segments stay empty.
+    excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts after ``settle_s``
+    at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``, and go through
+    ``legs``.
     """
 
     law: Law
@@ -73,10 +109,17 @@ class Program:
     tension_N: float = 0.0
     settle_s: float = 0.0
     excitation: Excitation | None = None
+    steps: tuple[VoltageStep, ...] = ()
+    legs: tuple[TensionLeg, ...] = ()
 
     @property
     def duration_s(self) -> float:
-        """Length of the whole program [s]."""
+        """Length of the whole program [s], without the way to where it starts; steps may end earlier."""
         if self.excitation is not None:
             return self.settle_s + self.excitation.duration_s
+        if self.steps:
+            around_each = self.settle_s + ZERO_VOLTS_S + BRAKE_S
+            return sum(around_each + step.duration_s for step in self.steps)
+        if self.legs:
+            return self.settle_s + sum(leg.duration_s for leg in self.legs)
         return sum(segment.duration_s for segment in self.segments)

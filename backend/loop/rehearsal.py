@@ -3,17 +3,21 @@
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
-from backend.loop.program import Excitation, Law, Program, Segment
+from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, VoltageStep
 from backend.loop.ring import Ring
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
 _PRETENSION_TICKS = 20_000
-_FORCE_HOLD = Program(
-    Law.FORCE_HOLD,
-    tension_N=10.0,
-    settle_s=0.005,
-    excitation=Excitation(amplitude_rad=0.01, chip_s=0.001, levels="+-", periods=1),
+_IDENTIFYING = (
+    Program(
+        Law.FORCE_HOLD,
+        tension_N=10.0,
+        settle_s=0.005,
+        excitation=Excitation(amplitude_rad=0.01, chip_s=0.001, levels="+-", periods=1),
+    ),
+    Program(Law.TENSION_SWEEP, tension_N=10.0, legs=(TensionLeg(tension_N=10.0, duration_s=0.005),)),
+    Program(Law.MOTOR_STEPS, steps=(VoltageStep(theta_start=0.0, u=0.1, duration_s=0.005, travel_rad=1.0),)),
 )
 
 
@@ -22,15 +26,16 @@ class RehearsalError(Exception):
 
 
 def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
-    """Run pretension, run, compliance, both kinds of program and a soft stop. Raises RehearsalError."""
+    """Run pretension, run, compliance, every kind of program and a soft stop. Raises RehearsalError."""
     ring = Ring.create(capacity=16)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
     _order(loop, SetMode(Mode.PRETENSION))
     _pretension(loop)
-    _order(loop, RunProgram(_FORCE_HOLD))
-    _tick_while(loop, Mode.IDENTIFY)
-    _pretension(loop)
+    for program in _IDENTIFYING:
+        _order(loop, RunProgram(program))
+        _tick_while(loop, Mode.IDENTIFY)
+        _pretension(loop)
     _order(loop, RunProgram(Program(Law.CASCADE, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
     _tick_while(loop, Mode.EXPERIMENT)
     _pretension(loop)
