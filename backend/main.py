@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from backend.api.app import create_app
 from backend.api.auth import Gate, signed_in
 from backend.api.bench import Bench
+from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.journal import Journal
 from backend.api.library import Library
@@ -137,7 +138,7 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
     stack.callback(scene.close)
-    return supervisor, recorder, Service(bench, tasks, library, downloads, live), scene
+    return supervisor, recorder, Service(bench, tasks, library, Desk(database), downloads, live), scene
 
 
 async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:

@@ -13,8 +13,9 @@ from backend.api.journal import Journal
 from backend.api.picture import F_PUSH_MAX, Picture, described, proof_of
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import Push, References, State, StopProof
-from backend.api.schemas.tuning import TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import TrialRequest, TuningPreview, TuningRequest, TuningView
 from backend.api.session_runs import RECORDED, SessionRuns
+from backend.api.trial import Trial
 from backend.api.tuning_in_use import TuningInUse
 from backend.experiments.loop_settings import LoopSettings
 from backend.faults import Fault
@@ -55,6 +56,8 @@ class Bench:
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
         self._turn = asyncio.Lock()
+        self._trial = Trial(self._end_trial)
+        picture.trial = self._trial.view
         supervisor.listen(self._hear)
 
     def on_change(self, changed: Callable[[], None]) -> None:
@@ -136,6 +139,27 @@ class Bench:
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self.picture.entry)
 
+    async def try_tuning(self, request: TrialRequest, who: str) -> State:
+        """Change λ for a while. Raises OutOfRangeError. A trial of a trial goes back to what was before the first."""
+        before = self._trial.before or self.picture.tuning
+        await self.set_tuning(request, who)
+        self._trial.begin(before, request.duration_s)
+        self.changed()
+        return self.picture.state()
+
+    async def end_trial(self, keep: bool, who: str) -> State:
+        """Keep what is tried, or go back at once. Raises ApiError 409 when nothing is on trial."""
+        before = self._trial.before
+        if before is None:
+            raise ApiError(409, "nothing is on trial: what is in force stays")
+        if keep:
+            self._trial.forget()
+            self._journal.note(MarkKind.TUNING, "trial kept", self.picture.tick, who)
+        else:
+            await self._end_trial(before, who)
+        self.changed()
+        return self.picture.state()
+
     async def use_bank(self, bank: Bank, who: str) -> None:
         """Use the models of a bank from now on. Raises OutOfRangeError when λ in force is not safe on them."""
         async with self._turn:
@@ -154,16 +178,30 @@ class Bench:
         """Predict what λ would do at the active entry of the bank."""
         return await asyncio.to_thread(self.picture.tuning.preview, lam_q, lam_S, round(self.picture.entry))
 
+    async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
+        async with self._turn:
+            tried = self.picture.tuning
+            if self._trial.before is not before:  # somebody chose another tuning while this waited
+                return
+            tick = await self._put_in_force(before) if self._supervisor.alive else self._remember(before)
+            self._journal.note(MarkKind.TUNING, f"trial over: {before.difference(tried)}", tick, who)
+
     async def _put_in_force(self, tuning: TuningInUse) -> int:
         task = self.picture.task
         if task is not None:
             raise ApiError(409, f"{task.kind} is running and its tuning is part of its record: stop it first")
         command = tuning.command()
         accepted = await self._command(command)
-        self.picture.tuning = tuning
-        self._supervisor.setup = replace(self._supervisor.setup, tuning=command)
-        self.changed()
+        self._remember(tuning)
         return accepted.tick
+
+    def _remember(self, tuning: TuningInUse) -> int:
+        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
+        self._trial.forget()
+        self.picture.tuning = tuning
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
+        self.changed()
+        return self.picture.tick
 
     async def _command(self, command: Command) -> Accepted:
         answer = await self._supervisor.send(command)

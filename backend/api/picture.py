@@ -5,7 +5,7 @@ from collections.abc import Callable
 from backend import __version__
 from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.api.schemas.session import Health
-from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView
+from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TrialView
 from backend.api.tuning_in_use import TuningInUse
 from backend.controllers.limits import bounds_for
 from backend.faults import EXPLAINED, Fault
@@ -20,7 +20,7 @@ F_PUSH_MAX = 30.0
 
 
 class Picture:
-    """The present state. ``tuning`` and ``task`` are set by whoever changes them; the rest is seen and heard.
+    """The present state. Whoever changes them sets ``tuning``, ``task``, ``trial``; the rest is seen and heard.
 
     ``problems`` tells what is wrong with the service without being a fault of the loop.
     """
@@ -34,6 +34,7 @@ class Picture:
     ) -> None:
         self.tuning = tuning
         self.task: TaskView | None = None
+        self.trial: Callable[[], TrialView | None] = lambda: None
         self.starts = 1
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
@@ -118,6 +119,7 @@ class Picture:
             stop_proof=None if self._stop is None else proof_of(self._stop),
             holder=None,
             task=self.task,
+            trial=self.trial(),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=self._problems(),
         )

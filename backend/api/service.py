@@ -7,6 +7,7 @@ from fastapi import Depends, Path
 from starlette.requests import HTTPConnection
 
 from backend.api.bench import Bench
+from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.library import Library
 from backend.api.live import LiveStream
@@ -22,6 +23,7 @@ class Service:
     bench: Bench
     tasks: Tasks
     library: Library
+    desk: Desk
     downloads: Downloads
     live: LiveStream
 

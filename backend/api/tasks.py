@@ -98,6 +98,8 @@ class Tasks:
         task = self._bench.picture.task
         if task is not None:
             raise ApiError(409, f"run {task.run}, {task.kind}, is under way: wait for its end or stop it")
+        if self._bench.picture.trial() is not None:
+            raise ApiError(409, "a tuning is on trial: keep it or revert it first")
 
     async def _start(self, order: Order) -> int:
         run = await asyncio.to_thread(create_run, self._station, order)

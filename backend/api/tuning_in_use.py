@@ -3,7 +3,14 @@
 from dataclasses import asdict, dataclass, replace
 from math import degrees, isfinite
 
-from backend.api.schemas.tuning import BankReference, LoopPreview, TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import (
+    BankReference,
+    LoopPreview,
+    PrintedFormula,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
 from backend.experiments.bank_building import points_of
 from backend.experiments.loop_settings import LAM_MOTOR_MIN, LoopSettings
 from backend.loop.commands import SetTuning
@@ -45,7 +52,9 @@ class TuningInUse:
 
     def changed(self, request: TuningRequest) -> "TuningInUse":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while when λ_motor changes."""
-        wanted = {name: value for name, value in request.model_dump(exclude_none=True).items() if name != "interpolate"}
+        wanted = {
+            name: value for name, value in request.model_dump(exclude_none=True).items() if name in asdict(self.lambdas)
+        }
         lambdas = replace(self.lambdas, **wanted)
         interpolate = self.interpolate if request.interpolate is None else request.interpolate
         return _checked(self.parameters, lambdas, self.bank, interpolate, self)
@@ -136,4 +145,9 @@ def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
         phase_margin_deg=degrees(robustness.phase_margin) if stable and isfinite(robustness.phase_margin) else None,
         t=predicted.t.tolist(),
         y=predicted.y.tolist(),
+        printed=PrintedFormula(
+            stable=predicted.printed.stable,
+            M_s=predicted.printed.M_s if predicted.printed.stable else None,
+            y=predicted.printed_y.tolist(),
+        ),
     )

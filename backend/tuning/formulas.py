@@ -52,8 +52,8 @@ def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> i_p.Gains:
 
 def printed_outer_gains(K: float, T: float, lam: float) -> i_p.Gains:
     """I-P gains as table 2 prints them, k_p = 2/(K λ): wrong (erratum E1), for comparison only. Raises TuningError."""
-    correct = outer_gains(K, T, lam)
-    return correct._replace(k_p=2.0 / (K * lam))
+    outer_gains(K, T, lam)  # refuses what has no gains
+    return i_p.Gains(k_p=2.0 / (K * lam), k_i=T / (K * lam**2), k_r=0.0)
 
 
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:

@@ -15,14 +15,23 @@ from plant.parameters import PlantParameters
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
     """I-P gains of the position loop at one point. Raises TuningError."""
-    g = parameters.geometry
-    return outer_gains(position_loop_gain(point.K_q, g.r_m, g.r_j), point.T_q, lambdas.lam_q, lambdas.b)
+    return outer_gains(*position_process(parameters, point), lambdas.lam_q, lambdas.b)
 
 
 def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
     """I-P gains of the stiffness loop at one point. Raises TuningError."""
-    K = stiffness_loop_gain(point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal))
-    return outer_gains(K, point.T_S, lambdas.lam_S, lambdas.b)
+    return outer_gains(*stiffness_process(parameters, point), lambdas.lam_S, lambdas.b)
+
+
+def position_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
+    """K [1] and T [s] from q_c to q through the decoupler."""
+    g = parameters.geometry
+    return position_loop_gain(point.K_q, g.r_m, g.r_j), point.T_q
+
+
+def stiffness_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
+    """K [1] and T [s] from S_c to S through the decoupler."""
+    return stiffness_loop_gain(point.K_S, stiffness_slope(decoupler_for(parameters), point.S_nominal)), point.T_S
 
 
 def motor_loops(parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None) -> motors.Gains:

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from backend.controllers import i_p
 from backend.refusal import require_within
 from backend.tuning.closed_loop import run
-from backend.tuning.gains import cascade_tuning, motor_loops, position_gains, stiffness_gains
+from backend.tuning.formulas import printed_outer_gains
+from backend.tuning.gains import (
+    cascade_tuning,
+    motor_loops,
+    position_gains,
+    position_process,
+    stiffness_gains,
+    stiffness_process,
+)
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point
 from backend.tuning.robustness import OuterProcess, Robustness, safe_lambda
@@ -25,13 +33,18 @@ _POINTS = 200
 
 @dataclass(frozen=True)
 class LoopPreview:
-    """One outer loop: robustness, unit step response y (n,) over t (n,) [s], and the range of λ offered [s]."""
+    """One outer loop: robustness, unit step response y (n,) over t (n,) [s], and the range of λ offered [s].
+
+    ``printed`` and ``printed_y`` (n,) are what the printed formula of table 2 would give (erratum E1).
+    """
 
     robustness: Robustness
     lam_min: float
     lam_max: float
     t: NDArray[np.float64]
     y: NDArray[np.float64]
+    printed: Robustness
+    printed_y: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -84,8 +97,8 @@ class Previewer:
         S = stiffness_gains(self._parameters, point, lambdas)
         peak_voltage, least_tension = self._simulated(lambdas, point)
         return Preview(
-            _loop_preview(self._q[entry], q, lambdas.lam_q, lam_q_min),
-            _loop_preview(self._S[entry], S, lambdas.lam_S, lam_S_min),
+            _loop_preview(self._q[entry], q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
+            _loop_preview(self._S[entry], S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
             peak_voltage,
             least_tension,
         )
@@ -107,7 +120,21 @@ class Previewer:
         return float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B]))
 
 
-def _loop_preview(process: OuterProcess, gains: i_p.Gains, lam: float, lam_min: float) -> LoopPreview:
+def _loop_preview(
+    process: OuterProcess, gains: i_p.Gains, first_order: tuple[float, float], lam: float, lam_min: float
+) -> LoopPreview:
     t = np.linspace(0.0, 8.0 * lam, _POINTS)
-    response = control.step_response(process.closed_loop(gains), t)
-    return LoopPreview(process.robustness(gains), lam_min, LAM_MAX, t, np.asarray(response.outputs))
+    printed = printed_outer_gains(*first_order, lam)
+    return LoopPreview(
+        process.robustness(gains),
+        lam_min,
+        LAM_MAX,
+        t,
+        _step(process, gains, t),
+        process.robustness(printed),
+        _step(process, printed, t),
+    )
+
+
+def _step(process: OuterProcess, gains: i_p.Gains, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(control.step_response(process.closed_loop(gains), t).outputs)

@@ -5,8 +5,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from backend.api.auth import Operator, SignedIn
+from backend.api.errors import ApiError
 from backend.api.schemas.base import Finite
-from backend.api.schemas.tuning import TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.state import State
+from backend.api.schemas.tuning import SavedTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
 from backend.api.service import ServiceInUse
 
 LAM_PREVIEW_MIN = 0.05
@@ -26,6 +28,39 @@ async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
 async def set_tuning(body: TuningRequest, service: ServiceInUse, person: Operator) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
     return await service.bench.set_tuning(body, person.name)
+
+
+@router.post("/trial")
+async def try_tuning(body: TrialRequest, service: ServiceInUse, person: Operator) -> State:
+    """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
+    return await service.bench.try_tuning(body, person.name)
+
+
+@router.delete("/trial")
+async def revert_trial(service: ServiceInUse, person: Operator) -> State:
+    """Put the tuning before the trial back at once."""
+    return await service.bench.end_trial(False, person.name)
+
+
+@router.post("/trial/keep")
+async def keep_trial(service: ServiceInUse, person: Operator) -> State:
+    """Keep what is on trial."""
+    return await service.bench.end_trial(True, person.name)
+
+
+@router.get("/saved")
+async def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
+    """Return the tuning saved for the bank in use, to compare with what is in force."""
+    return await service.desk.saved_tuning(service.bench.picture.tuning)
+
+
+@router.put("/saved")
+async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
+    """Save what is in force for the bank in use. Refused while a tuning is on trial."""
+    picture = service.bench.picture
+    if picture.trial() is not None:
+        raise ApiError(409, "a tuning is on trial: keep it or revert it before saving")
+    return await service.desk.save_tuning(picture.tuning, person.name)
 
 
 @router.get("/preview")

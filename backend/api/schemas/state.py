@@ -87,6 +87,17 @@ class TaskView(Schema):
     phase: str
 
 
+class TrialView(Schema):
+    """A tuning on trial: when it ends, and what comes back then."""
+
+    remaining_s: float = quantity("s", "time until the earlier tuning is put back")
+    duration_s: float = quantity("s", "length of the trial")
+    lam_q: float = quantity("s", "what λ_q goes back to")
+    lam_S: float = quantity("s", "what λ_S goes back to")
+    lam_motor: float = quantity("s", "what λ_motor goes back to")
+    interpolate: bool
+
+
 class ModeRequest(Schema):
     """The mode wanted."""
 
@@ -111,5 +122,6 @@ class State(Schema):
     stop_proof: StopProof | None
     holder: HolderView | None
     task: TaskView | None
+    trial: TrialView | None = Field(description="a tuning that is reverted by itself")
     recording_run: int | None = Field(description="run that the samples belong to at present")
     problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")

@@ -1,5 +1,7 @@
 """λ of the three loops, what they would do, and where their ranges end."""
 
+from datetime import datetime
+
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
@@ -39,6 +41,31 @@ class TuningRequest(Schema):
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
 
 
+class TrialRequest(TuningRequest):
+    """A tuning to try: the service itself puts the earlier one back."""
+
+    duration_s: float = quantity("s", "how long it stays in force", ge=1.0, le=600.0)
+
+
+class SavedTuning(Schema):
+    """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the method's defaults then."""
+
+    lam_q: float = quantity("s", "tuning parameter of the position loop")
+    lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
+    lam_motor: float = quantity("s", "tuning parameter of the motor loops")
+    interpolate: bool
+    who: str | None
+    at: datetime | None
+
+
+class PrintedFormula(Schema):
+    """The loop with k_p = 2/(K λ) as table 2 prints it: erratum E1, for comparison only, never in force."""
+
+    stable: bool
+    M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
+    y: list[float] = Field(description="predicted response to a unit reference step, at the times of the loop [1]")
+
+
 class LoopPreview(Schema):
     """What one outer loop would do at a λ, on the high-order model of the active entry."""
 
@@ -53,6 +80,7 @@ class LoopPreview(Schema):
     phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
     t: list[float] = quantity("s", "time of the predicted unit step")
     y: list[float] = Field(description="predicted response to a unit reference step [1]")
+    printed: PrintedFormula
 
 
 class TuningPreview(Schema):

@@ -1,0 +1,58 @@
+"""What is remembered for persons and for the tuning of each bank, as settings in the database."""
+
+import asyncio
+from typing import Any
+
+from backend.api.schemas.preferences import Preferences
+from backend.api.schemas.tuning import SavedTuning
+from backend.api.tuning_in_use import LAMBDAS, TuningInUse
+from backend.storage import Database, settings
+from backend.storage.settings import StoredSetting
+
+
+class Desk:
+    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def preferences(self, person: str) -> Preferences:
+        """Return how ``person`` likes the page; defaults for somebody new."""
+        stored = await asyncio.to_thread(self._newest, _preferences_of(person))
+        return Preferences() if stored is None else Preferences.model_validate(stored.value)
+
+    async def set_preferences(self, person: str, preferences: Preferences) -> Preferences:
+        """Remember how ``person`` likes the page."""
+        await asyncio.to_thread(self._put, _preferences_of(person), preferences.model_dump(), person)
+        return preferences
+
+    async def saved_tuning(self, tuning: TuningInUse) -> SavedTuning:
+        """Return what was saved for the bank in use; the method's defaults where nobody has saved."""
+        stored = await asyncio.to_thread(self._newest, _tuning_of(tuning))
+        if stored is not None:
+            return SavedTuning(**stored.value, who=stored.who, at=stored.at)
+        return SavedTuning(
+            lam_q=LAMBDAS.lam_q, lam_S=LAMBDAS.lam_S, lam_motor=LAMBDAS.lam_motor, interpolate=False, who=None, at=None
+        )
+
+    async def save_tuning(self, tuning: TuningInUse, who: str) -> SavedTuning:
+        """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
+        document = {name: value for name, value in tuning.document().items() if name != "bank"}
+        stored = await asyncio.to_thread(self._put, _tuning_of(tuning), document, who)
+        return SavedTuning(**stored.value, who=stored.who, at=stored.at)
+
+    def _newest(self, name: str) -> StoredSetting | None:
+        with self._database.reading() as session:
+            return settings.newest(session, name)
+
+    def _put(self, name: str, value: dict[str, Any], who: str) -> StoredSetting:
+        with self._database.session() as session:
+            return settings.put(session, name, value, who)
+
+
+def _preferences_of(person: str) -> str:
+    return f"preferences/{person}"
+
+
+def _tuning_of(tuning: TuningInUse) -> str:
+    return f"tuning/{'geometry' if tuning.bank is None else tuning.bank.id}"

@@ -1,0 +1,68 @@
+"""A tuning in force for a while only: the service puts the earlier one back, whatever has become of the page."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from backend.api.schemas.state import TrialView
+from backend.api.tuning_in_use import TuningInUse
+
+_log = logging.getLogger(__name__)
+
+_RETRY_S = 0.5
+
+
+class Trial:
+    """At most one trial at a time. ``put_back`` puts a tuning in force again."""
+
+    def __init__(self, put_back: Callable[[TuningInUse], Awaitable[None]]) -> None:
+        self._put_back = put_back
+        self._before: TuningInUse | None = None
+        self._ends = 0.0
+        self._duration_s = 0.0
+        self._timer: asyncio.Task[None] | None = None
+
+    @property
+    def before(self) -> TuningInUse | None:
+        """What comes back at the end; None while nothing is tried."""
+        return self._before
+
+    def begin(self, before: TuningInUse, duration_s: float) -> None:
+        """Count down from ``duration_s`` [s], then put ``before`` back."""
+        self.forget()
+        self._before, self._duration_s = before, duration_s
+        self._ends = asyncio.get_running_loop().time() + duration_s
+        self._timer = asyncio.create_task(self._count_down(before, duration_s))
+
+    def forget(self) -> None:
+        """Let what is in force stay."""
+        self._before = None
+        if self._timer is not None and self._timer is not asyncio.current_task():
+            self._timer.cancel()
+        self._timer = None
+
+    def view(self) -> TrialView | None:
+        """Return what the page shows of it."""
+        if self._before is None:
+            return None
+        lam = self._before.lambdas
+        return TrialView(
+            remaining_s=max(0.0, self._ends - asyncio.get_running_loop().time()),
+            duration_s=self._duration_s,
+            lam_q=lam.lam_q,
+            lam_S=lam.lam_S,
+            lam_motor=lam.lam_motor,
+            interpolate=self._before.interpolate,
+        )
+
+    async def _count_down(self, before: TuningInUse, duration_s: float) -> None:
+        await asyncio.sleep(duration_s)
+        while True:
+            try:
+                await self._put_back(before)
+            except Exception:
+                # A loop that is being restarted refuses for a moment; the promise to revert stands.
+                _log.exception("the tuning before the trial could not be put back yet")
+                await asyncio.sleep(_RETRY_S)
+            else:
+                return

@@ -1,0 +1,84 @@
+"""Trials that end by themselves, what is saved for a bank, and the printed formula beside the right one."""
+
+import time
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from tests.api.conftest import problem, wait_for
+
+START = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}
+
+
+@pytest.fixture(autouse=True)
+def starting_tuning(off: httpx.Client) -> Iterator[None]:
+    off.put("/api/tuning", json=START).raise_for_status()
+    yield
+    off.put("/api/tuning", json=START).raise_for_status()
+
+
+def test_a_trial_is_reverted_without_anybody_asking(off: httpx.Client) -> None:
+    state = off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 1.0}).raise_for_status().json()
+    assert state["tuning"]["lam_q"] == 0.7
+    assert state["trial"]["lam_q"] == 0.5
+    assert 0.0 < state["trial"]["remaining_s"] <= 1.0
+    time.sleep(0.8)  # nobody is connected meanwhile
+    after = wait_for(off, "trial", None)
+    assert after["tuning"]["lam_q"] == 0.5  # type: ignore[index]
+
+
+def test_a_trial_of_a_trial_goes_back_to_what_was_before_both(off: httpx.Client) -> None:
+    off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
+    off.post("/api/tuning/trial", json={"lam_q": 0.8, "lam_S": 0.6, "duration_s": 60.0}).raise_for_status()
+    state = off.delete("/api/tuning/trial").raise_for_status().json()
+    assert (state["tuning"]["lam_q"], state["tuning"]["lam_S"], state["trial"]) == (0.5, 0.42, None)
+    assert off.delete("/api/tuning/trial").status_code == 409
+
+
+def test_a_kept_or_replaced_trial_stays(off: httpx.Client) -> None:
+    off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
+    assert off.post("/api/tuning/trial/keep").raise_for_status().json()["tuning"]["lam_q"] == 0.7
+    off.post("/api/tuning/trial", json={"lam_q": 0.8, "duration_s": 60.0}).raise_for_status()
+    off.put("/api/tuning", json={"lam_q": 0.9}).raise_for_status()
+    state = off.get("/api/state").json()
+    assert (state["tuning"]["lam_q"], state["trial"]) == (0.9, None)
+
+
+def test_nothing_is_saved_or_started_while_something_is_tried(off: httpx.Client) -> None:
+    off.post("/api/tuning/trial", json={"lam_q": 0.7, "duration_s": 60.0}).raise_for_status()
+    for refused in (
+        off.put("/api/tuning/saved"),
+        off.post("/api/experiments", json={"name": "tracking"}),
+    ):
+        assert refused.status_code == 409
+        assert "trial" in str(problem(refused)["message"])
+    refused = off.post("/api/tuning/trial", json={"lam_q": 0.1, "duration_s": 5.0})
+    assert problem(refused)["quantity"] == "lam_q"
+
+
+def test_the_saved_tuning_is_what_was_in_force_when_it_was_saved(off: httpx.Client) -> None:
+    off.put("/api/tuning", json={"lam_q": 0.61, "interpolate": True}).raise_for_status()
+    saved = off.put("/api/tuning/saved").raise_for_status().json()
+    off.put("/api/tuning", json={"lam_q": 0.9}).raise_for_status()
+    assert off.get("/api/tuning/saved").json() == saved
+    assert (saved["lam_q"], saved["interpolate"], saved["who"]) == (0.61, True, "operator")
+    off.put("/api/tuning", json=START).raise_for_status()
+    off.put("/api/tuning/saved").raise_for_status()
+
+
+def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) -> None:
+    preview = off.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42}).raise_for_status().json()
+    position = preview["position"]
+    assert position["stable"]
+    assert len(position["printed"]["y"]) == len(position["t"])
+    assert not position["printed"]["stable"]  # erratum E6: K, T from the full model leave no room for k_p = 2/(K λ)
+
+
+def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, viewer: httpx.Client) -> None:
+    liked = viewer.get("/api/preferences").raise_for_status().json()
+    liked |= {"colours": {"q": "#123456"}, "hidden": ["u_A"], "window_s": 60.0}
+    assert viewer.put("/api/preferences", json=liked).raise_for_status().json() == liked
+    assert viewer.get("/api/preferences").json() == liked
+    assert operator.get("/api/preferences").json()["colours"] == {}
+    assert viewer.put("/api/preferences", json={"colours": {"q": "red"}}).status_code == 422
