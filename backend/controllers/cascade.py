@@ -1,15 +1,17 @@
-"""The cascade of figure 6: governor, outer I-P loops, decoupler, inner I-PD loops."""
+"""The cascade of figure 6: governor, outer I-P loops, envelope, decoupler, inner I-PD loops."""
 
 from typing import NamedTuple
 
-from backend.controllers import decoupler, governor, i_p, motors, scheduling
+from backend.controllers import decoupler, envelope, governor, i_p, motors, scheduling
 from backend.controllers.decoupler import Decoupler
+from backend.controllers.envelope import Envelope
 from backend.controllers.scheduling import Schedule
 from plant.compiled import compiled
 from plant.interface import Measurement
 
 TRACKING_TIME_S = 0.1
-"""Time constant with which clipped voltage, mapped back through the decoupler, bleeds the outer integrators."""
+"""Time constant with which the outer integrators are bled of what the envelope held back, and of clipped voltage mapped
+back through the decoupler."""
 
 
 class Tuning(NamedTuple):
@@ -21,6 +23,7 @@ class Tuning(NamedTuple):
     motors: motors.Gains
     schedule: Schedule
     decoupler: Decoupler
+    envelope: Envelope
     omega_max: float
     u_max: float
 
@@ -31,6 +34,7 @@ class State(NamedTuple):
     governor: governor.State
     position: i_p.State
     stiffness: i_p.State
+    envelope: envelope.State
     motors: motors.State
     position_gains: i_p.Gains
     stiffness_gains: i_p.Gains
@@ -54,6 +58,9 @@ class Output(NamedTuple):
     clipped_A: bool
     clipped_B: bool
     governed: bool
+    at_floor: bool
+    at_ceiling: bool
+    at_range: bool
 
 
 @compiled
@@ -78,13 +85,16 @@ def step(
     S_c, stiffness = i_p.step(gains_S, stiffness, reference.S_ref, S, state.correction_S)
     if not position_loop:
         q_c = reference.q_ref
-    theta_A_ref, theta_B_ref = decoupler.motor_positions(d, q_c, S_c)
+    allowed, within = envelope.step(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
+    theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
     motor, inner = motors.step(tuning.motors, inner, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
     back_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
     back_B = motor.excess_B / tuning.motors.B.k_p / TRACKING_TIME_S
-    correction_q, correction_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -back_A, -back_B)
+    clipped_q, clipped_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -back_A, -back_B)
+    correction_q = clipped_q + (allowed.q_c - q_c) / TRACKING_TIME_S
+    correction_S = clipped_S + (allowed.S_c - S_c) / TRACKING_TIME_S
 
     output = Output(
         motor.u_A,
@@ -98,11 +108,15 @@ def step(
         motor.excess_A != 0.0,
         motor.excess_B != 0.0,
         governed,
+        allowed.at_floor,
+        allowed.at_ceiling,
+        allowed.at_range,
     )
     return output, State(
         reference,
         position,
         stiffness,
+        within,
         inner,
         gains_q,
         gains_S,
@@ -134,6 +148,7 @@ def take_over(
         governor.State(m.q, S),
         i_p.at_rest(gains_q, m.q, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
         i_p.at_rest(gains_S, S, S, decoupler.stiffness(d, theta_A_ref, theta_B_ref)),
+        envelope.State(m.F_A - m.F_B),
         inner,
         gains_q,
         gains_S,

@@ -7,26 +7,29 @@ one motor forward and the other back. ``backend.controllers.equilibrium_table`` 
 same straight pieces in both directions, so that there and back again is exact.
 """
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers.equilibrium_table import OFFSET, STIFFNESS, SUM, equilibrium_table
+from backend.controllers.equilibrium_table import OFFSET, STIFFNESS, SUM, TENSION, equilibrium_table
 from plant.compiled import compiled
 from plant.parameter_sections import SpringParameters
 from plant.parameters import PlantParameters
 
 
 class Decoupler(NamedTuple):
-    """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_1`` [N/m], ``k_2`` [N/m²] of like quadratic springs.
+    """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of like ones.
 
-    ``table`` is None for these; for any other pair it is what ``equilibrium_table`` gives, and k_1, k_2 are nan.
+    ``table`` is None for like quadratic springs; for any other pair it is what ``equilibrium_table`` gives, and k_0, k_1,
+    k_2 are nan.
     """
 
     r_m: float
     r_j: float
+    k_0: float
     k_1: float
     k_2: float
     table: NDArray[np.float64] | None = None
@@ -68,6 +71,12 @@ def stiffness_slope(d: Decoupler, S: float) -> float:
     return S_rate
 
 
+@compiled
+def stiffness_under(d: Decoupler, F: float) -> float:
+    """S [N·m/rad] at rest with the tension F [N] in both tendons: 2 r_j² √(k1² + 4 k2 (F − k0)) for order 2."""
+    return _stiffness_under(d, d.table, F)
+
+
 # Each function below is compiled for a table and for None; for None the compiler drops what the table would need.
 
 
@@ -76,15 +85,16 @@ def _half_sum(d: Decoupler, table: NDArray[np.float64] | None, S: float) -> tupl
     """(θ_A + θ_B)/2 at stiffness S, and what A is turned further, B less, because the springs differ [rad]."""
     if table is None:
         return (S - 2.0 * d.k_1 * d.r_j**2) / (4.0 * d.k_2 * d.r_j**2 * d.r_m), 0.0
-    low, high = 0, table.shape[0] - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if table[middle, STIFFNESS] <= S:
-            low = middle
-        else:
-            high = middle
-    share = (S - table[low, STIFFNESS]) / (table[high, STIFFNESS] - table[low, STIFFNESS])
+    low, share = _row_below(table, STIFFNESS, S)
     return 0.5 * _between(table, low, share, SUM), _between(table, low, share, OFFSET)
+
+
+@compiled
+def _stiffness_under(d: Decoupler, table: NDArray[np.float64] | None, F: float) -> float:
+    if table is None:
+        return 2.0 * d.r_j**2 * math.sqrt(max(d.k_1**2 + 4.0 * d.k_2 * (F - d.k_0), 0.0))
+    low, share = _row_below(table, TENSION, F)
+    return _between(table, low, share, STIFFNESS)
 
 
 @compiled
@@ -125,6 +135,19 @@ def _place(table: NDArray[np.float64], turned: float) -> tuple[int, float]:
 
 
 @compiled
+def _row_below(table: NDArray[np.float64], column: int, value: float) -> tuple[int, float]:
+    """Row below ``value`` in a rising column, and the share of the way to the next one."""
+    low, high = 0, table.shape[0] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if table[middle, column] <= value:
+            low = middle
+        else:
+            high = middle
+    return low, (value - table[low, column]) / (table[high, column] - table[low, column])
+
+
+@compiled
 def _between(table: NDArray[np.float64], low: int, share: float, column: int) -> float:
     """Value between two rows; beyond the ends of the table the outermost piece goes on."""
     here, there = float(table[low, column]), float(table[low + 1, column])
@@ -136,8 +159,8 @@ def decoupler_for(parameters: PlantParameters) -> Decoupler:
     r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
     A, B = parameters.identified_curve("A"), parameters.identified_curve("B")
     if A.k == B.k and len(A.k) == 3:
-        return Decoupler(r_m, r_j, A.k[1], A.k[2])
-    return Decoupler(r_m, r_j, np.nan, np.nan, _table(A, B, r_m, r_j))
+        return Decoupler(r_m, r_j, *A.k)
+    return Decoupler(r_m, r_j, np.nan, np.nan, np.nan, _table(A, B, r_m, r_j))
 
 
 @lru_cache(maxsize=8)

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from plant.spring import Spring, polynomial, slope
 
-SUM, STIFFNESS, OFFSET = 0, 1, 2
-"""Columns of the table: θ_A + θ_B [rad], S [N·m/rad], and (x_A − x_B)/(2 r_m) [rad]."""
+SUM, STIFFNESS, OFFSET, TENSION = 0, 1, 2, 3
+"""Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], and the tension of both tendons [N]."""
 
 ROWS = 1025
 """Straight pieces: with the paper's spring made cubic they miss S by less than 1e-6 N·m/rad."""
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
-    """Table (ROWS, 3), evenly spaced in θ_A + θ_B, from slack to where the first of the springs becomes solid.
+    """Table (ROWS, 4), evenly spaced in θ_A + θ_B, from slack to where the first of the springs becomes solid.
 
     At rest F_A(x_A) = F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and
     θ_A + θ_B = (x_A + x_B)/r_m by equations 1 and 2, whatever q. The springs must stiffen
@@ -34,7 +34,7 @@ def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float
     S = r_j**2 * (slope_A + np.interp(F_A, F_B, slope_B))
     offset = (x_A - other) / (2.0 * r_m)
     even = np.linspace(turned[0], turned[-1], ROWS)
-    return np.column_stack((even, np.interp(even, turned, S), np.interp(even, turned, offset)))
+    return np.column_stack([even, *(np.interp(even, turned, column) for column in (S, offset, F_A))])
 
 
 def _sampled(spring: Spring) -> tuple[Array, Array, Array]:

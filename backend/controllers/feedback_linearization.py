@@ -190,6 +190,9 @@ def step(tuning: Tuning, state: State, q_ref: float, S_ref: float, m: Measuremen
         u_A != wanted_A,
         u_B != wanted_B,
         governed,
+        False,
+        False,
+        False,
     )
     return output, State(
         reference,

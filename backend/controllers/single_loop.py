@@ -63,6 +63,9 @@ def step(tuning: Tuning, state: State, q_ref: float, S_ref: float, m: Measuremen
         clipped_A != 0.0,
         clipped_B != 0.0,
         governed,
+        False,
+        False,
+        False,
     )
     return output, State(
         reference,

@@ -202,7 +202,7 @@ class Tracking:
         q_ref, S_ref, _ = self.target
         y, self._state = cascade.step(tuning, self._state, q_ref, S_ref, self._position_loop, m)
         self._carry = Carry(self._state.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
-        limits = clipped(y.clipped_A, y.clipped_B) | (Limit.GOVERNOR if y.governed else Limit(0))
+        limits = acting(y)
         return Decision(
             y.u_A,
             y.u_B,
@@ -219,6 +219,21 @@ class Tracking:
     def carry(self) -> Carry:
         """Return the motor loops for the next motion."""
         return self._carry
+
+
+def acting(y: cascade.Output) -> Limit:
+    """Limit flags of a tick of the cascade."""
+    flags = (
+        (y.governed, Limit.GOVERNOR),
+        (y.at_floor, Limit.TENSION_FLOOR),
+        (y.at_ceiling, Limit.TENSION_CEILING),
+        (y.at_range, Limit.JOINT_RANGE),
+    )
+    limits = clipped(y.clipped_A, y.clipped_B)
+    for acts, flag in flags:
+        if acts:
+            limits |= flag
+    return limits
 
 
 def clipped(A: bool, B: bool) -> Limit:

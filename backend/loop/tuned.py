@@ -42,4 +42,5 @@ def tuning_of(command: SetTuning, decoupler: Decoupler, bounds: Bounds) -> casca
     inner = motors.Gains(i_pd.Gains(*astuple(command.motor_A)), i_pd.Gains(*astuple(command.motor_B)))
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
-    return cascade.Tuning(inner, Schedule(table, command.interpolate), decoupler, bounds.omega_max, bounds.u_max)
+    schedule = Schedule(table, command.interpolate)
+    return cascade.Tuning(inner, schedule, decoupler, bounds.envelope, bounds.omega_max, bounds.u_max)

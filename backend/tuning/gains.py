@@ -61,6 +61,7 @@ def cascade_tuning(
         motor_loops(parameters, lambdas.lam_motor, motor),
         Schedule(np.array(rows), interpolate),
         decoupler_for(parameters),
+        bounds.envelope,
         bounds.omega_max,
         bounds.u_max,
     )

@@ -14,6 +14,7 @@ enum { SUBSTEPS = 4, DELAY_SLOTS = 64, COLUMNS = 13, ENTRY_WIDTH = 7 };
 static const double T_s = 1e-3;
 static const double INNER_TRACKING_TIME_S = 0.030;
 static const double OUTER_TRACKING_TIME_S = 0.1;
+static const double PULL_FILTER_TIME_S = 0.05;
 static const double HYSTERESIS = 0.2;
 static const double SUBNORMAL = 1e-200;
 
@@ -41,12 +42,14 @@ typedef struct { MotorState A, B; } PairState;
 typedef struct { double k_p, k_i, k_r; } OuterGains;
 typedef struct { double integral; } OuterState;
 typedef struct { const double *entries; int64_t count, width; int64_t interpolate; } Schedule;
-typedef struct { double r_m, r_j, k_1, k_2; } Decoupler;
-typedef struct { PairGains motors; Schedule schedule; Decoupler decoupler; double omega_max, u_max; } Tuning;
+typedef struct { double r_m, r_j, k_0, k_1, k_2; } Decoupler;
+typedef struct { double F_floor, F_ceiling, q_max; } Envelope;
+typedef struct { PairGains motors; Schedule schedule; Decoupler decoupler; Envelope envelope; double omega_max, u_max; } Tuning;
 typedef struct { double q_ref, S_ref; } References;
 typedef struct {
     References governor;
     OuterState position, stiffness;
+    double pull;
     PairState motors;
     OuterGains position_gains, stiffness_gains;
     PairGains motor_gains;
@@ -244,6 +247,18 @@ static void gains_at(const Schedule *schedule, double active, OuterGains *positi
     *stiffness = (OuterGains){mixed[4], mixed[5], mixed[6]};
 }
 
+static double stiffness_under(const Decoupler *d, double F) {
+    return 2.0 * (d->r_j * d->r_j) * sqrt(fmax(d->k_1 * d->k_1 + 4.0 * d->k_2 * (F - d->k_0), 0.0));
+}
+
+static double allowed_stiffness(const Tuning *tuning, State *state, double S_c, const Measurement *m) {
+    state->pull += (1.0 - exp(-T_s / PULL_FILTER_TIME_S)) * (m->F_A - m->F_B - state->pull);
+    double share = 0.5 * fabs(state->pull);
+    double lowest = stiffness_under(&tuning->decoupler, tuning->envelope.F_floor + share);
+    double highest = stiffness_under(&tuning->decoupler, tuning->envelope.F_ceiling - share);
+    return fmin(fmax(S_c, lowest), highest);
+}
+
 static Output cascade_step(const Tuning *tuning, State *state, double q_ref, double S_ref, const Measurement *m) {
     const Decoupler *d = &tuning->decoupler;
     double S = 2.0 * (d->r_j * d->r_j) * (d->k_1 + d->k_2 * d->r_m * (m->theta_A + m->theta_B));
@@ -264,14 +279,17 @@ static Output cascade_step(const Tuning *tuning, State *state, double q_ref, dou
     double q_c = outer_step(&gains_q, &state->position, reference.q_ref, m->q, state->correction_q);
     double S_c = outer_step(&gains_S, &state->stiffness, reference.S_ref, S, state->correction_S);
     double theta_A_ref, theta_B_ref, excess_A, excess_B;
-    motor_positions(d, q_c, S_c, &theta_A_ref, &theta_B_ref);
+    double S_held = allowed_stiffness(tuning, state, S_c, m);
+    double q_held = clamp(q_c, tuning->envelope.q_max);
+    motor_positions(d, q_held, S_held, &theta_A_ref, &theta_B_ref);
     double u_A = motor_step(&tuning->motors.A, &state->motors.A, theta_A_ref, m->theta_A, tuning->u_max, &excess_A);
     double u_B = motor_step(&tuning->motors.B, &state->motors.B, theta_B_ref, m->theta_B, tuning->u_max, &excess_B);
 
     double back_A = excess_A / tuning->motors.A.k_p / OUTER_TRACKING_TIME_S;
     double back_B = excess_B / tuning->motors.B.k_p / OUTER_TRACKING_TIME_S;
-    state->correction_q = d->r_m * (back_B - back_A) / (2.0 * d->r_j);
-    state->correction_S = 2.0 * (d->r_j * d->r_j) * d->k_2 * d->r_m * (-back_A - back_B);
+    state->correction_q = d->r_m * (back_B - back_A) / (2.0 * d->r_j) + (q_held - q_c) / OUTER_TRACKING_TIME_S;
+    state->correction_S = 2.0 * (d->r_j * d->r_j) * d->k_2 * d->r_m * (-back_A - back_B)
+                          + (S_held - S_c) / OUTER_TRACKING_TIME_S;
     return (Output){u_A, u_B, theta_A_ref, theta_B_ref, S, reference.q_ref, reference.S_ref};
 }
 

@@ -63,7 +63,7 @@ def test_like_quadratic_springs_follow_equations_18_to_21(q: float, S: float) ->
 
 
 def test_the_closed_form_is_taken_where_it_holds_and_only_there() -> None:
-    assert Decoupler(r_m, r_j, QUADRATIC[1], QUADRATIC[2]) == PAPER
+    assert Decoupler(r_m, r_j, *QUADRATIC) == PAPER
     assert decoupler_for(load_parameters("lab")).table is None
     for d in (LIKE_CUBIC, UNLIKE, WITH_TABLE):
         assert d.table is not None
@@ -101,7 +101,7 @@ def test_the_joint_rests_there_with_that_stiffness(
 
 def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -> None:
     spring = load_parameters("ideal").identified_spring("A")
-    by_table = Decoupler(r_m, r_j, np.nan, np.nan, equilibrium_table(spring, spring, r_m, r_j))
+    by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, equilibrium_table(spring, spring, r_m, r_j))
     for q, S in ((0.0, 8.24), (1.0, 10.55), (-0.7, 12.43), (0.2, 14.06)):
         assert motor_positions(by_table, q, S) == pytest.approx(motor_positions(PAPER, q, S), abs=1e-7)
 

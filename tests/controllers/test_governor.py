@@ -9,7 +9,7 @@ from backend.controllers import governor
 from backend.controllers.decoupler import Decoupler, motor_positions
 from plant.interface import T_s
 
-D = Decoupler(7.5e-3, 75e-3, 331.49, 8543.8)
+D = Decoupler(7.5e-3, 75e-3, -2.498, 331.49, 8543.8)
 OMEGA = 20.0
 
 

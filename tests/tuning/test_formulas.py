@@ -61,7 +61,7 @@ def test_reference_weight_acts_on_the_reference_only() -> None:
 def test_loop_gains_through_the_decoupler_are_one_at_the_geometric_gains() -> None:
     r_m, r_j, k_2 = 7.5e-3, 75e-3, 8543.8
     assert position_loop_gain(r_m / (2.0 * r_j), r_m, r_j) == pytest.approx(1.0)
-    decoupler = Decoupler(r_m, r_j, 331.49, k_2)
+    decoupler = Decoupler(r_m, r_j, -2.498, 331.49, k_2)
     assert stiffness_loop_gain(2.0 * r_j**2 * k_2 * r_m, stiffness_slope(decoupler, 10.0)) == pytest.approx(1.0)
 
 

@@ -1,0 +1,37 @@
+"""The limit flags in the sample say which limit acted, in the tick it acted."""
+
+import numpy as np
+import pytest
+
+from backend.faults import Limit
+from backend.loop.commands import Push, SetReferences
+from plant.parameters import load_parameters
+from tests.loop.bench_top import BenchTop
+
+
+@pytest.fixture(scope="module")
+def pushed_bench() -> BenchTop:
+    bench = BenchTop(load_parameters("ideal"))
+    bench.run()
+    bench.send(SetReferences(0.0, 8.0))
+    bench.advance(4.0)
+    bench.send(Push(18.0))
+    bench.advance(3.0)
+    bench.send(Push(0.0))
+    bench.advance(3.0)
+    return bench
+
+
+def test_tension_floor_is_flagged_while_it_lifts_the_stiffness(pushed_bench: BenchTop) -> None:
+    flags, S, S_ref = (pushed_bench.column(name, last=6000) for name in ("limits", "S", "S_ref"))
+    at_floor = (flags.astype(int) & Limit.TENSION_FLOOR) != 0
+    assert np.all(at_floor[1000:3000])
+    assert np.all((S - S_ref)[1500:3000] > 0.3)
+    assert not np.any(at_floor[-1000:])
+
+
+def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTop) -> None:
+    flags, S_ref, governed = (pushed_bench.column(name, last=10_000) for name in ("limits", "S_ref", "S_ref_gov"))
+    held_back = (flags.astype(int) & Limit.GOVERNOR) != 0
+    assert np.array_equal(held_back, governed != S_ref)
+    assert 0 < np.count_nonzero(held_back) < 1000
