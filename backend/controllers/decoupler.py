@@ -23,8 +23,8 @@ from plant.parameters import PlantParameters
 class Decoupler(NamedTuple):
     """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of like ones.
 
-    ``table`` is None for like quadratic springs; for any other pair it is what ``equilibrium_table`` gives, and k_0, k_1,
-    k_2 are nan.
+    ``table`` is None for like quadratic springs; for any other pair it is what ``equilibrium_table`` gives, and k_0,
+    k_1, k_2 are nan.
     """
 
     r_m: float

@@ -1,9 +1,9 @@
 """Where the joint may be sent: both tendons taut, neither near its limit, the equilibrium inside the joint's range.
 
-The outer loops ask for an equilibrium (q_c, S_c). At rest both tendons then carry the tension that belongs to S_c, and an
-external push shares itself out: half of F_A − F_B on top of one, half off the other. So the push that the load cells
-show raises the floor of S_c and lowers its ceiling; beyond both, the ceiling wins, because a slack tendon can be wound up
-again and a solid spring cannot be undone.
+The outer loops ask for an equilibrium (q_c, S_c). At rest both tendons then carry the tension that belongs to S_c, and
+an external push shares itself out: half of F_A − F_B on top of one, half off the other. So the push that the load cells
+show raises the floor of S_c and lowers its ceiling; beyond both, the ceiling wins, because a slack tendon can be wound
+up again and a solid spring cannot be undone.
 """
 
 import math

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from plant.spring import Spring, polynomial, slope
 
 SUM, STIFFNESS, OFFSET, TENSION = 0, 1, 2, 3
-"""Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], and the tension of both tendons [N]."""
+"""Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], tension of both tendons [N]."""
 
 ROWS = 1025
 """Straight pieces: with the paper's spring made cubic they miss S by less than 1e-6 N·m/rad."""

@@ -50,7 +50,7 @@ def bounds_for(parameters: PlantParameters) -> Bounds:
     """Bounds of a parameter set."""
     q_trip, F_max = parameters.geometry.q_max, parameters.safety.F_max
     q_max = q_trip - REFERENCE_MARGIN_RAD
-    # Against a push the equilibrium lies beyond the reference; if the push ends, the joint must not swing into its stop.
+    # Against a push the equilibrium lies beyond the reference; when the push ends, the joint must not hit its stop.
     envelope = Envelope(F_FLOOR, F_max - CEILING_MARGIN_N, q_trip - 0.5 * REFERENCE_MARGIN_RAD)
     u_max = parameters.motor.u_max
     return Bounds(-q_max, q_max, *STIFFNESS_RANGE, F_SLACK, F_max, q_trip, u_max, OMEGA_MAX, envelope)

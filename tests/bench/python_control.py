@@ -1,7 +1,7 @@
 """The same closed loop for python-control: cascade and plant as two nonlinear systems, connected, in continuous time.
 
 Written the way its user would write it, with plain floats in the derivative functions. The governed references come
-in as inputs; on `ideal` there are no sensors to model, and the envelope, which the benched step does not touch, is left out.
+in as inputs; on `ideal` there are no sensors to model. The envelope, which that step does not reach, is left out.
 """
 
 import math
