@@ -1,39 +1,140 @@
 """``sinew identify``."""
 
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
 from backend.cli.experiment import OutFolder, SetWords
-from backend.cli.ordering import current_user, run_headless, values_of
-from backend.cli.output import AsJson
-from backend.cli.place import DataFolder, ParameterSet, settings_with
+from backend.cli.ordering import current_user, run_headless, run_in_turn, values_of
+from backend.cli.output import AsJson, fail, print_json, print_table
+from backend.cli.output import out as screen
+from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.settings import Settings
+
+if TYPE_CHECKING:
+    from backend.experiments.plans import IdentificationPlan
+    from backend.experiments.runner import Order
 
 app = typer.Typer(
     help="Identify models from experiments on the simulator.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
-@app.callback()
-def _group() -> None:
-    """Keep ``actuator`` a word of its own."""
+Tensions = Annotated[
+    str | None,
+    typer.Option("--tensions", metavar="N,N,...", help="Tensions [N], one run at each, one after the other."),
+]
+Table = Annotated[
+    Path | None,
+    typer.Option("--table", help="Identify from this CSV instead: columns 'x [m]' or 'x [mm]', and 'F [N]'."),
+]
 
 
 @app.command()
-def actuator(
+def motor(
     values: SetWords = None,
     out: OutFolder = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify G_q and G_S in closed loop at one tendon tension (method section 4).
+    """Identify K_m, T_m and dry friction of both motors from unloaded voltage steps (method section 2).
+
+    Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
+    Settings of the loop: lam_motor [s], seed.
+    """
+    from backend.experiments.identification_plans import MotorIdentificationPlan
+
+    _identify(MotorIdentificationPlan, values_of(values or []), out, settings_with(params=params, data=data), as_json)
+
+
+@app.command()
+def spring(
+    values: SetWords = None,
+    table: Table = None,
+    out: OutFolder = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify both springs from a slow sweep of the tension, or one from a measured table (method section 3).
+
+    Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
+    Settings of the loop: lam_motor [s], seed.
+    """
+    from backend.experiments.identification_plans import SpringIdentificationPlan
+
+    settings = settings_with(params=params, data=data)
+    if table is None:
+        _identify(SpringIdentificationPlan, values_of(values or []), out, settings, as_json)
+    elif values or out:
+        fail("a table is identified as it is: leave --set and --out away", status=2)
+    else:
+        _identify_table(table, settings, as_json=as_json)
+
+
+@app.command()
+def actuator(
+    values: SetWords = None,
+    tensions: Tensions = None,
+    out: OutFolder = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
 
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s].
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed.
     """
-    from backend.experiments.loop_settings import split_values
     from backend.experiments.plans import ActuatorIdentificationPlan
+
+    settings, chosen = settings_with(params=params, data=data), values_of(values or [])
+    if tensions is None:
+        _identify(ActuatorIdentificationPlan, chosen, out, settings, as_json)
+        return
+    if "tension_N" in chosen:
+        fail("--tensions and --set tension_N=... exclude each other", status=2)
+    orders = [_order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}) for word in tensions.split(",")]
+    run_in_turn(settings, orders, out, as_json=as_json)
+
+
+def _identify(
+    plan: "type[IdentificationPlan]",
+    values: dict[str, object],
+    out: Path | None,
+    settings: Settings,
+    as_json: bool,
+) -> None:
+    run_headless(settings, _order(plan, values), out, as_json=as_json)
+
+
+def _order(plan: "type[IdentificationPlan]", values: dict[str, object]) -> "Order":
+    from backend.experiments.loop_settings import split_values
     from backend.experiments.runner import Order
 
-    plan, loop_settings = split_values(ActuatorIdentificationPlan, values_of(values or []))
-    settings = settings_with(params=params, data=data)
-    run_headless(settings, Order(plan, loop_settings, current_user()), out, as_json=as_json)
+    chosen, loop_settings = split_values(plan, values)
+    return Order(chosen, loop_settings, current_user())
+
+
+def _identify_table(table: Path, settings: Settings, *, as_json: bool) -> None:
+    from backend import __version__
+    from backend.experiments.spring_identification import from_table
+    from backend.identification.errors import IdentificationError
+    from backend.storage import identifications
+
+    try:
+        new = from_table(table.name, table.read_text(encoding="utf-8"), current_user(), __version__)
+    except (IdentificationError, UnicodeDecodeError) as error:
+        fail(f"{table}: {error}", status=2)
+    with database_of(settings) as database, database.session() as session:
+        found = identifications.add(session, new)
+    if as_json:
+        print_json(asdict(found))
+        return
+    fits = found.model["table"]["fits"]
+    rows = [(fit["order"], fit["rms_N"], fit["max_N"], fit["cross_validation_N"]) for fit in fits]
+    print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {found.id}")
+    screen.print(found.verdict, highlight=False, markup=False)

@@ -2,8 +2,10 @@
 
 import asyncio
 import getpass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from backend.cli.output import fail, meter, out, print_json, print_table
 from backend.cli.place import database_of
@@ -11,6 +13,12 @@ from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.experiments.runner import Order, Outcome
+
+
+class _Play(Protocol):
+    def __call__(
+        self, order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False
+    ) -> "tuple[Outcome, dict[str, Any]]": ...
 
 
 def values_of(words: list[str]) -> dict[str, object]:
@@ -26,6 +34,34 @@ def values_of(words: list[str]) -> dict[str, object]:
 
 def run_headless(settings: Settings, order: "Order", folder: Path | None, *, as_json: bool) -> None:
     """Play an order on the simulator, store it, and show what came of it; exit 1 when it did not complete."""
+    with _bench(settings, order) as play:
+        outcome, document = play(order, folder, hidden=as_json)
+        if as_json:
+            print_json(document)
+        else:
+            _show(document)
+    _end_status(outcome)
+
+
+def run_in_turn(settings: Settings, orders: "Sequence[Order]", folder: Path | None, *, as_json: bool) -> None:
+    """Play orders one after the other, files in a folder per run; one that does not complete ends the sequence."""
+    documents = []
+    with _bench(settings, orders[0]) as play:
+        for order in orders:
+            outcome, document = play(order, folder, hidden=as_json, own_folder=True)
+            documents.append(document)
+            if not as_json:
+                _show(document)
+            if outcome.run.end_state != "completed" or outcome.evaluation.problem:
+                break
+    if as_json:
+        print_json(documents)
+    _end_status(outcome)
+
+
+@contextmanager
+def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
+    """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.experiments.headless_station import headless_station
     from backend.experiments.runner import run_experiment
     from backend.reports.files import metrics_document, write_files
@@ -35,22 +71,22 @@ def run_headless(settings: Settings, order: "Order", folder: Path | None, *, as_
     if settings.plant != "simulator":
         fail("headless runs are simulated; on the rig start them from the dashboard of sinew serve")
     parameters = load_parameters(settings.params)
-    duration_s = order.plan.program().duration_s
-    with database_of(settings) as database:
-        with (
-            headless_station(database, parameters, order.loop_settings) as station,
-            meter(duration_s, hidden=as_json) as progress,
-        ):
-            outcome = asyncio.run(run_experiment(station, order, progress))
-        written = write_files(database, outcome.run.id, folder) if folder else ()
-        document = metrics_document(load_source(database, outcome.run.id))
-        if as_json:
-            print_json({**document, "files": [str(path) for path in written]})
-        else:
-            _show(document)
-            for path in written:
-                out.print(f"wrote {path}", highlight=False, markup=False)
-    _end_status(outcome)
+    with (
+        database_of(settings) as database,
+        headless_station(database, parameters, first.loop_settings) as station,
+    ):
+
+        def play(
+            order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False
+        ) -> "tuple[Outcome, dict[str, Any]]":
+            with meter(order.plan.program().duration_s, hidden=hidden) as progress:
+                outcome = asyncio.run(run_experiment(station, order, progress))
+            into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
+            written = write_files(database, outcome.run.id, into) if into else ()
+            document = metrics_document(load_source(database, outcome.run.id))
+            return outcome, {**document, "files": [str(path) for path in written]}
+
+        yield play
 
 
 def current_user() -> str:
@@ -73,6 +109,8 @@ def _show(document: dict[str, Any]) -> None:
         print_table(("criterion", "value", "bound", "unit", "verdict"), criteria)
     if document["identification"]:
         out.print(document["identification"]["verdict"], highlight=False, markup=False)
+    for path in document["files"]:
+        out.print(f"wrote {path}", highlight=False, markup=False)
 
 
 def _end_status(outcome: "Outcome") -> None:

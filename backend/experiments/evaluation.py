@@ -3,12 +3,13 @@
 from dataclasses import asdict, dataclass
 
 from backend import __version__
-from backend.experiments.actuator_identification import figures_of, identify, to_store
+from backend.experiments import actuator_identification, motor_identification, spring_identification
 from backend.experiments.compliance import compliance_criteria, compliance_figures
 from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.criteria import Criterion, bounds_for, tracking_criteria
+from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.metrics import NoSamplesError, tracking_metrics
-from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
 from backend.experiments.sequence_plan import SequencePlan
 from backend.recording.columns import Columns, recorded_columns
@@ -37,7 +38,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     problem = ""
     try:
         match plan:
-            case ActuatorIdentificationPlan():
+            case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
                 metrics, estimate, problem = _identified(columns, parameters, plan, run)
             case CompliancePlan():
                 metrics, criteria = _complied(columns, parameters, plan, run)
@@ -70,18 +71,36 @@ def _complied(
 
 
 def _identified(
-    columns: Columns, parameters: PlantParameters, plan: ActuatorIdentificationPlan, run: Run
+    columns: Columns, parameters: PlantParameters, plan: IdentificationPlan, run: Run
 ) -> tuple[Document, NewIdentification | None, str]:
-    """Estimate a model from a whole run; one that ended early gives none, for half a sequence would mislead."""
+    """Estimate a model from a whole run; one that ended early gives none, for half a record would mislead."""
     document = _outline(columns, plan, run)
     if not document["complete"]:
         return document, None, f"no model was estimated: the run ended early ({run.end_state})"
     try:
-        estimate = identify(columns, plan.excitation(), parameters)
+        figures, estimate = _estimated(columns, parameters, plan, run)
     except ValueError as error:
         return document, None, f"no model was estimated: {error}"
-    document["figures"] = figure_documents(figures_of(columns, plan.excitation(), estimate))
-    return document, to_store(run, plan, columns, estimate, __version__), ""
+    return document | {"figures": figure_documents(figures)}, estimate, ""
+
+
+def _estimated(
+    columns: Columns, parameters: PlantParameters, plan: IdentificationPlan, run: Run
+) -> tuple[object, NewIdentification]:
+    match plan:
+        case MotorIdentificationPlan():
+            motors = motor_identification.identify(columns, parameters)
+            figures = motor_identification.figures_of(columns, motors)
+            return figures, motor_identification.to_store(run, plan, motors, parameters, __version__)
+        case SpringIdentificationPlan():
+            springs = spring_identification.identify(columns, plan, parameters)
+            stretched = spring_identification.figures_of(columns, plan, springs)
+            return stretched, spring_identification.to_store(run, plan, springs, parameters, __version__)
+        case ActuatorIdentificationPlan():
+            excitation = plan.excitation()
+            estimate = actuator_identification.identify(columns, excitation, parameters)
+            moved = actuator_identification.figures_of(columns, excitation, estimate)
+            return moved, actuator_identification.to_store(run, plan, columns, estimate, __version__)
 
 
 def _outline(columns: Columns, plan: Plan, run: Run) -> Document:

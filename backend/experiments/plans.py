@@ -12,6 +12,7 @@ from scipy.signal import max_len_seq
 
 from backend.controllers.limits import STIFFNESS_RANGE
 from backend.experiments.compliance_plan import CompliancePlan
+from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.phase import Phase
 from backend.experiments.sequence_plan import Q_REF_MAX, SequencePlan
 from backend.experiments.settings import integer, number
@@ -128,7 +129,10 @@ class ActuatorIdentificationPlan:
         )
 
 
-Plan = TrackingPlan | CompliancePlan | SequencePlan | ActuatorIdentificationPlan
+IdentificationPlan = ActuatorIdentificationPlan | MotorIdentificationPlan | SpringIdentificationPlan
+"""Plans whose runs give models."""
+
+Plan = TrackingPlan | CompliancePlan | SequencePlan | IdentificationPlan
 """Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""
 
 

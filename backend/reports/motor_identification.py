@@ -1,0 +1,150 @@
+"""The report of a motor identification: both estimates of both motors, and how well they describe the steps."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
+from backend.reports.drawing import COLOURS, INK, figure, panel_letter, to_svg
+from backend.reports.judgement import figures_table
+from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
+from backend.reports.source import Source
+
+SIDES = ("A", "B")
+PAPER = {"K_m": 2.86, "T_m": 0.22}
+"""The paper's motor: K_m [rad/(V·s)], T_m [s]."""
+
+_NOTES = (
+    "Least squares fits K_m, T_m and the Coulomb voltage u_c together, on position, over all steps: "
+    "T_m ω' + ω = K_m (u − u_c sign ω). u_c is left out where it does not differ from zero at the 1 % level. Standard "
+    "errors allow for coloured residuals.",
+    "The 63.21 % rule is the paper's: K_m from the steady speed, T_m where the speed reaches 63.21 % of it. It knows "
+    "nothing of dry friction, which lowers its gain most at the smallest voltage, nor that a step ended before its "
+    "speed was quite steady, which lowers it at the largest.",
+    "Both tendons were slack during the steps. A step that saturates or that a tendon loads is refused and listed.",
+)
+
+
+def motor_identification_report(source: Source) -> Report:
+    """Build the report; a run without a model says why it gave none."""
+    found, metrics = source.identification, source.result.metrics if source.result else {}
+    sections = []
+    if found is not None:
+        tables: list[Block] = [_estimates(found.model), _rule(found.model), *_refused(found.quality)]
+        sections.append(Section("Motors", (*tables, figures_table(metrics))))
+    sections.append(Section("How it was made", (settings_table(source), *_in_force(source))))
+    if found is not None:
+        sections.append(Section("Figures", _figures(found.quality)))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
+    return Report(
+        title="Motor identification",
+        subtitle=subtitle(source),
+        outcome="incomplete" if found is None else "passed" if found.usable else "failed",
+        verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
+        facts=facts(source),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · motor identification · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _estimates(model: Mapping[str, Any]) -> Table:
+    columns = (
+        Column("Motor", number=False),
+        Column("Estimate", number=False, wide=True),
+        Column("K_m", "rad/(V·s)"),
+        Column("±"),
+        Column("T_m", "s"),
+        Column("±", "s"),
+        Column("u_c", "V"),
+        Column("±", "V"),
+    )
+    rows: list[tuple[str, ...]] = []
+    for side in SIDES:
+        item = model[side]
+        fitted, std, mean, spread = (item[key] for key in ("parameters", "std_errors", "rule_mean", "rule_spread"))
+        values = [
+            shown(part[name], digits) for name in ("K_m", "T_m", "u_c") for part, digits in ((fitted, 4), (std, 2))
+        ]
+        rows.append((side, "least squares, standard errors", *values))
+        ruled = [shown(part[name], digits) for name in ("K_m", "T_m") for part, digits in ((mean, 4), (spread, 2))]
+        rows.append((side, "63.21 % rule, mean and spread", *ruled, "–", "–"))
+        rows.append(
+            (side, "in force before", shown(item["before"]["K_m"], 4), "–", shown(item["before"]["T_m"]), "–", "–", "–")
+        )
+    rows.append(("–", "the paper", shown(PAPER["K_m"]), "–", shown(PAPER["T_m"]), "–", "–", "–"))
+    return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
+
+
+def _rule(model: Mapping[str, Any]) -> Table:
+    columns = (
+        Column("Step", "V"),
+        *(Column(f"{name} of {side}", unit) for side in SIDES for name, unit in (("K_m", "rad/(V·s)"), ("T_m", "s"))),
+    )
+    by_voltage = {side: {item["voltage"]: item for item in model[side]["rule"]} for side in SIDES}
+    voltages = sorted(set(by_voltage["A"]) | set(by_voltage["B"]))
+    rows = tuple(
+        (
+            exact(voltage),
+            *(
+                shown(by_voltage[side].get(voltage, {}).get(name), digits)
+                for side in SIDES
+                for name, digits in (("K_m", 4), ("T_m", 3))
+            ),
+        )
+        for voltage in voltages
+    )
+    return Table("The 63.21 % rule, step by step.", columns, rows)
+
+
+def _refused(quality: Mapping[str, Any]) -> tuple[Table, ...]:
+    rows = tuple((side, exact(item["voltage"]), item["reason"]) for side in SIDES for item in quality[side]["refused"])
+    columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
+    return (Table("Steps that were refused.", columns, rows),) if rows else ()
+
+
+def _in_force(source: Source) -> tuple[Paragraph, ...]:
+    found = source.identification
+    if found is None:
+        return ()
+    entries = "; ".join(
+        f"[identified_{side}] K_m = {shown(found.model[side]['parameters']['K_m'], 4)}, "
+        f"T_m = {shown(found.model[side]['parameters']['T_m'], 4)}"
+        for side in SIDES
+    )
+    text = (
+        f"Identification {found.id} used the voltages and motor angles of run {found.run_id}. The motor loops take "
+        f"their model from the parameter file; to use this one, enter there: {entries}."
+    )
+    return (Paragraph(text),)
+
+
+def _figures(quality: Mapping[str, Any]) -> tuple[Block, ...]:
+    return (
+        Figure(
+            "steps",
+            step_panels(quality, "steps"),
+            "Turn of each motor after the steps as measured (coloured) and as the least-squares model says (dashed), "
+            "and (C, D) their difference in milliradians.",
+        ),
+    )
+
+
+def step_panels(quality: Mapping[str, Any], name: str) -> str:
+    """Draw every step of both motors, and what the model leaves over."""
+    with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
+        for column, side in enumerate(SIDES):
+            turn, left = axes[0][column], axes[1][column]
+            for item in quality[side]["steps"]:
+                t, measured, model = (np.array(item[key]) for key in ("t", "measured", "model"))
+                turn.plot(t, measured, color=COLOURS[f"u_{side}"], linewidth=1.0)
+                turn.plot(t, model, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+                turn.annotate(f"{item['voltage']:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
+                left.plot(t, 1e3 * (measured - model), color=COLOURS[f"u_{side}"], linewidth=0.7)
+            turn.margins(x=0.12)
+            turn.set_ylabel(rf"turn of $\theta_{side}$ [rad]")
+            left.set(xlabel="t from the step [s]", ylabel="difference [mrad]")
+            panel_letter(turn, "AB"[column])
+            panel_letter(left, "CD"[column])
+        return to_svg(drawn, name)
