@@ -24,6 +24,7 @@ class Fault(StrEnum):
     OPERATOR_LOST = "operator_lost"
     SAFETY_MODULE = "safety_module"
     PLANT_ERROR = "plant_error"
+    WATCHDOG = "watchdog"
 
 
 FAULTS: tuple[Fault, ...] = tuple(Fault)
@@ -91,5 +92,9 @@ EXPLAINED: dict[Fault, Explanation] = {
     ),
     Fault.PLANT_ERROR: Explanation(
         "The plant could not be read or written.", "Check the DAQ card and its connections, then reset."
+    ),
+    Fault.WATCHDOG: Explanation(
+        "The card's watchdog cut the drives.",
+        "The loop did not write for too long: close other programs on this machine, then reset.",
     ),
 }

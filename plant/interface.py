@@ -1,6 +1,9 @@
 """What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
 
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from plant.breakage import Broken
 
 T_s = 1e-3
 """Sampling period of everything [s] (method section 1)."""
@@ -42,10 +45,12 @@ class Plant(Protocol):
 
     A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
-    sample is due (a hardware clock), False where the loop keeps the time.
+    sample is due (a hardware clock), False where the loop keeps the time. ``unattended_max_s`` [s] is how long it may
+    be left without a write while it is under control: the simulator waits, a rig moves on.
     """
 
     paces_loop: bool
+    unattended_max_s: float
 
     def open(self) -> None:
         """Connect, outputs at zero volts. Raises PlantError."""
@@ -63,8 +68,12 @@ class Plant(Protocol):
         """Apply an external force [N], tangential at r_j, positive towards +q. PlantError where nothing can push."""
         ...
 
+    def inject(self, broken: "Broken | None") -> None:
+        """Break something, None to mend it. PlantError where nothing can be broken to order (a rig)."""
+        ...
+
     def acknowledge(self) -> None:
-        """Re-arm the safety module after its cause is gone. Raises PlantError while it is not."""
+        """Re-arm safety module and watchdog after the cause is gone. Raises PlantError while it is not."""
         ...
 
     def close(self) -> None:

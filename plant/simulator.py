@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from plant.breakage import Breakage, Broken, BrokenPart
+from plant.card import Card
 from plant.compiled import compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
@@ -24,11 +26,17 @@ def actuate(
 
 
 class Simulator:
-    """A plant that advances one period at each write; the same seed gives the same run to the last bit."""
+    """A plant that advances one period at each write; the same seed gives the same run to the last bit.
+
+    With ``card`` its outputs go through that card's registers, watchdog and drive-enable line.
+    """
 
     paces_loop = False
+    unattended_max_s = 0.4
 
-    def __init__(self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST) -> None:
+    def __init__(
+        self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST, card: Card | None = None
+    ) -> None:
         self.x = x
         self._plant = parameters.dynamics()
         self._u_max = parameters.motor.u_max
@@ -41,12 +49,16 @@ class Simulator:
         self._tick = 0
         self._F_push = 0.0
         self._tripped = False
+        self._card = card
+        self._broken: BrokenPart | None = None
 
     def open(self) -> None:
         """Nothing to connect: run the compiled functions once, so that the first tick is as fast as the rest."""
         sense(self._plant, self._sensors, self.x, self._line.copy(), 0, 0.0, 0.0, 0.0, 0.0)
         actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0)
         exceeded(self._plant, self._bounds, self.x)
+        if self._card is not None:
+            self._card.arm()
 
     def read(self) -> Measurement:
         """Return the sensors' view of the present state."""
@@ -55,24 +67,42 @@ class Simulator:
             self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
         noise_A, noise_B = self._noise[row]
         trip = 1.0 if self._tripped else 0.0
-        return sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip)
+        m = sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip)
+        return m if self._broken is None else self._broken.seen(m)
 
     def write(self, command: MotorCommand) -> None:
-        """Advance the physics by one period; the safety module passes the command on only while it has not tripped."""
-        driven = ZERO_VOLTS if self._tripped else command
+        """Advance the physics by one period; the command gets through with drive-enable on and no trip. PlantError."""
+        if self._broken is not None:
+            self._broken.delay_write()
+        cut = self._tripped or (self._card is not None and not self._card.drives)
+        driven = ZERO_VOLTS if cut else command
         self.x = actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push)
         self._tripped = self._tripped or exceeded(self._plant, self._bounds, self.x)
         self._tick += 1
+        if self._card is not None:
+            self._card.put(driven, self._tripped)
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
         self._F_push = float(F_push)
 
+    def inject(self, broken: Broken | None) -> None:
+        """Break something from the next reading on; None mends it."""
+        self._broken = None if broken is None else BrokenPart(broken)
+        if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
+            self._tripped = True
+
     def acknowledge(self) -> None:
-        """Re-arm the safety module. PlantError while force or joint position is still beyond its bound."""
+        """Re-arm safety module and watchdog. PlantError while force or joint position is still beyond its bound."""
+        if self._broken is not None and self._broken.keeps_from_working:
+            raise PlantError(f"still broken: {self._broken.description}; mend it first")
         if exceeded(self._plant, self._bounds, self.x):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._tripped = False
+        if self._card is not None:
+            self._card.rearm()
 
     def close(self) -> None:
-        """Nothing to let go of: the physics stands still without writes."""
+        """Zero volts and drives off at the card; the physics stands still without writes."""
+        if self._card is not None:
+            self._card.disarm()

@@ -1,44 +1,62 @@
-"""Fault detection in the tick: each check names the fault and says what was seen."""
+"""Fault detection in the tick: each check names the fault and says what was seen. The first one found counts."""
 
 import math
 
-from backend.controllers.limits import Bounds
+from backend.controllers.limits import bounds_for
 from backend.faults import Fault
-from plant.interface import Measurement, T_s
+from backend.loop.sensor_checks import SensorChecks
+from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, T_s
+from plant.parameters import PlantParameters
 
 SLACK_MAX_S = 0.1
 """How long a tendon may be slack while the loops are closed [s]."""
 
-DEADLINES_IN_A_ROW = 400
-"""So many periods missed at a stretch are a fault. Virtual machines pause for up to 300 ms now and then, which harms no
-simulator; on a rig the card's watchdog has taken the drives away long before."""
-
 
 class Checks:
-    """Looks at every measurement; remembers how long a tendon has been slack."""
+    """Looks at every measurement; ``command`` is what was written last, set by the loop.
 
-    def __init__(self, bounds: Bounds) -> None:
-        self._bounds = bounds
+    ``unattended_max_s`` [s] is how long the plant may be left alone.
+    """
+
+    def __init__(self, parameters: PlantParameters, unattended_max_s: float) -> None:
+        self.command: MotorCommand = ZERO_VOLTS
+        self._bounds = bounds_for(parameters)
+        self._sensors = SensorChecks(parameters)
+        self._missed_max = round(unattended_max_s / T_s)
         self._slack_s = 0.0
 
-    def step(self, m: Measurement, taut_wanted: bool, missed: int) -> tuple[Fault, str]:
+    def step(self, raw: Measurement, m: Measurement, zeroed: bool, taut_wanted: bool, missed: int) -> tuple[Fault, str]:
         """Return the first fault found and what was seen, or ``Fault.NONE``.
 
+        ``raw`` is as read; in ``m`` the motor encoders have their zeros, which are known where ``zeroed``.
         ``taut_wanted``: the mode keeps tendons under tension; ``missed``: deadlines missed since the last tick.
         """
-        bounds = self._bounds
-        if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
-            return Fault.SENSOR_INVALID, f"a sensor gives no number: {m._asdict()}"
+        fault, seen = self.standing(m)
+        if fault is Fault.SENSOR_INVALID:
+            return fault, seen
         if m.safety_trip:
             return Fault.SAFETY_MODULE, "the independent safety module has cut the motors"
+        doubtful, contradiction = self._sensors.step(raw, m, self.command, zeroed, missed)
+        if doubtful is Fault.SENSOR_JUMP or fault is Fault.NONE:
+            fault, seen = doubtful, contradiction
+        slack = taut_wanted and min(m.F_A, m.F_B) < self._bounds.F_slack
+        self._slack_s = self._slack_s + T_s if slack else 0.0
+        if fault is not Fault.NONE:
+            return fault, seen
+        if self._slack_s > SLACK_MAX_S:
+            return Fault.SLACK, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N: slack for more than {SLACK_MAX_S:g} s"
+        if missed >= self._missed_max:
+            return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
+        return Fault.NONE, ""
+
+    def standing(self, m: Measurement) -> tuple[Fault, str]:
+        """Return the fault that one measurement shows by itself, without what came before."""
+        bounds = self._bounds
+        if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
+            silent = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
+            return Fault.SENSOR_INVALID, f"no number from {', '.join(silent)}"
         if max(m.F_A, m.F_B) > bounds.F_max:
             return Fault.FORCE_LIMIT, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N; the bound is {bounds.F_max:g} N"
         if abs(m.q) > bounds.q_trip:
             return Fault.JOINT_LIMIT, f"q = {m.q:.3f} rad; the bound is {bounds.q_trip:.3f} rad to either side"
-        slack = taut_wanted and min(m.F_A, m.F_B) < bounds.F_slack
-        self._slack_s = self._slack_s + T_s if slack else 0.0
-        if self._slack_s > SLACK_MAX_S:
-            return Fault.SLACK, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N: slack for more than {SLACK_MAX_S:g} s"
-        if missed >= DEADLINES_IN_A_ROW:
-            return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
         return Fault.NONE, ""

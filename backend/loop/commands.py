@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.loop.program import Program
+from plant.breakage import Broken
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,13 @@ class Push:
 
 
 @dataclass(frozen=True)
+class Inject:
+    """Break something where the plant can (the simulator), to try a reaction; None mends it."""
+
+    broken: Broken | None
+
+
+@dataclass(frozen=True)
 class Stop:
     """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts)."""
 
@@ -103,7 +111,7 @@ class Shutdown:
     """Zero volts, close the plant, end the process."""
 
 
-Command = SetMode | SetReferences | SetTuning | RunProgram | Push | Stop | Reset | Heartbeat | Shutdown
+Command = SetMode | SetReferences | SetTuning | RunProgram | Push | Inject | Stop | Reset | Heartbeat | Shutdown
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from backend.loop.commands import (
     Command,
     Event,
     Heartbeat,
+    Inject,
     Push,
     Refused,
     Reset,
@@ -35,6 +36,7 @@ from backend.loop.mode_machine import NO_REFERENCE, ModeMachine, RefusedError
 from backend.loop.motion import Decision
 from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
+from plant.card import WatchdogExpiredError
 from plant.compiled import compiled
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
 from plant.parameters import PlantParameters
@@ -69,12 +71,12 @@ class Loop:
         self._plant = plant
         self._ring = ring
         self._decoupler = decoupler.decoupler_for(parameters)
-        self._checks = Checks(self.bounds)
+        self._checks = Checks(parameters, plant.unattended_max_s)
         self._row = np.zeros(len(FIELDS))
         self._tick = 0
         self._overruns = 0
         plant.open()
-        m = plant.read()
+        self._raw = m = plant.read()
         self._machine = ModeMachine(plant, parameters, tuning_of(tuning, self._decoupler, self.bounds), m)
         self._lam_q, self._lam_S = tuning.lam_q, tuning.lam_S
         self._q_before = m.q
@@ -128,6 +130,8 @@ class Loop:
                 self._machine.run_program(command)
             case Push():
                 self._plant.push(command.F_push)
+            case Inject():
+                self._plant.inject(command.broken)
             case Reset():
                 self._reset()
             case Shutdown():
@@ -139,7 +143,7 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
-        fault, seen = self._checks.step(machine.m._replace(safety_trip=0.0), taut_wanted=False, missed=0)
+        fault, seen = self._checks.standing(machine.m)
         if fault is not Fault.NONE:
             raise RefusedError(f"the cause is still there: {seen}")
         machine.reset()
@@ -165,15 +169,16 @@ class Loop:
 
     def _read(self) -> Measurement:
         machine = self._machine
-        m = self._plant.read()
+        self._raw = m = self._plant.read()
         machine.m = m = m._replace(theta_A=m.theta_A + machine.offset_A, theta_B=m.theta_B + machine.offset_B)
-        self._q_dot = _velocity(self._q_dot, m.q, self._q_before)
-        self._q_before = m.q
+        if math.isfinite(m.q):  # the estimate would never get rid of a nan
+            self._q_dot = _velocity(self._q_dot, m.q, self._q_before)
+            self._q_before = m.q
         return m
 
     def _check(self, m: Measurement, missed: int) -> None:
         machine = self._machine
-        fault, seen = self._checks.step(m, machine.keeps_taut, missed)
+        fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed)
         at_risk = machine.motion is not None or fault in (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID)
         if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
             machine.begin_stop(Stop(fault), seen)
@@ -191,8 +196,13 @@ class Loop:
 
     def _write(self, command: MotorCommand) -> None:
         machine = self._machine
+        self._checks.command = command
         try:
             self._plant.write(command)
+        except WatchdogExpiredError as error:
+            # The drives are off already: this is zero volts, and stays so until somebody resets.
+            if machine.mode is not Mode.TRIPPED:
+                machine.begin_stop(Stop(Fault.WATCHDOG), str(error))
         except PlantError as error:
             machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error))
             return

@@ -32,6 +32,9 @@ from plant.spring import elongation
 
 NO_REFERENCE = Target(math.nan, math.nan, 0.0)
 
+_DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE)
+"""After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
+
 
 class RefusedError(Exception):
     """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
@@ -52,7 +55,10 @@ class PendingStop:
 
 
 class ModeMachine:
-    """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything."""
+    """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything.
+
+    ``zeroed`` tells that the zeros of the motor encoders are known.
+    """
 
     def __init__(self, plant: Plant, parameters: PlantParameters, tuning: Tuning, m: Measurement) -> None:
         self.mode = Mode.OFF
@@ -70,7 +76,7 @@ class ModeMachine:
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
-        self._zeroed = False
+        self.zeroed = False
         self._reached_told = False
 
     @property
@@ -86,7 +92,7 @@ class ModeMachine:
         """
         on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
         slack_wanted = isinstance(self.motion, MotorSteps)
-        closed = self.motion is not None and self._zeroed and self.mode is not Mode.STOPPING
+        closed = self.motion is not None and self.zeroed and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
     def set_mode(self, command: SetMode) -> None:
@@ -149,6 +155,8 @@ class ModeMachine:
         if self.mode is Mode.TRIPPED:
             return
         self.fault = stop.fault
+        if stop.fault in _DOUBTS_ZEROS:
+            self.zeroed = False
         if stop.hard or self.motion is None:
             self._enter(Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
@@ -229,7 +237,7 @@ class ModeMachine:
     def _enter_pretension(self, cause: str) -> None:
         carry = self._carried()
         motion: Motion
-        if self._zeroed:
+        if self.zeroed:
             motion = Travel(carry, NO_REFERENCE, *self._wound(PRETENSION_N))
         else:
             motion = Winding(carry, NO_REFERENCE)
@@ -248,7 +256,7 @@ class ModeMachine:
         carry = winding.carry()
         state = motors.shift(carry.gains, carry.state, move_A, move_B)
         shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
-        self._zeroed = True
+        self.zeroed = True
         self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
 
     def _brake(self, cause: str) -> None:

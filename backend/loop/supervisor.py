@@ -25,6 +25,7 @@ from backend.loop.commands import Accepted, Command, Event, Refused, Shutdown, S
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
+from plant.card import Card
 from plant.interface import T_s
 
 START_TIMEOUT_S = 120.0
@@ -40,11 +41,15 @@ _LOG = logging.getLogger(__name__)
 
 
 class Supervisor:
-    """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop."""
+    """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop.
+
+    ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote.
+    """
 
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.ring = Ring.create()
+        self.card = Card.create()
         self.granted: Granted | None = None
         self._process: Process | None = None
         self._heart: Heart | None = None
@@ -88,6 +93,7 @@ class Supervisor:
         if self._process is not None:
             raise LoopDiedError("the loop process is there already: stop it first")
         self.ring = Ring.create()
+        self.card = card = Card.create()
         self._ending = False
         self._reason = "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
@@ -95,9 +101,9 @@ class Supervisor:
         with theirs:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
-                *("-m", "backend.loop.worker", str(self.ring.fd), str(theirs.fileno())),
+                *("-m", "backend.loop.worker", str(self.ring.fd), str(theirs.fileno()), str(card.fd)),
                 stdin=DEVNULL,
-                pass_fds=(self.ring.fd, theirs.fileno()),
+                pass_fds=(self.ring.fd, theirs.fileno(), card.fd),
             )
         self._channel = channel
         channel.send(encode(self.setup))

@@ -1,4 +1,4 @@
-"""The loop process: ``python -m backend.loop.worker RING_FD CHANNEL_FD``, started by the supervisor.
+"""The loop process: ``python -m backend.loop.worker RING_FD CHANNEL_FD CARD_FD``, started by the supervisor.
 
 Nothing here waits for the service. Whatever ends this process, its last act is zero volts; when the service falls
 silent the loop brings the joint to a soft stop by itself.
@@ -32,6 +32,7 @@ from backend.loop.mode import Mode
 from backend.loop.pacer import Pacer, request_real_time
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
+from plant.card import Card
 from plant.interface import Plant, PlantError, T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
@@ -137,20 +138,20 @@ def _receive_setup(channel: Channel) -> Setup:
     return message
 
 
-def _plant(setup: Setup, parameters: PlantParameters) -> Plant:
+def _plant(setup: Setup, parameters: PlantParameters, card: Card) -> Plant:
     match setup.plant:
         case "simulator":
-            return Simulator(parameters, setup.seed)
+            return Simulator(parameters, setup.seed, card=card)
         case "rig":
             raise PlantError("this version drives the simulator only: start with --plant simulator")
     assert_never(setup.plant)
 
 
-def _work(ring: Ring, channel: Channel) -> None:
+def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters)
     rehearse(parameters, setup.tuning)
-    plant = _plant(setup, parameters)
+    plant = _plant(setup, parameters, card)
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
         worker = Worker(plant, loop, channel)
@@ -172,7 +173,7 @@ def main() -> int:
     ring = Ring.attach(int(sys.argv[1]))
     channel = Channel(socket.socket(fileno=int(sys.argv[2])))
     try:
-        _work(ring, channel)
+        _work(ring, channel, Card(int(sys.argv[3])))
     except ChannelClosedError:
         return 0
     except Exception as error:

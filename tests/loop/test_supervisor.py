@@ -66,6 +66,9 @@ def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
         assert kept.lateness_p99_s >= kept.lateness_p50_s > 0
 
         (first,) = loop_processes()
+        card = supervisor.card
+        await supervisor.advance_until(lambda: card.state().u_A != 0.0, timeout_s=5.0)
+        assert card.state().drive_enabled
         waiting = asyncio.create_task(supervisor.advance(3600.0))
         await asyncio.sleep(0)
         os.kill(first, signal.SIGKILL)
@@ -75,6 +78,10 @@ def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
             await asyncio.wait_for(waiting, TIMEOUT_S)
         with pytest.raises(LoopDiedError, match="SIGKILL"):
             await supervisor.send(Stop())
+        # Nobody who could write zero volts is left but the card's watchdog.
+        while not card.state().expired:
+            await asyncio.sleep(0.01)
+        assert (card.state().u_A, card.state().u_B, card.state().drive_enabled) == (0.0, 0.0, False)
 
         await supervisor.restart()
         (second,) = loop_processes()

@@ -7,7 +7,18 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.channel import Channel, Ready, Setup, channel_pair, decode_from_loop, encode
-from backend.loop.commands import Accepted, Heartbeat, ModeChanged, Refused, SetMode, SetTuning, Shutdown, Stopped
+from backend.loop.commands import (
+    Accepted,
+    Heartbeat,
+    ModeChanged,
+    PretensionReached,
+    Refused,
+    SetMode,
+    SetReferences,
+    SetTuning,
+    Shutdown,
+    Stopped,
+)
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.pacer import Granted, Pacer
@@ -16,6 +27,7 @@ from backend.loop.worker import Worker
 from backend.sample import INDEX
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
+from tests.docs.faults_page import documented_ms
 
 MS = 1_000_000
 
@@ -97,6 +109,32 @@ def test_silence_is_answered_by_a_latched_soft_stop_within_half_a_second(bench: 
     assert sum(isinstance(event, Stopped) for event in events) == 1
     assert any(isinstance(event, Refused) and event.sequence == 2 for event in events)
     assert Accepted(3, 1500) in events
+
+
+def test_a_moving_joint_stands_within_half_a_second_of_the_last_word(bench: Bench) -> None:
+    last_word = 0
+
+    def service(tick: int) -> None:
+        nonlocal last_word
+        if tick == 0:
+            bench.say(SetMode(Mode.PRETENSION), 1)
+        if any(isinstance(event, PretensionReached) for event in bench.hear()) and not last_word:
+            bench.say(SetMode(Mode.RUN), 2)
+            bench.say(SetReferences(1.2, 12.0), 3)
+            last_word = tick + 700
+        if last_word and tick > last_word + 1500:
+            bench.say(Shutdown(), 4)
+        elif (not last_word or tick <= last_word) and tick % 50 == 0:
+            bench.say(Heartbeat())
+
+    bench.run(service)
+    heard = last_word - last_word % 50
+    q_dot = bench.column("q_dot")
+    latched = int(np.argmax(bench.column("fault") == FAULT_CODE[Fault.SERVICE_LOST]))
+    assert 0 < latched - heard <= documented_ms(Fault.SERVICE_LOST)
+    assert abs(q_dot[heard]) > 0.5
+    assert np.max(np.abs(q_dot[heard + 500 :])) < 0.05 * abs(q_dot[heard])
+    assert (bench.column("u_A")[-1], bench.column("u_B")[-1]) == (0.0, 0.0)
 
 
 def test_silence_while_nothing_moves_is_no_fault(bench: Bench) -> None:

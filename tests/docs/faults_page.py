@@ -1,0 +1,16 @@
+"""docs/faults.md, read by machine."""
+
+import re
+from pathlib import Path
+
+from backend.faults import Fault
+
+PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+SECTIONS = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##)", PAGE, re.MULTILINE | re.DOTALL))
+
+
+def documented_ms(fault: Fault) -> int:
+    """Time from its cause within which the reaction to a fault has begun, as the page says."""
+    found = re.search(r"^- Within: (\d+) ms ", SECTIONS[fault], re.MULTILINE)
+    assert found is not None, fault
+    return int(found[1])
