@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.loop.commands import ProgramEnded, Refused, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.commands import Inject, ProgramEnded, Refused, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import Law, Program, TensionLeg, VoltageStep
+from plant.breakage import Breakage, Broken, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.bench_top import BenchTop
 
@@ -80,7 +81,7 @@ def test_slack_is_a_fault_again_after_the_steps(ideal: PlantParameters) -> None:
     while not bench.loop.pretension_done:
         bench.advance(0.1)
     bench.advance(1.0)
-    bench.plant.x = bench.plant.x._replace(theta_A=-1.0)  # type: ignore[attr-defined]
+    bench.send(Inject(Broken(Breakage.DRIFT_DOWN, Sensor.F_A)))
     bench.advance(0.3)
     assert bench.loop.fault == "slack"
 
