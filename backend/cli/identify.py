@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from backend.cli import identify_data
 from backend.cli.experiment import OutFolder, SetWords
 from backend.cli.ordering import current_user, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail, print_json, print_table
@@ -18,9 +19,10 @@ if TYPE_CHECKING:
     from backend.experiments.runner import Order
 
 app = typer.Typer(
-    help="Identify models from experiments on the simulator.", no_args_is_help=True, rich_markup_mode=None
+    help="Identify models from experiments on the simulator or from files.", no_args_is_help=True, rich_markup_mode=None
 )
 
+app.command()(identify_data.data)
 
 Tensions = Annotated[
     str | None,

@@ -144,11 +144,10 @@ def _with_noise_model(first: Fit) -> Fit:
         problem = replace(first.problem, whitening=fit_autoregression(_unwhitened(found).residuals))
         drive = None if first.drive is None else noise_free_input(problem)
         before = found
-        found = (
-            _from_starts(problem, drive, found.parameters)
-            if found is first
-            else _solve(problem, drive, found.parameters)
-        )
+        found = _solve(problem, drive, before.parameters)
+        if before is first and not found.input_correlation().passed:
+            # Under the noise the first solution may have settled in a valley that the whitened one shows to be wrong.
+            found = _from_starts(problem, drive, before.parameters)
         step = difference(before.parameters, found.parameters)
         change = float(np.linalg.norm(found.solution.without_nuisance(found.solution.sensitivities) @ step))
         if change < _NOISE_SETTLED * found.solution.noise:
@@ -161,9 +160,9 @@ def _unwhitened(found: Fit) -> Fit:
 
 
 def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
-    """Solve from quick starting values, and from thorough ones where the residuals do not come out white."""
+    """Solve from quick starting values, and from thorough ones where the residuals still follow the input."""
     found = _first_converged(problem, quick_starts(problem, *further), FINE if drive is None else COARSE)
-    if problem.structure.order >= 3 and (found is None or not Fit(found, None).whiteness().passed):
+    if problem.structure.order >= 3 and (found is None or not _explains(Fit(found, drive))):
         # A start that simulates about as well as the solution before it was improved lies in a better valley.
         bound = np.inf if found is None else _CLOSE * found.cost
         better = [start for error, start in thorough_starts(problem) if error < bound]
@@ -173,6 +172,11 @@ def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signa
     if found is None:
         raise NotConvergedError(f"{problem.structure.name}: no minimum found; try a simpler structure")
     return _with_instruments(found, drive)
+
+
+def _explains(found: Fit) -> bool:
+    """Whether nothing of the input is left in the residuals; the quick test first."""
+    return found.whiteness().passed or found.input_correlation().passed
 
 
 def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -> Evaluation | None:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import rfftfreq
-from scipy.signal import csd, detrend
+from scipy.fft import rfft, rfftfreq
+from scipy.signal import detrend, get_window
 
 from backend.identification.excitation import external_signal
 from backend.identification.record import Record, Signal
@@ -36,22 +36,28 @@ def welch_response(record: Record) -> FrequencyResponse:
     S_uy / S_uu would mix the plant with the inverse of the controller.
     """
     length = record.u.size // SEGMENTS
-    rate = 1.0 / record.period_s
     external = external_signal(record)
-    reference = record.u if external is None else external
-
-    def cross(first: Signal, second: Signal) -> Complex:
-        density = csd(detrend(first), detrend(second), fs=rate, nperseg=length)[1]
-        return np.asarray(density[1:], dtype=np.complex128)
-
-    input_power = cross(record.u, record.u).real
-    power = input_power * cross(record.y, record.y).real
+    u, y = _spectra(record.u, length), _spectra(record.y, length)
+    reference = u if external is None else _spectra(external, length)
+    input_power, output_power = _average(u, u).real, _average(y, y).real
+    power = np.maximum(input_power * output_power, np.finfo(float).tiny)
     return FrequencyResponse(
         omega=np.asarray(2.0 * np.pi * rfftfreq(length, record.period_s)[1:]),
-        response=cross(reference, record.y) / cross(reference, record.u),
-        coherence=np.abs(cross(record.u, record.y)) ** 2 / np.maximum(power, np.finfo(float).tiny),
+        response=_average(reference, y) / _average(reference, u),
+        coherence=np.abs(_average(u, y)) ** 2 / power,
         excitation=input_power / np.max(input_power),
     )
+
+
+def _spectra(signal: Signal, length: int) -> Complex:
+    """Transform each windowed segment, line 0 left out; shape (segments, length // 2)."""
+    segments = np.lib.stride_tricks.sliding_window_view(detrend(signal), length)[:: length // 2]
+    centred = segments - np.mean(segments, axis=1, keepdims=True)
+    return np.asarray(rfft(centred * get_window("hann", length), axis=1)[:, 1:])
+
+
+def _average(first: Complex, second: Complex) -> Complex:
+    return np.asarray(np.mean(first.conj() * second, axis=0))
 
 
 def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:

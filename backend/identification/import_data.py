@@ -1,10 +1,12 @@
-"""Columns from elsewhere: CSV text or a .mat file, checked, as a record for the estimators."""
+"""Columns from elsewhere: CSV text, a .mat or a Parquet file, checked, as a record for the estimators."""
 
 import re
 from collections.abc import Mapping
 from typing import BinaryIO
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
@@ -64,6 +66,18 @@ def read_mat(stream: BinaryIO) -> Columns:
     return vectors
 
 
+def read_parquet(stream: BinaryIO) -> Columns:
+    """Numeric columns by name of a Parquet file. Raises DataFileError."""
+    try:
+        table = pyarrow.parquet.read_table(stream)
+    except (pyarrow.ArrowException, OSError) as error:
+        raise DataFileError(f"not a readable Parquet file: {error}") from None
+    if table.num_rows > MAX_SAMPLES:
+        raise DataFileError(f"the file holds {table.num_rows} rows, at most {MAX_SAMPLES} are read: cut it")
+    numeric = (name for name in table.column_names if _holds_numbers(table.schema.field(name).type))
+    return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in numeric}
+
+
 def record_from(
     columns: Mapping[str, Signal],
     u: str,
@@ -109,6 +123,10 @@ def _named(headings: list[str], values: Signal) -> Columns:
             column = column * _TIME_UNITS[unit]
         columns[name] = column
     return columns
+
+
+def _holds_numbers(kind: pyarrow.DataType) -> bool:
+    return bool(pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind))
 
 
 def _is_number(text: str) -> bool:

@@ -18,9 +18,9 @@ Reals = NDArray[np.floating]
 def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
     """Autocorrelation of the residuals, shape (n,), at 1 .. 25 samples."""
     lags = np.arange(1, _WHITENESS_LAGS + 1)
-    products = np.array([residuals[lag:] @ residuals[: residuals.size - lag] for lag in lags])
+    products = correlation(residuals, residuals)
     deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
-    return _tested(lags * period_s, products / max(residuals @ residuals, np.finfo(float).tiny), deviation)
+    return _tested(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
 
 
 def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
@@ -31,7 +31,8 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
     u = u - np.mean(u)
     own, drive = correlation(residuals, residuals), correlation(u, u)
     reach = int(np.clip(5.0 * slowest_s / period_s, _INPUT_LAGS, residuals.size // 4))
-    lags = np.unique(np.linspace(1, reach, _INPUT_LAGS).astype(int))
+    # Geometric: a fast pole left out shows at the first samples, a wrong lag after seconds.
+    lags = np.unique(np.geomspace(1, reach, _INPUT_LAGS).astype(int))
     cross = correlation(residuals, u)[lags]
     both = own[:reach] * drive[:reach] * (1.0 - np.arange(reach) / reach) / residuals.size
     variance = max(float(both[0] + 2.0 * np.sum(both[1:])), np.finfo(float).tiny)

@@ -65,8 +65,9 @@ def _fit_gain(problem: Problem, candidate: Signal) -> tuple[float, Signal]:
     """Whitened error with the best gain, and the parameters with that gain."""
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
-    both = problem.whiten(np.column_stack((problem.simulated(unit, record.u), record.y)))
-    columns = np.hstack((problem.nuisance(unit), both))[_thinned(record.u.size)]
+    rows = _thinned(record.u.size)
+    both = problem.whiten(problem.simulated(unit, record.u))[rows], problem.whiten(record.y)[rows]
+    columns = np.column_stack((problem.nuisance(unit)[rows], *both))
     columns[:, :-2] /= np.linalg.norm(columns[:, :-2], axis=0)
     factor = triangle(columns)
     gain = factor[-2, -1] / factor[-2, -2] if factor[-2, -2] else 0.0
@@ -103,13 +104,14 @@ def _state_variable_filter(problem: Problem) -> list[Signal]:
     record, shape = problem.record, problem.structure
     order, count, found = shape.order, record.u.size, []
     u, y = problem.whiten(record.u), problem.whiten(record.y)
-    trend = np.column_stack((np.ones(count), np.linspace(-1.0, 1.0, count)))
+    trend = np.ones(count), np.linspace(-1.0, 1.0, count)
     for cut_off in np.geomspace(5.0 / record.duration_s, 0.5 / record.period_s, _CUT_OFFS):
         derivatives = _filtered_derivatives(y, cut_off * record.period_s / 2.0, order)
         u_filtered = simulate(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
         settled = min(count // 4, int(3.0 * order / (cut_off * record.period_s)))
-        columns = np.column_stack((*(-d for d in derivatives[1:]), trend, u_filtered, derivatives[0]))
-        factor = triangle(columns[_thinned(count, settled)])
+        columns = (*(-d for d in derivatives[1:]), *trend, u_filtered, derivatives[0])
+        rows = _thinned(count, settled)
+        factor = triangle(np.column_stack([column[rows] for column in columns]))
         solution = np.linalg.lstsq(factor[:-1, :-1], factor[:-1, -1], rcond=None)[0]
         scaled = np.concatenate(([1.0], solution[:order]))
         if np.all(np.isfinite(scaled)) and scaled[-1] != 0.0:

@@ -49,8 +49,8 @@ def judge(
         (against if spread > MAX_STD_PERCENT else doubts).append(reason)
     if not residuals.input_correlation.passed and fit < CAUTION_FIT_PERCENT:
         reason = (
-            f"{100.0 - fit:.1f} % of the motion follows the input in a way the model does not"
-            " (friction or missing dynamics), so it holds near this amplitude only"
+            f"at a fit of {fit:.1f} % what is left still follows the input (friction or missing dynamics),"
+            " so the model is local: it holds near this amplitude and point only"
         )
         (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
     if against:

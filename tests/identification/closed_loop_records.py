@@ -6,7 +6,7 @@ Simulated sample by sample through scipy's own discretisation, independent of th
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter, tf2ss
+from scipy.signal import cont2discrete, dlsim, dlti, lfilter, tf2ss
 
 from backend.identification.prbs import held_sequence
 
@@ -23,6 +23,12 @@ def denominator(truth: dict[str, float]) -> Array:
     """Coefficients of T s + 1 or (T s + 1)(a2 s² + a1 s + 1), highest power first."""
     lag = np.array([truth["T"], 1.0])
     return np.convolve(lag, [truth["a2"], truth["a1"], 1.0]) if "a2" in truth else lag
+
+
+def held_response(truth: dict[str, float], u: Array) -> Array:
+    """Response from rest to an input held between samples, shape of ``u``."""
+    system = dlti(*cont2discrete(tf2ss([truth["K"]], denominator(truth)), PERIOD_S)[:4], dt=PERIOD_S)
+    return np.asarray(dlsim(system, u)[1][:, 0])
 
 
 def closed_loop_record(

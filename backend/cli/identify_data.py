@@ -1,0 +1,113 @@
+"""``sinew identify data``: a record from elsewhere through the same estimators."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from backend.cli.output import AsJson, fail, out, print_json, print_table
+
+if TYPE_CHECKING:
+    from backend.identification.import_data import Columns
+    from backend.identification.record import Controller
+    from backend.identification.result import Estimate
+
+METHODS = "default, srivc, rivc, output_error, arx"
+STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4"
+
+
+def data(
+    file: Annotated[Path, typer.Argument(help="Table of samples: .csv, .mat (version 7) or .parquet.")],
+    u: Annotated[str, typer.Option("--input", metavar="COLUMN", help="Column of the input u, held between samples.")],
+    y: Annotated[str, typer.Option("--output", metavar="COLUMN", help="Column of the output y.")],
+    period_s: Annotated[float, typer.Option("--period", metavar="SECONDS", help="Sample time [s].")],
+    structure: Annotated[str, typer.Option(metavar="NAME", help=f"Structure: {STRUCTURES}.")],
+    setpoint: Annotated[
+        str | None,
+        typer.Option(metavar="COLUMN", help="Column of what enters the loop from outside: set point or excitation."),
+    ] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KP,KI", help="Feedback u = kp (r - y) + ki ∫(r - y), ki per second; needs no --setpoint."
+        ),
+    ] = None,
+    method: Annotated[str, typer.Option(metavar="NAME", help=f"Estimator: {METHODS}.")] = "default",
+    as_json: AsJson = False,
+) -> None:
+    """Identify a model from a file; nothing is stored.
+
+    A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
+    a record that identifies nothing.
+    """
+    from backend.identification.errors import IdentificationError
+    from backend.identification.estimate import estimate
+    from backend.identification.import_data import record_from
+
+    try:
+        record = record_from(
+            _read(file), u, y, period_s, setpoint=setpoint, controller=_controller(controller) if controller else None
+        )
+        found = estimate(record, structure, _method(method))
+    except (IdentificationError, OSError) as error:
+        fail(" ".join(str(error).split()), status=2)
+    else:
+        print_json(found.summary()) if as_json else _show(found)
+
+
+def _read(file: Path) -> "Columns":
+    from backend.identification import import_data
+    from backend.identification.errors import DataFileError
+
+    match file.suffix.lower():
+        case ".mat":
+            with file.open("rb") as stream:
+                return import_data.read_mat(stream)
+        case ".parquet":
+            with file.open("rb") as stream:
+                return import_data.read_parquet(stream)
+        case ".csv" | ".txt" | ".tsv":
+            try:
+                return import_data.read_csv(file.read_text(encoding="utf-8"))
+            except UnicodeDecodeError:
+                raise DataFileError(f"{file} is not text in UTF-8: save it as CSV in UTF-8") from None
+    raise DataFileError(f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these")
+
+
+def _controller(words: str) -> "Controller":
+    from backend.identification.errors import DataFileError
+    from backend.identification.record import Controller
+
+    try:
+        k_p, k_i = (float(word) for word in words.split(","))
+    except ValueError:
+        raise DataFileError(f"--controller {words}: write two numbers kp,ki, for example 200,256") from None
+    return Controller(k_p, k_i)
+
+
+def _method(name: str) -> Any:
+    from backend.identification.errors import StructureError
+    from backend.identification.fit import Method
+
+    try:
+        return Method(name)
+    except ValueError:
+        raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
+
+
+def _show(found: "Estimate") -> None:
+    print_table(
+        ("parameter", "value", "standard error"),
+        [(name, value, found.std_errors[name]) for name, value in found.model.parameters.items()],
+    )
+    reduced, tests = found.first_order, found.residuals
+    rows = [
+        ("method", found.method),
+        ("gain K", f"{reduced.K:.4g} ± {reduced.K_std:.2g}"),
+        ("sum of lags T [s]", f"{reduced.T:.4g} ± {reduced.T_std:.2g}"),
+        ("fit on unseen data [%]", f"{found.fit_percent:.2f}"),
+        ("residuals", "white" if tests.whiteness.passed else "coloured"),
+        ("residuals and input", "independent" if tests.input_correlation.passed else "correlated"),
+    ]
+    print_table(("", "result"), rows)
+    out.print(found.verdict.sentence, highlight=False, markup=False)

@@ -1,0 +1,203 @@
+"""``sinew identify data``: files of every kind in, one JSON object out; bad ones end with 2 and one line."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.signal import lsim
+
+from backend.cli import main
+from backend.reports.exports import to_csv, to_mat, to_parquet
+from tests.identification.closed_loop_records import (
+    FIRST,
+    K_I,
+    K_P,
+    ONE_HERTZ,
+    PERIOD_S,
+    THIRD,
+    Array,
+    closed_loop_record,
+)
+
+Identify = Callable[..., Any]
+CONTROLLER = ["--controller", f"{K_P},{K_I}"]
+RECORDS: dict[str, dict[str, float]] = {
+    "40 dB": {"snr_dB": 40.0},
+    "10 dB": {"snr_dB": 10.0},
+    "coloured": {"snr_dB": 20.0, "pole": ONE_HERTZ},
+    "cut, offset, drift": {"snr_dB": 20.0, "offset": 2.0, "drift": 3.0, "cut": 777},
+}
+
+
+@pytest.fixture
+def identify(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Identify:
+    """Run the command in this process; the parsed JSON, or status and complaint where it ends early."""
+
+    def run(file: Path, *words: str, structure: str = "first") -> Any:
+        known = ["--input", "u", "--output", "y", "--period", "0.001", "--structure", structure, "--json"]
+        monkeypatch.setattr(sys, "argv", ["sinew", "identify", "data", str(file), *known, *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed = capsys.readouterr()
+        if ended.value.code:
+            assert printed.out == ""
+            assert len(printed.err.strip().splitlines()) == 1
+            return ended.value.code, printed.err
+        return json.loads(printed.out)
+
+    return run
+
+
+def write_csv(file: Path, **columns: Array) -> Path:
+    np.savetxt(file, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    return file
+
+
+def errors_in_std(printed: dict[str, Any], truth: dict[str, float]) -> list[float]:
+    return [(printed["parameters"][name] - truth[name]) / printed["std_errors"][name] for name in truth]
+
+
+@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize(("structure", "truth"), [("first", FIRST), ("third", THIRD)])
+def test_every_kind_of_record_gives_its_truth_back(
+    identify: Identify, tmp_path: Path, structure: str, truth: dict[str, float], kind: str
+) -> None:
+    u, y, _ = closed_loop_record(truth, seed=11, **RECORDS[kind])  # type: ignore[arg-type]  # seed apart from the rest
+    printed = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *CONTROLLER, structure=structure)
+    assert list(printed) == ["parameters", "std_errors", "method", "fit_percent", "verdict"]
+    assert set(printed["parameters"]) == set(printed["std_errors"]) == set(truth)
+    assert np.max(np.abs(errors_in_std(printed, truth))) < 4.0
+    assert printed["method"].startswith("closed-loop")
+
+
+def test_without_a_controller_the_instrument_comes_from_the_set_point(identify: Identify, tmp_path: Path) -> None:
+    u, y, r = closed_loop_record(FIRST, 10.0, 12, pole=ONE_HERTZ)
+    printed = identify(write_csv(tmp_path / "record.csv", r=r, u=u, y=y), "--setpoint", "r")
+    assert printed["method"].startswith("closed-loop")
+    assert np.max(np.abs(errors_in_std(printed, FIRST))) < 4.0
+
+
+def test_a_constant_set_point_with_its_controller_serves_as_well(identify: Identify, tmp_path: Path) -> None:
+    u, y, _ = closed_loop_record(FIRST, 20.0, 13)
+    file = write_csv(tmp_path / "record.csv", t=np.arange(u.size) * PERIOD_S, u=u, y=y, r=np.zeros(u.size))
+    printed = identify(file, "--setpoint", "r", *CONTROLLER)
+    assert printed["method"] == "closed-loop SRIVC"
+    assert np.max(np.abs(errors_in_std(printed, FIRST))) < 4.0
+
+
+@pytest.mark.parametrize(
+    ("structure", "names"), [("lags4", ["K", "tau"]), ("order:2", ["b0", "a1", "a2"]), ("order:1", ["b0", "a1"])]
+)
+def test_parameters_are_named_as_promised(identify: Identify, tmp_path: Path, structure: str, names: list[str]) -> None:
+    u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 50)
+    y = lsim(([2.0], [0.005, 0.15, 1.0]), u, np.arange(u.size) * PERIOD_S, interp=False)[1]
+    y += 0.01 * np.random.default_rng(1).standard_normal(u.size)
+    assert list(identify(write_csv(tmp_path / "x.csv", u=u, y=y), structure=structure)["parameters"]) == names
+
+
+@pytest.mark.parametrize("method", ["srivc", "rivc", "output_error", "arx"])
+def test_each_estimator_can_be_asked_for(identify: Identify, tmp_path: Path, method: str) -> None:
+    u, y, _ = closed_loop_record(FIRST, 30.0, 14)
+    printed = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *CONTROLLER, "--method", method)
+    assert printed["parameters"] == pytest.approx(FIRST, rel=0.02)
+    assert method.split("_")[0] in printed["method"].lower()
+
+
+def test_the_same_columns_from_any_kind_of_file_give_the_same_model(identify: Identify, tmp_path: Path) -> None:
+    u, y, _ = closed_loop_record(FIRST, 30.0, 15)
+    expected = identify(write_csv(tmp_path / "comma.csv", u=u, y=y), *CONTROLLER)["parameters"]
+    decimal_comma = "u [V];y [rad]\r\n" + "".join(
+        f"{a!r};{b!r}\r\n".replace(".", ",") for a, b in zip(u.tolist(), y.tolist(), strict=True)
+    )
+    (tmp_path / "excel.csv").write_text("\ufeff" + decimal_comma, encoding="utf-8", newline="")
+    savemat(tmp_path / "matlab.mat", {"u": u, "y": y.reshape(-1, 1), "note": "a string"})
+    for name in ("excel.csv", "matlab.mat"):
+        assert identify(tmp_path / name, *CONTROLLER)["parameters"] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("suffix", "export"), [("csv", to_csv), ("mat", to_mat), ("parquet", to_parquet)])
+def test_own_exports_are_read_again(
+    identify: Identify, tmp_path: Path, suffix: str, export: Callable[[dict[str, Array]], bytes]
+) -> None:
+    u, y, _ = closed_loop_record(FIRST, 40.0, 16)
+    columns = {"t": np.arange(u.size) * PERIOD_S, "theta_A_ref": u, "q": y, "S_true": np.full(u.size, np.nan)}
+    file = tmp_path / f"data.{suffix}"
+    file.write_bytes(export(columns))
+    printed = identify(file, "--input", "theta_A_ref", "--output", "q", *CONTROLLER)
+    assert printed["parameters"] == pytest.approx(FIRST, rel=5e-3)
+
+
+def bad_tables() -> dict[str, tuple[dict[str, Array], str]]:
+    u, y, _ = closed_loop_record(FIRST, 30.0, 17, samples=2000)
+    t = np.arange(u.size) * PERIOD_S
+    holed, late = y.copy(), t.copy()
+    holed[300] = np.nan
+    late[700:] += 0.05
+    clipped = np.clip(u, *np.quantile(u, [0.2, 0.8]))
+    return {
+        "constant": ({"u": np.ones(u.size), "y": y}, "peak-to-peak of u"),
+        "not finite": ({"u": u, "y": holed}, "index 300"),
+        "saturated": ({"u": clipped, "y": y}, "time that u spends at its limit"),
+        "sample time": ({"t": 2.0 * t, "u": u, "y": y}, "sample time of the time column is 0.002 s"),
+        "gap": ({"t": late, "u": u, "y": y}, "gap after sample 699"),
+        "short": ({"u": u[:150], "y": y[:150]}, "150 samples, must be at least 200"),
+        "missing column": ({"u": u, "z": y}, "no column 'y'"),
+    }
+
+
+@pytest.mark.parametrize("what", bad_tables())
+def test_bad_records_end_with_2_and_one_line(identify: Identify, tmp_path: Path, what: str) -> None:
+    columns, said = bad_tables()[what]
+    status, complaint = identify(write_csv(tmp_path / "bad.csv", **columns))
+    assert status == 2
+    assert said in complaint
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("words.csv", b"u,y\n1,2\n3,four\n", "not a table of numbers"),
+        ("ragged.csv", b"u,y\n1,2\n3\n", "row 3 has 1 columns"),
+        ("naked.csv", b"1,2\n3,4\n", "names of the columns"),
+        ("empty.csv", b"", "no heading line"),
+        ("latin.csv", b"u,y\n\xb5,1\n", "UTF-8"),
+        ("broken.mat", b"not a matlab file", "MATLAB"),
+        ("broken.parquet", b"not a parquet file", "Parquet"),
+        ("data.xlsx", b"PK", ".csv, .mat"),
+    ],
+)
+def test_bad_files_end_with_2_and_one_line(
+    identify: Identify, tmp_path: Path, name: str, content: bytes, said: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    status, complaint = identify(tmp_path / name)
+    assert status == 2
+    assert said in complaint
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--controller", "200"], "kp,ki"),
+        (["--method", "guess"], "output_error"),
+        (["--structure", "second"], "order:1"),
+        (["--period", "-1"], "sample time is -1 s"),
+        (["--setpoint", "r"], "no column 'r'"),
+    ],
+)
+def test_bad_words_end_with_2_and_one_line(identify: Identify, tmp_path: Path, words: list[str], said: str) -> None:
+    u, y, _ = closed_loop_record(FIRST, 30.0, 18, samples=2000)
+    status, complaint = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *words)
+    assert status == 2
+    assert said in complaint
+
+
+def test_a_file_that_is_not_there_is_named(identify: Identify, tmp_path: Path) -> None:
+    status, complaint = identify(tmp_path / "nowhere.csv")
+    assert status == 2
+    assert "nowhere.csv" in complaint
