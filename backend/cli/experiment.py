@@ -19,8 +19,12 @@ OutFolder = Annotated[
 
 
 def experiment(
-    name: Annotated[str, typer.Argument(help="Which experiment: tracking.")],
+    name: Annotated[str, typer.Argument(help="Which experiment: tracking, compliance or sequence.")],
     values: SetWords = None,
+    controller: Annotated[
+        str | None,
+        typer.Option("--controller", help="Of tracking: cascade, single-loop or feedback-linearization."),
+    ] = None,
     out: OutFolder = None,
     params: ParameterSet = None,
     data: DataFolder = None,
@@ -35,6 +39,7 @@ def experiment(
     from backend.experiments.loop_settings import split_values
     from backend.experiments.runner import Order
 
-    plan, loop_settings = split_values(entry_of(name).plan, values_of(values or []))
+    chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
+    plan, loop_settings = split_values(entry_of(name).plan, chosen)
     settings = settings_with(params=params, data=data)
     run_headless(settings, Order(plan, loop_settings, current_user()), out, as_json=as_json)

@@ -15,7 +15,7 @@ class Bounds:
 
 
 BOUNDS_IDEAL = Bounds(overshoot_percent=1.0, deviation_S=0.1, min_tension_N=5.0)
-BOUNDS_LAB = Bounds(overshoot_percent=2.0, deviation_S=0.3, min_tension_N=4.0)
+BOUNDS_LAB = Bounds(overshoot_percent=2.0, deviation_S=0.2, min_tension_N=4.0)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Compute the result of a stored run, and store it beside earlier ones: nothing is overwritten."""
 
 from dataclasses import asdict, dataclass
+from functools import partial
 
 from backend import __version__
 from backend.experiments import actuator_identification, motor_identification, spring_identification
@@ -17,6 +18,7 @@ from backend.storage import Database, identifications, results
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
+from backend.tuning.speed_bound import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters
 
@@ -43,7 +45,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
             case CompliancePlan():
                 metrics, criteria = _complied(columns, parameters, plan, run)
             case _:
-                metrics, criteria = _tracked(columns, plan, run)
+                metrics, criteria = _tracked(columns, parameters, plan, run)
     except NoSamplesError as error:
         return Evaluation(None, None, str(error))
     metrics |= {"missing_samples": missed, "problem": problem}
@@ -53,8 +55,11 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     return Evaluation(result, stored, problem)
 
 
-def _tracked(columns: Columns, plan: TrackingPlan | SequencePlan, run: Run) -> tuple[Document, list[Document]]:
-    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+def _tracked(
+    columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run
+) -> tuple[Document, list[Document]]:
+    bound = partial(least_reach_time, parameters)
+    metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound)
     criteria: tuple[Criterion, ...] = ()
     if isinstance(plan, TrackingPlan):
         criteria = tracking_criteria(metrics, bounds_for(run.parameters_name))

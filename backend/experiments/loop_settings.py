@@ -27,11 +27,12 @@ class LoopSettings:
     bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
     interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
     seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
+    b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
 
     @property
     def lambdas(self) -> Lambdas:
-        """The tuning parameters alone."""
-        return Lambdas(self.lam_q, self.lam_S, self.lam_motor)
+        """The tuning parameters and b alone."""
+        return Lambdas(self.lam_q, self.lam_S, self.lam_motor, self.b)
 
 
 def split_values(plan: type[_T], values: Mapping[str, object]) -> tuple[_T, LoopSettings]:

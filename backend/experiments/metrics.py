@@ -4,7 +4,7 @@ Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N
 (a step that never reached 90 %, a signal that never settled) is None, never a number that looks like one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,13 +38,14 @@ class Step:
 class StepMetrics:
     """How one step went.
 
-    ``rise_s`` 10-90 %; ``settling_s`` last exit from ±2 % of the step around the new reference; ``overshoot_percent``
-    of the step; ``steady_error`` mean of signal minus reference over the last half second; ``cross_coupling`` the
-    largest deviation of the other signal from its reference, for a step that moves alone.
+    ``rise_s`` 10-90 %; ``reach_s`` from the step to 90 %; ``settling_s`` last exit from ±2 % of the step around the new
+    reference; ``overshoot_percent`` of the step; ``steady_error`` mean of signal minus reference over the last half
+    second; ``cross_coupling`` largest deviation of the other signal from its reference, for a step that moves alone.
     """
 
     step: Step
     rise_s: float | None
+    reach_s: float | None
     settling_s: float | None
     overshoot_percent: float
     steady_error: float
@@ -64,6 +65,13 @@ class Overall:
     rise_S_s: float | None = figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
     settling_q_s: float | None = figure("s", "Settling time of q", "latest last exit from ±2 % of the step, q steps")
     settling_S_s: float | None = figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
+    reach_q_s: float | None = figure("s", "Largest q step to 90 %", "longest time from the step to 90 % of it")
+    reach_bound_q_s: float | None = figure(
+        "s",
+        "Bound of the motors for it",
+        "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
+    )
+    reach_ratio_q: float | None = figure("1", "Time over bound", "time to 90 % over the bound of the motors")
     overshoot_q_percent: float | None = figure("%", "Overshoot of q", "largest, in per cent of its step")
     overshoot_S_percent: float | None = figure("%", "Overshoot of S", "largest, in per cent of its step")
     deviation_S: float | None = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
@@ -113,6 +121,7 @@ def step_metrics(t: NDArray[np.float64], y: NDArray[np.float64], step: Step) -> 
     return StepMetrics(
         step=step,
         rise_s=None if t_10 is None or t_90 is None else t_90 - t_10,
+        reach_s=None if t_90 is None else t_90 - step.start_s,
         settling_s=_settling(t - step.start_s, rising),
         overshoot_percent=max(0.0, 100.0 * float(rising.max() - 1.0)),
         steady_error=float(np.mean(y[steady]) - step.after),
@@ -120,10 +129,13 @@ def step_metrics(t: NDArray[np.float64], y: NDArray[np.float64], step: Step) -> 
     )
 
 
-def tracking_metrics(columns: Columns, program: Program, phases: Sequence[Phase]) -> TrackingMetrics:
+def tracking_metrics(
+    columns: Columns, program: Program, phases: Sequence[Phase], reach_bound: Callable[[float], float] | None = None
+) -> TrackingMetrics:
     """Measure every step that was played to its end, and the whole.
 
-    ``columns`` holds t, q, q_ref, S, S_ref, F_A, F_B, u_A, u_B. Raises NoSamplesError when they are empty.
+    ``columns`` holds t, q, q_ref, S, S_ref, F_A, F_B, u_A, u_B; ``reach_bound`` gives the time [s] that the motors need
+    at least for 90 % of a q step [rad]. Raises NoSamplesError when there are no samples.
     """
     t = columns["t"]
     if t.size == 0:
@@ -133,7 +145,9 @@ def tracking_metrics(columns: Columns, program: Program, phases: Sequence[Phase]
     planned_s = program.duration_s
     slack_s = 1.5 * period_s
     steps = tuple(_measured(columns, step) for step in steps_of(program, phases) if step.end_s <= played_s + slack_s)
-    return TrackingMetrics(played_s + slack_s >= planned_s, played_s, planned_s, steps, _overall(columns, steps))
+    return TrackingMetrics(
+        played_s + slack_s >= planned_s, played_s, planned_s, steps, _overall(columns, steps, reach_bound)
+    )
 
 
 def _measured(columns: Columns, step: Step) -> StepMetrics:
@@ -147,12 +161,13 @@ def _measured(columns: Columns, step: Step) -> StepMetrics:
     return StepMetrics(**{**vars(result), "cross_coupling": float(deviation.max())})
 
 
-def _overall(columns: Columns, steps: Sequence[StepMetrics]) -> Overall:
+def _overall(columns: Columns, steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None) -> Overall:
     def largest(signal: str, quantity: str) -> float | None:
         values = [getattr(item, quantity) for item in steps if item.step.signal == signal]
         known = [value for value in values if value is not None]
         return max(known) if known and (quantity == "cross_coupling" or len(known) == len(values)) else None
 
+    reach, bound = _largest_turn(steps, reach_bound)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     voltages = np.concatenate([columns["u_A"], columns["u_B"]])
     return Overall(
@@ -160,6 +175,9 @@ def _overall(columns: Columns, steps: Sequence[StepMetrics]) -> Overall:
         rise_S_s=largest("S", "rise_s"),
         settling_q_s=largest("q", "settling_s"),
         settling_S_s=largest("S", "settling_s"),
+        reach_q_s=reach,
+        reach_bound_q_s=bound,
+        reach_ratio_q=None if reach is None or not bound else reach / bound,
         overshoot_q_percent=largest("q", "overshoot_percent"),
         overshoot_S_percent=largest("S", "overshoot_percent"),
         deviation_S=largest("q", "cross_coupling"),
@@ -170,6 +188,22 @@ def _overall(columns: Columns, steps: Sequence[StepMetrics]) -> Overall:
         max_tension_N=float(tensions.max()),
         peak_voltage_V=float(np.abs(voltages).max()),
     )
+
+
+def _largest_turn(
+    steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None
+) -> tuple[float | None, float | None]:
+    """Time to 90 % of the largest q step that moves alone, the longest of equal ones, and its bound [s]."""
+    turns = [
+        (abs(item.step.after - item.step.before), item) for item in steps if item.step.signal == "q" and item.step.alone
+    ]
+    if not turns:
+        return None, None
+    largest = max(turn for turn, _ in turns)
+    times = [item.reach_s for turn, item in turns if turn > largest - 1e-9]
+    known = [time for time in times if time is not None]
+    reach = max(known) if len(known) == len(times) else None
+    return reach, None if reach_bound is None else reach_bound(largest)
 
 
 def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float) -> float | None:

@@ -15,8 +15,9 @@ from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.phase import Phase
 from backend.experiments.sequence_plan import Q_REF_MAX, SequencePlan
-from backend.experiments.settings import integer, number
+from backend.experiments.settings import choice, integer, number
 from backend.loop.program import Excitation, Law, Program, Segment
+from backend.loop.tracking import BASELINES
 from backend.refusal import OutOfRangeError, require_within
 
 MAX_EXCITATION_S = 600.0
@@ -38,6 +39,13 @@ class TrackingPlan:
     S_hold: float = number(10.0, *STIFFNESS_RANGE, "N·m/rad", "S_0", "stiffness held during the position steps")
     S_low: float = number(8.0, *STIFFNESS_RANGE, "N·m/rad", "S_low", "lower level of the stiffness pulses")
     S_high: float = number(14.0, *STIFFNESS_RANGE, "N·m/rad", "S_high", "upper level of the stiffness pulses")
+    controller: str = choice(
+        Law.CASCADE,
+        (Law.CASCADE, *BASELINES),
+        "controller",
+        "the cascade, or a baseline for comparison at the same λ: a single loop without cascade, or feedback "
+        "linearization with the plant's own model",
+    )
     q_duration_s: float = number(8.0, 0.5, 60.0, "s", "t_q", "time each position reference is held")
     S_duration_s: float = number(6.0, 0.5, 60.0, "s", "t_S", "time each stiffness reference is held")
 
@@ -47,7 +55,7 @@ class TrackingPlan:
 
     def program(self) -> Program:
         """Return the whole experiment as one program of steps."""
-        return Program(Law.CASCADE, tuple(segment for part in self._parts() for segment in part[2]))
+        return Program(Law(self.controller), tuple(segment for part in self._parts() for segment in part[2]))
 
     def phases(self) -> tuple[Phase, ...]:
         """Return lead-in, position, stiffness and both."""

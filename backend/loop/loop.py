@@ -36,6 +36,7 @@ from backend.loop.mode_machine import NO_REFERENCE, ModeMachine, RefusedError
 from backend.loop.motion import Decision
 from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
+from backend.tuning.models import Lambdas
 from plant.card import WatchdogExpiredError
 from plant.compiled import compiled
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
@@ -77,8 +78,8 @@ class Loop:
         self._overruns = 0
         plant.open()
         self._raw = m = plant.read()
-        self._machine = ModeMachine(plant, parameters, tuning_of(tuning, self._decoupler, self.bounds), m)
-        self._lam_q, self._lam_S = tuning.lam_q, tuning.lam_S
+        gains = tuning_of(tuning, self._decoupler, self.bounds)
+        self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), m)
         self._q_before = m.q
         self._q_dot = 0.0
 
@@ -124,8 +125,8 @@ class Loop:
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
-                self._machine.tuning = tuning_of(command, self._decoupler, self.bounds)
-                self._lam_q, self._lam_S = command.lam_q, command.lam_S
+                gains = tuning_of(command, self._decoupler, self.bounds)
+                self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
             case RunProgram():
                 self._machine.run_program(command)
             case Push():
@@ -240,8 +241,8 @@ class Loop:
             command.u_A,
             command.u_B,
             m.F_push,
-            self._lam_q,
-            self._lam_S,
+            machine.lambdas.lam_q,
+            machine.lambdas.lam_S,
             y.bank_entry,
             int(y.limits),
             FAULT_CODE[machine.fault],

@@ -20,12 +20,14 @@ from backend.loop.commands import (
     Stop,
 )
 from backend.loop.mode import LEGAL, Mode
-from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Tracking, Travel, Winding
+from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.player import Target
 from backend.loop.program import IDENTIFYING, Law, Program
 from backend.loop.tension_sweep import TensionSweep
+from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
+from backend.tuning.models import Lambdas
 from plant.interface import Measurement, Plant, PlantError
 from plant.parameters import PlantParameters
 from plant.spring import elongation
@@ -60,7 +62,9 @@ class ModeMachine:
     ``zeroed`` tells that the zeros of the motor encoders are known.
     """
 
-    def __init__(self, plant: Plant, parameters: PlantParameters, tuning: Tuning, m: Measurement) -> None:
+    def __init__(
+        self, plant: Plant, parameters: PlantParameters, tuning: Tuning, lambdas: Lambdas, m: Measurement
+    ) -> None:
         self.mode = Mode.OFF
         self.fault = Fault.NONE
         self.motion: Motion | None = None
@@ -68,11 +72,13 @@ class ModeMachine:
         self.tick = 0
         self.m = m
         self.tuning = tuning
+        self.lambdas = lambdas
         self.bounds = bounds_for(parameters)
         self.pending_stop: PendingStop | None = None
         self.events: list[Event] = []
         self.offset_A = self.offset_B = 0.0
         self._plant = plant
+        self._parameters = parameters
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
@@ -130,10 +136,15 @@ class ModeMachine:
         else:
             for segment in program.segments:
                 self._require_references(segment.q_ref, segment.S_ref)
-            closed = program.law is Law.CASCADE
-            motion = Tracking(self.tuning, self._carried(), self.m, self.bounds, closed, program.segments)
+            motion = self._following(program)
         self._enter(mode, motion, "program", command.run)
         self._program = program
+
+    def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
+        """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
+        if isinstance(self.motion, Baseline):
+            raise RefusedError("the gains of a baseline are fixed while its program plays: wait for its end or stop it")
+        self.tuning, self.lambdas = tuning, lambdas
 
     def set_references(self, command: SetReferences) -> None:
         """Move the operator's references. Raises RefusedError or OutOfRangeError."""
@@ -173,6 +184,14 @@ class ModeMachine:
             self.events.append(PretensionReached(self.tick))
         elif self.mode is Mode.STOPPING:
             self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, "standing")
+
+    def _following(self, program: Program) -> Motion:
+        carry, m = self._carried(), self.m
+        if program.law in BASELINES:
+            return Baseline(
+                program.law, self._parameters, self.lambdas, self.tuning, carry, m, self.bounds, program.segments
+            )
+        return Tracking(self.tuning, carry, m, self.bounds, program.law is Law.CASCADE, program.segments)
 
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]

@@ -6,11 +6,10 @@ Every motion hands the state of the motor loops on to the next one, so that no c
 import math
 from typing import NamedTuple, Protocol
 
-from backend.controllers import brake, cascade, decoupler, force_hold, motors, pretension
-from backend.controllers.limits import Bounds
+from backend.controllers import brake, cascade, force_hold, motors, pretension
 from backend.faults import Limit
-from backend.loop.player import ExcitationPlayer, SegmentPlayer, Target
-from backend.loop.program import Program, Segment
+from backend.loop.player import ExcitationPlayer, Target
+from backend.loop.program import Program
 from plant.interface import Measurement, T_s
 
 TRAVEL_SPEED = 3.0
@@ -170,70 +169,6 @@ class Braking(MotorPositions):
         limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
         nan = math.nan
         return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, limits)
-
-
-class Tracking:
-    """The cascade, following the operator's references or a program's segments."""
-
-    def __init__(
-        self,
-        tuning: cascade.Tuning,
-        carry: Carry,
-        m: Measurement,
-        bounds: Bounds,
-        position_loop: bool,
-        segments: tuple[Segment, ...] | None = None,
-    ) -> None:
-        self.done = False
-        self._state = cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
-        S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
-        S_ref = min(max(S, bounds.S_min), bounds.S_max)
-        self.target = Target(min(max(m.q, bounds.q_min), bounds.q_max), S_ref, 0.0)
-        self._player = None if segments is None else SegmentPlayer(segments, self.target)
-        self._position_loop = position_loop
-        self._carry = carry
-
-    def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
-        """One tick of the cascade."""
-        if self._player is not None:
-            target = self._player.step()
-            self.done = target is None
-            self.target = target or self.target
-        q_ref, S_ref, _ = self.target
-        y, self._state = cascade.step(tuning, self._state, q_ref, S_ref, self._position_loop, m)
-        self._carry = Carry(self._state.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
-        limits = acting(y)
-        return Decision(
-            y.u_A,
-            y.u_B,
-            y.theta_A_ref,
-            y.theta_B_ref,
-            self.target,
-            y.q_ref_gov,
-            y.S_ref_gov,
-            y.bank_entry,
-            limits,
-            pushes=self._player is not None,
-        )
-
-    def carry(self) -> Carry:
-        """Return the motor loops for the next motion."""
-        return self._carry
-
-
-def acting(y: cascade.Output) -> Limit:
-    """Limit flags of a tick of the cascade."""
-    flags = (
-        (y.governed, Limit.GOVERNOR),
-        (y.at_floor, Limit.TENSION_FLOOR),
-        (y.at_ceiling, Limit.TENSION_CEILING),
-        (y.at_range, Limit.JOINT_RANGE),
-    )
-    limits = clipped(y.clipped_A, y.clipped_B)
-    for acts, flag in flags:
-        if acts:
-            limits |= flag
-    return limits
 
 
 def clipped(A: bool, B: bool) -> Limit:

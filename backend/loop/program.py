@@ -13,6 +13,8 @@ class Law(StrEnum):
 
     CASCADE = "cascade"
     COMPLIANCE = "compliance"
+    SINGLE_LOOP = "single-loop"
+    FEEDBACK_LINEARIZATION = "feedback-linearization"
     FORCE_HOLD = "force_hold"
     MOTOR_STEPS = "motor_steps"
     TENSION_SWEEP = "tension_sweep"
@@ -97,11 +99,11 @@ class TensionLeg:
 class Program:
     """A law and what it is fed.
 
-    Under ``CASCADE`` and ``COMPLIANCE`` the segments are played. Under ``FORCE_HOLD`` (actuator identification,
-    figure 5 of the paper) theta_B_ref is 0, a slow force loop holds ``tension_N``, and after ``settle_s`` the
-    excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts after ``settle_s``
-    at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``, and go through
-    ``legs``.
+    Under ``CASCADE``, ``COMPLIANCE`` and the two baselines the segments are played. Under ``FORCE_HOLD`` (actuator
+    identification, figure 5 of the paper) theta_B_ref is 0, a slow force loop holds ``tension_N``, and after
+    ``settle_s`` the excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts
+    after ``settle_s`` at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``,
+    and go through ``legs``.
     """
 
     law: Law

@@ -5,6 +5,7 @@ from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, VoltageStep
 from backend.loop.ring import Ring
+from backend.loop.tracking import BASELINES
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -36,9 +37,10 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
         _order(loop, RunProgram(program))
         _tick_while(loop, Mode.IDENTIFY)
         _pretension(loop)
-    _order(loop, RunProgram(Program(Law.CASCADE, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
-    _tick_while(loop, Mode.EXPERIMENT)
-    _pretension(loop)
+    for law in (Law.CASCADE, *BASELINES):
+        _order(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
+        _tick_while(loop, Mode.EXPERIMENT)
+        _pretension(loop)
     for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), tuning, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
         _order(loop, command)
         loop.tick()

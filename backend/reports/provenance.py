@@ -46,7 +46,11 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
         lams.append(f"λ_motor = {exact(loop['lam_motor'])} s")
     bank = source.bank
     gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
-    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", gains)]
+    law = source.run.settings.get("plan", {}).get("controller", "cascade")
+    controller = f"cascade, gains of {gains}" if bank else f"cascade, gains {gains}"
+    if law != "cascade":
+        controller = f"{law}, for comparison; the cascade's gains were not in use"
+    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", controller)]
     if source.run.plant == "simulator" and "seed" in loop:
         lines.append(Fact("Seed", str(loop["seed"])))
     return tuple(lines)

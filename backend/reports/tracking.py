@@ -18,6 +18,8 @@ _NOTES = (
     "dimensionally wrong and does not place the poles at −1/λ (erratum E1).",
     "Both motors move together through the decoupler, which doubles the gains identified with one motor excited; the "
     "gains are scaled for that (erratum E3).",
+    "The bound beside the largest q step is the time in which one motor, unloaded and at full voltage from the first "
+    "moment, turns by 90 % of what the step needs: speed K_m u_max, lag T_m. No law can be faster on these motors.",
     "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
     "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
 )
@@ -98,6 +100,7 @@ def _steps(steps: list[dict[str, Any]]) -> Table:
         Column("from"),
         Column("to"),
         Column("Rise", "s"),
+        Column("To 90 %", "s"),
         Column("Settling", "s"),
         Column("Overshoot", "%"),
         Column("Steady error"),
@@ -114,6 +117,7 @@ def _steps(steps: list[dict[str, Any]]) -> Table:
                 shown(step["before"]),
                 shown(step["after"]),
                 shown(step["rise_s"]),
+                shown(step["reach_s"]),
                 shown(step["settling_s"]),
                 shown(step["overshoot_percent"], 2),
                 shown(step["steady_error"], 2),

@@ -120,7 +120,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
     plan = TrackingPlan()
     coupling = 0.02
     columns = tracked(plan, coupling=coupling)
-    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    metrics = tracking_metrics(columns, plan.program(), plan.phases(), lambda turn: 0.1 * turn)
     assert metrics.complete
     assert len(metrics.steps) == 17
     # largest slope of 1/(λs+1)² is 1/(λe), on the largest step of q that moves alone
@@ -128,6 +128,10 @@ def test_tracking_metrics_of_a_known_loop() -> None:
     assert metrics.overall.deviation_q == pytest.approx(0.0, abs=1e-4)
     assert (metrics.overall.min_tension_N, metrics.overall.max_tension_N) == (20.0, 21.0)
     assert metrics.overall.peak_voltage_V == 3.0
+    # 1 − (1 + x) exp(−x) = 0.9 at x = 3.8897; the largest step turns by 2π/3
+    assert metrics.overall.reach_q_s == pytest.approx(0.5 * 3.8897, abs=0.002)
+    assert metrics.overall.reach_bound_q_s == pytest.approx(0.1 * 2 * math.pi / 3)
+    assert metrics.overall.reach_ratio_q == pytest.approx(0.5 * 3.8897 / (0.1 * 2 * math.pi / 3), rel=0.002)
     assert metrics.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
     expected = math.sqrt(np.mean((columns["q"] - columns["q_ref"]) ** 2))
     assert metrics.overall.rmse_q == pytest.approx(expected)

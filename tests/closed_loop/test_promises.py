@@ -1,0 +1,176 @@
+"""What the control promises over its whole range, by simulation on both parameter sets."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backend.controllers import cascade
+from backend.tuning import closed_loop
+from backend.tuning.closed_loop import Array, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import LAM_MAX, Lambdas, PointModel, designed_point
+from backend.tuning.preview import Previewer
+from backend.tuning.speed_bound import least_reach_time
+from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.quality import HIGH, STEPS, assess, references
+
+SETS = ("ideal", "lab")
+NOMINAL = (8.24, 10.55, 12.43, 14.06)
+COUNT = 2.0 * math.pi / 4000.0
+GRID = 4
+
+
+def point_at(parameters: PlantParameters, S_nominal: float) -> PointModel:
+    return replace(designed_point(parameters), S_nominal=S_nominal)
+
+
+def offered(lam_min: float) -> list[float]:
+    return [float(lam) for lam in np.geomspace(lam_min, LAM_MAX, GRID)]
+
+
+@pytest.mark.parametrize("S_nominal", NOMINAL)
+@pytest.mark.parametrize("name", SETS)
+def test_any_lambda_that_is_offered_keeps_the_promise(name: str, S_nominal: float) -> None:
+    parameters = load_parameters(name)
+    point = point_at(parameters, S_nominal)
+    lam_q_min, lam_S_min = Previewer(parameters, [point]).safe_range()
+    for lam_q, lam_S in itertools.product(offered(lam_q_min), offered(lam_S_min)):
+        hold = max(8.0, 12.0 * lam_q, 12.0 * lam_S)
+        corners = ((-HIGH, 8.0), (HIGH, 8.0), (HIGH, 14.0), (-HIGH, 14.0), (-HIGH, 8.0), (HIGH, 14.0), (-HIGH, 8.0))
+        q_ref, S_ref = references(tuple((q, S, hold) for q, S in corners))
+        trajectory = run(parameters, cascade_tuning(parameters, Lambdas(lam_q, lam_S), [point]), q_ref, S_ref)
+        quality = assess(trajectory, q_ref, S_ref)
+        assert trajectory.tripped_at == -1, (lam_q, lam_S)
+        assert quality.overshoot_percent <= 2.0, (lam_q, lam_S)
+        assert quality.least_tension > 2.0, (lam_q, lam_S)
+        assert quality.greatest_tension < 50.0, (lam_q, lam_S)
+        # Beyond λ = 2 T, without k_p, the slowest pole comes to −1/(2 λ): exp(−6) is left after the hold.
+        assert abs(trajectory.q[-1] + HIGH) < 0.01 * 2.0 * HIGH, (lam_q, lam_S)
+
+
+@pytest.mark.parametrize(("name", "stiffness"), [("ideal", 0.1), ("lab", 0.2)])
+def test_defaults(name: str, stiffness: float) -> None:
+    parameters = load_parameters(name)
+    q_ref, S_ref = references(STEPS)
+    trajectory = run(parameters, cascade_tuning(parameters, Lambdas()), q_ref, S_ref)
+    quality = assess(trajectory, q_ref, S_ref)
+    assert quality.overshoot_percent <= 1.0
+    assert quality.stiffness_deviation <= stiffness
+    assert quality.joint_deviation <= 0.005
+    ends = np.flatnonzero(np.diff(q_ref) != 0.0)
+    for end in (*ends, q_ref.size - 1):
+        standing = slice(end - 500, end)
+        assert np.max(np.abs(trajectory.q[standing] - q_ref[end])) <= 2.0 * COUNT + 1e-4 * HIGH
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_fastest_admissible_setting(name: str) -> None:
+    parameters = load_parameters(name)
+    lam_q_min, lam_S_min = Previewer(parameters).safe_range()
+    lambdas = Lambdas(lam_q=0.355, lam_S=0.345, b=1.0)
+    assert lam_q_min <= lambdas.lam_q
+    assert lam_S_min <= lambdas.lam_S
+    q_ref, S_ref = references(((-HIGH, 10.0, 1.0), (HIGH, 10.0, 8.0), (-HIGH, 10.0, 8.0)))
+    trajectory = run(parameters, cascade_tuning(parameters, lambdas), q_ref, S_ref)
+    quality = assess(trajectory, q_ref, S_ref)
+    reached_s = 1e-3 * (int(np.argmax(trajectory.q > -HIGH + 0.9 * 2.0 * HIGH)) - 1000)
+    assert reached_s <= 1.35
+    assert quality.overshoot_percent <= 1.0
+    assert quality.stiffness_deviation <= 0.1
+    assert quality.least_tension > 5.0
+    bound_s = least_reach_time(parameters, 2.0 * HIGH)
+    assert 1.0 < reached_s / bound_s < 1.6
+
+
+def mismatched(parameters: PlantParameters) -> Iterator[PlantParameters]:
+    """Springs and motor constants a fifth off, alone and together, both sides alike and against each other."""
+    sides, motor = parameters.asymmetry, parameters.motor
+    off = (0.8, 1.0, 1.2)
+    for spring_A, spring_B, K_m, T_m in itertools.product(off, off, off, off):
+        scaled = replace(sides, spring_A=sides.spring_A * spring_A, spring_B=sides.spring_B * spring_B)
+        yield replace(parameters, asymmetry=scaled, motor=replace(motor, K_m=motor.K_m * K_m, T_m=motor.T_m * T_m))
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_constants_a_fifth_off(name: str) -> None:
+    parameters = load_parameters(name)
+    tuning = cascade_tuning(parameters, Lambdas())
+    # A spring that is a fifth stiffer carries a fifth more at the same angles: 14 N·m/rad would be 47.5 N.
+    steps = ((0.0, 10.0, 1.0), (HIGH, 10.0, 6.0), (-HIGH, 10.0, 6.0), (-HIGH, 14.0, 5.0), (HIGH, 8.0, 6.0))
+    q_ref, S_ref = references(steps)
+    for plant in mismatched(parameters):
+        trajectory = run(plant, tuning, q_ref, S_ref)
+        quality = assess(trajectory, q_ref, S_ref)
+        assert trajectory.tripped_at == -1, plant.asymmetry
+        assert quality.overshoot_percent <= 5.0, plant.asymmetry
+        assert quality.least_tension > 2.0, plant.asymmetry
+
+
+Change = Callable[[PlantParameters], tuple[cascade.Tuning, cascade.Tuning]]
+
+
+def four_points(parameters: PlantParameters, scale: float = 1.0) -> list[PointModel]:
+    points = [point_at(parameters, S) for S in NOMINAL]
+    return [replace(point, K_q=scale * point.K_q, T_S=scale * point.T_S) for point in points]
+
+
+CHANGES: dict[str, Change] = {
+    "λ_q": lambda p: (cascade_tuning(p, Lambdas()), cascade_tuning(p, Lambdas(lam_q=1.2))),
+    "λ_S": lambda p: (cascade_tuning(p, Lambdas()), cascade_tuning(p, Lambdas(lam_S=0.9))),
+    "λ_motor": lambda p: (cascade_tuning(p, Lambdas()), cascade_tuning(p, Lambdas(lam_motor=0.1))),
+    "b": lambda p: (cascade_tuning(p, Lambdas()), cascade_tuning(p, Lambdas(b=1.0))),
+    "bank": lambda p: (cascade_tuning(p, Lambdas()), cascade_tuning(p, Lambdas(), four_points(p, 1.1))),
+    "to interpolation": lambda p: (
+        cascade_tuning(p, Lambdas(), four_points(p)),
+        cascade_tuning(p, Lambdas(), four_points(p, 1.05), interpolate=True),
+    ),
+}
+
+
+def voltages_around(tunings: tuple[cascade.Tuning, cascade.Tuning], at: int) -> tuple[Array, Array]:
+    """Voltages (2,) in the tick ``at``, without and with the change of tuning in that tick."""
+    parameters = load_parameters("ideal")
+    before, after = tunings
+    q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
+    q_ref[:200], S_ref[:200] = -HIGH, 9.0
+    rig = closed_loop.rig_of(parameters)
+    x, controller = closed_loop.at_rest(rig, before, -HIGH, 9.0)
+    line, out = closed_loop.empty_arrays(at)
+    inputs = closed_loop.inputs_of(parameters, q_ref[:at], S_ref[:at])
+    x, controller, _ = closed_loop.simulate(rig, before, x, controller, inputs, line, out)
+    found = []
+    last = closed_loop.inputs_of(parameters, q_ref[at:], S_ref[at:])
+    for tuning in (before, after):
+        line, row = closed_loop.empty_arrays(1)
+        closed_loop.simulate(rig, tuning, x, controller, last, line, row)
+        columns = [closed_loop.COLUMNS.index(name) for name in ("u_A", "u_B")]
+        found.append(row[0, columns])
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize("at", [150, 230, 700, 1500, 6000])
+@pytest.mark.parametrize("change", list(CHANGES))
+def test_no_change_of_gains_shows_in_the_voltages_of_its_tick(change: str, at: int) -> None:
+    """At rest before the step, just after it, at full speed, on arrival and at rest again."""
+    without, with_change = voltages_around(CHANGES[change](load_parameters("ideal")), at)
+    assert np.max(np.abs(with_change - without)) < 1e-3
+
+
+def test_the_bank_switches_by_itself_without_a_bump() -> None:
+    """Entries whose gains differ by a tenth: the tick of a switch is no rougher than its neighbours."""
+    parameters = load_parameters("ideal")
+    points = [replace(point, K_S=point.K_S * (1.0 + 0.1 * k)) for k, point in enumerate(four_points(parameters))]
+    tuning = cascade_tuning(parameters, Lambdas(), points)
+    q_ref, S_ref = references(((0.0, 8.0, 0.5), (0.5, 14.0, 6.0)))
+    rough = run(parameters, tuning, q_ref, S_ref)
+    schedule = tuning.schedule.entries[:, 0]
+    borders = 0.5 * (schedule[1:] + schedule[:-1]) + 0.2
+    switches = [int(np.argmax(rough.S_ref_gov > border)) for border in borders]
+    bends = np.abs(np.diff(rough.u_A, n=2))
+    for tick in switches:
+        assert 500 < tick < 3000
+        assert bends[tick - 2] < 1e-3 + 2.0 * np.max(bends[[tick - 6, tick - 5, tick + 5, tick + 6]])
