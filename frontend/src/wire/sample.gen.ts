@@ -188,7 +188,8 @@ export const FAULTS = [
   "service_lost",
   "operator_lost",
   "safety_module",
-  "plant_error"
+  "plant_error",
+  "watchdog"
 ] as const;
 export const LIMITS = {
   "VOLTAGE_A": 1,
