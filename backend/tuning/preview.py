@@ -1,6 +1,6 @@
 """What a λ would do before it is sent: robustness and step on the high-order model, voltage and tension simulated."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import control
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from backend.controllers import i_p
 from backend.refusal import require_within
 from backend.tuning.closed_loop import run
-from backend.tuning.formulas import printed_outer_gains
+from backend.tuning.formulas import TuningError, printed_outer_gains
 from backend.tuning.gains import (
     cascade_tuning,
     motor_loops,
@@ -27,6 +27,12 @@ from plant.parameters import PlantParameters
 
 STEP_Q = np.pi / 3.0
 """Step of q_ref whose peak voltage and least tension the preview shows [rad]: half of the paper's largest."""
+
+STEP_S = (8.0, 14.0)
+"""Step of S_ref that has to stay within the voltage [N·m/rad]: the pulses of the paper."""
+
+LAM_RESOLUTION = 1e-3
+"""How finely the end of the range is found where the voltage decides [s]."""
 
 _POINTS = 200
 
@@ -78,13 +84,13 @@ class Previewer:
         self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
 
     def safe_range(self) -> tuple[float, float]:
-        """Smallest lam_q and lam_S [s] that are safe at every point of the bank."""
+        """Smallest lam_q and lam_S [s] that are robust and leave the voltage unclipped at every point of the bank."""
         return max(q for q, _ in self._ranges), max(S for _, S in self._ranges)
 
     def require_safe(self, lambdas: Lambdas) -> None:
         """Raise OutOfRangeError unless both λ lie in the offered range."""
         lam_q_min, lam_S_min = self.safe_range()
-        remedy = "below it the loop's sensitivity peak M_s exceeds 1.7"
+        remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
         require_within("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
         require_within("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
 
@@ -95,7 +101,8 @@ class Previewer:
         lam_q_min, lam_S_min = self.safe_range()
         q = position_gains(self._parameters, point, lambdas)
         S = stiffness_gains(self._parameters, point, lambdas)
-        peak_voltage, least_tension = self._simulated(lambdas, point)
+        held = (point.S_nominal, point.S_nominal)
+        peak_voltage, least_tension = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q)
         return Preview(
             _loop_preview(self._q[entry], q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
             _loop_preview(self._S[entry], S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
@@ -104,20 +111,49 @@ class Previewer:
         )
 
     def _safe_ranges(self, entry: int) -> tuple[float, float]:
-        point = self.points[entry]
-        return (
-            safe_lambda(self._q[entry], lambda lam: position_gains(self._parameters, point, Lambdas(lam_q=lam))),
-            safe_lambda(self._S[entry], lambda lam: stiffness_gains(self._parameters, point, Lambdas(lam_S=lam))),
-        )
+        parameters, point = self._parameters, self.points[entry]
+        robust_q = safe_lambda(self._q[entry], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)))
+        robust_S = safe_lambda(self._S[entry], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)))
+        S, u_max = point.S_nominal, parameters.motor.u_max
 
-    def _simulated(self, lambdas: Lambdas, point: PointModel) -> tuple[float, float]:
+        def voltage_q(lam: float) -> float:
+            return self._simulated(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam)[0]
+
+        def voltage_S(lam: float) -> float:
+            return self._simulated(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam)[0]
+
+        return _unsaturated(robust_q, voltage_q, u_max), _unsaturated(robust_S, voltage_S, u_max)
+
+    def _lambdas(self, **chosen: float) -> Lambdas:
+        return Lambdas(lam_motor=self._lam_motor, **chosen)
+
+    def _simulated(
+        self,
+        lambdas: Lambdas,
+        point: PointModel,
+        q_step: tuple[float, float],
+        S_step: tuple[float, float],
+        lam: float,
+    ) -> tuple[float, float]:
+        """Peak voltage [V] and least tension [N] of steps from the first to the second reference, for 6 λ and more."""
         tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)
-        ticks = round((1.0 + 6.0 * lambdas.lam_q) / T_s)
-        q_ref = np.full(ticks, STEP_Q)
-        q_ref[:100] = 0.0
-        trajectory = run(self._parameters, tuning, q_ref, np.full(ticks, point.S_nominal))
+        ticks = 100, round((0.9 + 6.0 * lam) / T_s)
+        trajectory = run(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
         voltage = np.nanmax(np.abs([trajectory.u_A, trajectory.u_B]))
         return float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B]))
+
+
+def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float) -> float:
+    """Smallest λ [s], from ``robust`` on, whose peak ``voltage`` [V] stays below u_max [V]. Raises TuningError."""
+    if voltage(robust) < u_max:
+        return robust
+    if voltage(LAM_MAX) >= u_max:
+        raise TuningError(f"even lam = {LAM_MAX:g} s takes all of {u_max:g} V: check K_m, T_m and u_max")
+    low, high = robust, LAM_MAX
+    while high - low > LAM_RESOLUTION:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if voltage(middle) < u_max else (middle, high)
+    return high
 
 
 def _loop_preview(

@@ -1,5 +1,7 @@
 """The preview against the non-linear simulation it stands for, and its refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,3 +45,29 @@ def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:
         previewer.require_safe(Lambdas(lam_S=3.01))
     with pytest.raises(OutOfRangeError, match="lam_q"):
         previewer.require_safe(Lambdas(lam_q=float("nan")))
+
+
+def test_full_voltage_leaves_the_range_to_robustness(previewer: Previewer) -> None:
+    """With the paper's ±10 V the governor keeps the largest steps unclipped: M_s = 1.7 ends the range."""
+    lam_q_min, lam_S_min = previewer.safe_range()
+    preview = previewer.preview(Lambdas(lam_q=lam_q_min, lam_S=lam_S_min))
+    assert preview.position.robustness.M_s == pytest.approx(1.7, abs=1e-3)
+    assert preview.stiffness.robustness.M_s == pytest.approx(1.7, abs=1e-3)
+
+
+def test_a_weak_drive_narrows_the_range() -> None:
+    """With 4 V the same steps would clip: the range ends where the largest of them just does not."""
+    ideal = load_parameters("ideal")
+    weak = replace(ideal, motor=replace(ideal.motor, u_max=4.0))
+    lam_q_min, lam_S_min = Previewer(weak).safe_range()
+    full_q, full_S = Previewer(ideal).safe_range()
+    assert lam_q_min > 1.2 * full_q
+    assert lam_S_min >= full_S
+
+    def peak(lam_q: float) -> float:
+        q_ref = np.repeat([-np.pi / 3.0, np.pi / 3.0], [100, 6000])
+        trajectory = run(weak, cascade_tuning(weak, Lambdas(lam_q=lam_q)), q_ref, np.full(q_ref.size, 10.55))
+        return float(np.max(np.abs([trajectory.u_A, trajectory.u_B])))
+
+    assert peak(lam_q_min) < 4.0
+    assert peak(lam_q_min - 0.005) == 4.0
