@@ -64,7 +64,7 @@ def test_defaults(name: str, stiffness: float) -> None:
     ends = np.flatnonzero(np.diff(q_ref) != 0.0)
     for end in (*ends, q_ref.size - 1):
         standing = slice(end - 500, end)
-        assert np.max(np.abs(trajectory.q[standing] - q_ref[end])) <= 2.0 * COUNT + 1e-4 * HIGH
+        assert np.max(np.abs(trajectory.q[standing] - q_ref[end])) <= 2.0 * COUNT + 1e-12
 
 
 @pytest.mark.parametrize("name", SETS)
