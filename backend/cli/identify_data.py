@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from backend.identification.record import Controller
     from backend.identification.result import Estimate
 
-METHODS = "default, srivc, rivc, output_error, arx"
+METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4"
 
 

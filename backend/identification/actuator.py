@@ -95,19 +95,19 @@ def identify_actuator(
     """
     u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
     rest = slice(max(0, start - int(_REST_S / period_s)), max(start, 1))
-    # Output error without a noise model: what these records leave unexplained is friction and dynamics, not noise,
-    # and the input is known exactly.
+    # Without a noise model: what these records leave unexplained is friction and dynamics, not noise, and the input is
+    # known exactly.
     q_candidates = rank(
         Record(period_s, u[start:], q[start:]),
         structures,
-        Method.OUTPUT_ERROR,
+        Method.LOW_FREQUENCY,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
     S_candidates = rank(
         Record(period_s, u[start:], S[start:]),
         structures,
-        Method.OUTPUT_ERROR,
+        Method.LOW_FREQUENCY,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
     )
@@ -124,6 +124,8 @@ def identify_actuator(
 
 
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
-    worst = max((G_q.grade, G_S.grade), key=list(Grade).index)
-    named = [f"G_q: {reason}" for reason in G_q.reasons] + [f"G_S: {reason}" for reason in G_S.reasons]
-    return Verdict(worst, tuple(named))
+    """Take the worse grade, with the reasons of those that have it: praise of the other one would hide them."""
+    named = {"G_q": G_q, "G_S": G_S}
+    worst = max((verdict.grade for verdict in named.values()), key=list(Grade).index)
+    reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is worst for reason in one.reasons)
+    return Verdict(worst, tuple(reasons))

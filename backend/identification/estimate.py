@@ -6,7 +6,7 @@ import numpy as np
 
 from backend.identification.fit import Fit, Method, fit, refit
 from backend.identification.frequency import check_frequency_response
-from backend.identification.linearisation import WHITE, Evaluation, Problem
+from backend.identification.linearisation import Evaluation, Problem
 from backend.identification.record import Record, Signal
 from backend.identification.reduction import reduce_to_first_order
 from backend.identification.result import Estimate, Model, Residuals
@@ -34,11 +34,11 @@ def estimate(
     model = Model(shape.name, dict(zip(shape.names, found.parameters.tolist(), strict=True)))
     covariance = found.covariance
     first_order = reduce_to_first_order(model, covariance)
-    AIC, BIC, FPE = information_criteria(found.residuals, found.parameters.size + shape.order + 2)
+    AIC, BIC, FPE = information_criteria(found.prediction_errors, found.parameters.size + shape.order + 2)
     residuals = Residuals(
         whiteness=found.whiteness(),
         input_correlation=found.input_correlation(),
-        std=float(np.std(found.residuals)),
+        std=float(np.std(found.prediction_errors)),
         AIC=AIC,
         BIC=BIC,
         FPE=FPE,
@@ -46,6 +46,7 @@ def estimate(
     held_out = _held_out_fit(found)
     gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
     counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
+    rounding = 100.0 * (y_resolution or 0.0) / float(np.sqrt(12.0) * np.std(record.y))
     return Estimate(
         model=model,
         std_errors=dict(zip(shape.names, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
@@ -59,14 +60,14 @@ def estimate(
         frequency=check_frequency_response(model, record),
         gain_geometry=gain_geometry,
         gain_error_percent=gain_error,
-        verdict=judge(first_order, held_out, residuals, gain_error, counts),
+        verdict=judge(first_order, held_out, residuals, gain_error, counts, rounding),
     )
 
 
 def _simulated_fit(problem: Problem, parameters: Signal) -> float:
     """Fit of the simulation with the nuisance terms of this record."""
     y = problem.record.y
-    error = Evaluation(replace(problem, whitening=WHITE), parameters).cost
+    error = Evaluation(problem.unweighted, parameters).cost
     return 100.0 * (1.0 - error / float(np.linalg.norm(y - np.mean(y))))
 
 

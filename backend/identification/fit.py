@@ -30,14 +30,17 @@ class Method(StrEnum):
     """Estimators to choose from.
 
     ``DEFAULT`` solves the refined-IV equation, closed-loop form where set point or controller are known, output
-    error where they are not, and models the noise as autoregressive where the residuals are coloured by noise.
-    ``SRIVC`` and ``OUTPUT_ERROR`` do without the noise model, ``RIVC`` insists on it. ``ARX`` is the paper's method.
+    error where they are not. Where noise colours the residuals it is modelled as autoregressive; where they follow the
+    input, because the structure cannot carry the system, low frequencies are weighted.
+    ``SRIVC`` and ``OUTPUT_ERROR`` do without either, ``RIVC`` insists on the noise model, ``LOW_FREQUENCY`` is output
+    error with that weighting. ``ARX`` is the paper's method.
     """
 
     DEFAULT = "default"
     SRIVC = "srivc"
     RIVC = "rivc"
     OUTPUT_ERROR = "output_error"
+    LOW_FREQUENCY = "low_frequency"
     ARX = "arx"
 
 
@@ -69,14 +72,24 @@ class Fit:
         if self.arx_covariance is not None:
             return "ARX with low-pass prefilter"
         order = self.problem.whitening.size - 1
+        noise = f", AR({order}) noise" if order else ""
+        weighting = ", low frequencies weighted" if self.problem.low_pass else ""
         if self.drive is not None:
-            return f"closed-loop RIVC, AR({order}) noise" if order else "closed-loop SRIVC"
-        return f"output error, AR({order}) noise" if order else "output error"
+            return f"closed-loop {'RIVC' if order else 'SRIVC'}{noise}{weighting}"
+        return f"output error{noise}{weighting}"
 
     @cached_property
     def residuals(self) -> Signal:
         """Whitened output error without the nuisance terms, shape (n,)."""
         return self.solution.without_nuisance(self.solution.error[:, np.newaxis])[:, 0]
+
+    @cached_property
+    def prediction_errors(self) -> Signal:
+        """The same without the low-pass, shape (n,): what is tested, and what models of one record are compared by."""
+        if not self.problem.low_pass:
+            return self.residuals
+        plain = Evaluation(replace(self.problem, low_pass=0.0), self.parameters)
+        return plain.without_nuisance(plain.error[:, np.newaxis])[:, 0]
 
     @cached_property
     def covariance(self) -> Signal:
@@ -93,13 +106,14 @@ class Fit:
     def input_correlation(self) -> CorrelationTest:
         """Test whether the residuals still depend on the input, over five times the sum of lags."""
         record = self.problem.record
-        u = self.problem.whiten(record.u if self.drive is None else self.drive(self.parameters))
+        u = record.u if self.drive is None else self.drive(self.parameters)
+        whitened = replace(self.problem, low_pass=0.0).whiten(u)
         sum_of_lags = float(self.problem.structure.denominator(self.parameters)[1])
-        return input_correlation(self.residuals, u, record.period_s, sum_of_lags)
+        return input_correlation(self.prediction_errors, whitened, record.period_s, sum_of_lags)
 
     def whiteness(self) -> CorrelationTest:
         """Test whether the residuals are white."""
-        return whiteness(self.residuals, self.problem.record.period_s)
+        return whiteness(self.prediction_errors, self.problem.record.period_s)
 
 
 def fit(record: Record, structure: Structure, method: Method) -> Fit:
@@ -107,10 +121,12 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
     problem = Problem(record, structure, WHITE)
     if method is Method.ARX:
         return _arx(problem)
-    drive = None if method is Method.OUTPUT_ERROR else noise_free_input(problem)
+    drive = None if method in (Method.OUTPUT_ERROR, Method.LOW_FREQUENCY) else noise_free_input(problem)
     first = _from_starts(problem, drive)
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
         return first
+    if method is Method.LOW_FREQUENCY:
+        return first if _explains(first) else _low_frequency(first)
     if method is Method.DEFAULT and first.whiteness().passed:
         return first
     if method is Method.RIVC:
@@ -118,10 +134,10 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
     try:
         coloured = _with_noise_model(first)
     except (NotConvergedError, UnstableModelError):
-        return first
+        return _low_frequency(first)
     # Residuals that still follow the input come from missing dynamics, not from noise: whitening them would trade
     # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
-    return coloured if coloured.input_correlation().passed else first
+    return coloured if coloured.input_correlation().passed else _low_frequency(first)
 
 
 def refit(found: Fit, record: Record) -> Evaluation:
@@ -153,6 +169,19 @@ def _with_noise_model(first: Fit) -> Fit:
         if change < _NOISE_SETTLED * found.solution.noise:
             break
     return found
+
+
+def _low_frequency(first: Fit) -> Fit:
+    """Solve again with both signals passed through the model's sum of lags.
+
+    What the structure cannot carry is then wrong at high frequency rather than in gain and lag, which tuning uses.
+    """
+    sum_of_lags = float(first.problem.structure.denominator(first.parameters)[1])
+    low_pass = float(np.exp(-first.problem.record.period_s / sum_of_lags))
+    try:
+        return _solve(replace(first.problem, low_pass=low_pass), first.drive, first.parameters)
+    except (NotConvergedError, UnstableModelError):
+        return first
 
 
 def _unwhitened(found: Fit) -> Fit:

@@ -7,7 +7,7 @@ records, sensor offsets and slow drifts do not bias the parameters. Steps are ta
 is itself and every other parameter is its logarithm, which keeps them positive and of one size.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
 
@@ -25,11 +25,16 @@ WHITE = np.array([1.0])
 
 @dataclass(frozen=True)
 class Problem:
-    """A record, a structure and the polynomial that whitens the noise (1, d_1 .. in powers of z^-1)."""
+    """A record, a structure and the polynomial that whitens the noise (1, d_1 .. in powers of z^-1).
+
+    ``low_pass`` is the pole of a filter 1/(1 - low_pass z^-1) on both signals besides, which weights errors at low
+    frequency; 0 for none. Filters of sampled signals leave the model between them as it is.
+    """
 
     record: Record
     structure: Structure
     whitening: Signal
+    low_pass: float = 0.0
 
     def simulated(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
         """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
@@ -57,8 +62,15 @@ class Problem:
         return columns / _STEP
 
     def whiten(self, signal: Signal) -> Signal:
-        """Pass a signal or columns of signals through the whitening polynomial."""
-        return signal if self.whitening.size == 1 else np.asarray(lfilter(self.whitening, [1.0], signal, axis=0))
+        """Pass a signal or columns of signals through the whitening polynomial and the low-pass."""
+        if self.whitening.size == 1 and not self.low_pass:
+            return signal
+        return np.asarray(lfilter(self.whitening, [1.0, -self.low_pass], signal, axis=0))
+
+    @property
+    def unweighted(self) -> "Problem":
+        """The problem of the plain simulation error."""
+        return replace(self, whitening=WHITE, low_pass=0.0)
 
 
 class Evaluation:

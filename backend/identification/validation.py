@@ -6,8 +6,8 @@ from backend.identification.record import Signal
 from backend.identification.result import FirstOrder, Grade, Residuals, Verdict
 
 MIN_COUNTS = 20.0
-MIN_FIT_PERCENT = 80.0
-CAUTION_FIT_PERCENT = 98.5
+MAX_MISFIT_PERCENT = 20.0
+CAUTION_MISFIT_PERCENT = 1.5
 MAX_GAIN_ERROR_PERCENT = 10.0
 CAUTION_GAIN_ERROR_PERCENT = 5.0
 MAX_STD_PERCENT = 10.0
@@ -25,14 +25,24 @@ def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float
     )
 
 
+def misfit_percent(fit: float, resolution_percent: float) -> float:
+    """Return what neither the model nor the sensor's resolution explains, in per cent of the motion, like ``fit``."""
+    return float(np.sqrt(max((100.0 - fit) ** 2 - resolution_percent**2, 0.0)))
+
+
 def judge(
     first_order: FirstOrder,
     fit: float,
     residuals: Residuals,
     gain_error_percent: float | None,
     motion_counts: float | None,
+    resolution_percent: float,
 ) -> Verdict:
-    """Grade a model and give the reasons; ``motion_counts`` is the output's peak-to-peak in sensor counts."""
+    """Grade a model and give the reasons.
+
+    ``motion_counts`` is the output's peak-to-peak in sensor counts; ``resolution_percent`` the standard deviation of
+    rounding to counts in per cent of the output's, 0 where it is not known.
+    """
     against: list[str] = []
     doubts: list[str] = []
     if motion_counts is not None and motion_counts < MIN_COUNTS:
@@ -47,12 +57,16 @@ def judge(
     if spread > CAUTION_STD_PERCENT:
         reason = f"gain or lag known to ±{spread:.1f} % only"
         (against if spread > MAX_STD_PERCENT else doubts).append(reason)
-    if not residuals.input_correlation.passed and fit < CAUTION_FIT_PERCENT:
+    misfit = misfit_percent(fit, resolution_percent)
+    # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.
+    known_sensor = resolution_percent > 0.0
+    unexplained = not residuals.input_correlation.passed or (known_sensor and not residuals.whiteness.passed)
+    if unexplained and misfit > CAUTION_MISFIT_PERCENT:
         reason = (
-            f"at a fit of {fit:.1f} % what is left still follows the input (friction or missing dynamics),"
+            f"{misfit:.1f} % of the motion is neither the model's nor the sensor's (friction or missing dynamics),"
             " so the model is local: it holds near this amplitude and point only"
         )
-        (against if fit < MIN_FIT_PERCENT else doubts).append(reason)
+        (against if misfit > MAX_MISFIT_PERCENT else doubts).append(reason)
     if against:
         return Verdict(Grade.UNUSABLE, tuple(against + doubts))
     if doubts:

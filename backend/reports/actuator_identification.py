@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from backend.identification.published import TABLE_1
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.identification_figures import (
     CHANNELS,
@@ -16,14 +17,6 @@ from backend.reports.judgement import figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
-
-TABLE_1 = {
-    10.0: ((0.0498, 0.64), (1.17, 0.57)),
-    20.0: ((0.0484, 0.78), (2.826, 1.19)),
-    30.0: ((0.0495, 1.58), (1.821, 0.62)),
-    40.0: ((0.0491, 2.98), (1.47, 0.43)),
-}
-"""The paper's first-order estimates by tension [N]: (K, T [s]) of G_q and of G_S."""
 
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
 _OUTCOMES = {"usable": "passed", "usable with caution": "incomplete", "not usable": "failed"}
@@ -185,6 +178,7 @@ def _structure(name: str) -> str:
 
 def _comparison(found: Identification, tension_N: float) -> Table:
     nearest = min(TABLE_1, key=lambda tension: abs(tension - tension_N))
+    row = TABLE_1[nearest]
     columns = (
         Column("Transfer function", number=False, wide=True),
         Column("K here"),
@@ -202,7 +196,7 @@ def _comparison(found: Identification, tension_N: float) -> Table:
             shown(found.model[key]["first_order"]["T"]),
             shown(T),
         )
-        for key, (K, T) in zip(CHANNELS, TABLE_1[nearest], strict=True)
+        for key, K, T in (("G_q", row.K_q, row.T_q), ("G_S", row.K_S, row.T_S))
     )
     return Table(f"First-order models beside the paper's table 1 at {exact(nearest)} N.", columns, rows)
 

@@ -18,6 +18,7 @@ from backend.identification.errors import IdentificationError
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method
 from backend.identification.motor import identify_motor
+from backend.identification.published import TABLE_1
 from backend.identification.record import Record
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -26,28 +27,6 @@ from tests.bench.fidelity_runs import Array, Bench, first_order_output_error, ne
 POSITIONS = 4
 """Rest positions within one count of the joint encoder from which the 1 ms excitation is repeated."""
 
-
-@dataclass(frozen=True)
-class Published:
-    """A row of table 1; ``a1_q`` as read by erratum E2, a tenth of the printed one."""
-
-    S: float
-    K_q: float
-    T_q: float
-    K_S: float
-    T_S: float
-    a2_q: float
-    a1_q: float
-    a2_S: float
-    a1_S: float
-
-
-TABLE_1 = {
-    10.0: Published(8.24, 0.0498, 0.64, 1.17, 0.57, 7.329e-5, 5.747e-3, 2.3e-5, 1.6e-3),
-    20.0: Published(10.55, 0.0484, 0.78, 2.826, 1.19, 4.919e-5, 4.688e-3, 2.1e-5, 2.2e-3),
-    30.0: Published(12.43, 0.0495, 1.58, 1.821, 0.62, 3.475e-5, 3.309e-3, 1.3e-5, 4.2e-3),
-    40.0: Published(14.06, 0.0491, 2.98, 1.47, 0.43, 2.2e-6, 1.07e-3, 7.7e-6, 7.4e-4),
-}
 
 Columns = dict[str, Array]
 

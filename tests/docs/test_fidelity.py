@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
-from tests.bench.fidelity import TABLE_1, default_plan, gain_rows, motor_rows
+from tests.bench.fidelity import default_plan, gain_rows, motor_rows
 from tests.bench.fidelity_runs import Bench
 
 PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")

@@ -1,0 +1,97 @@
+"""The default experiment played on the simulator, against geometry and against the plant linearised numerically."""
+
+import numpy as np
+import pytest
+
+from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification.actuator import (
+    STRUCTURES,
+    ActuatorGeometry,
+    ActuatorIdentification,
+    identify_actuator,
+)
+from backend.identification.published import TABLE_1
+from backend.identification.result import Estimate, Grade
+from backend.tuning.gains import motor_loops
+from backend.tuning.linear_model import decoupled_model
+from backend.tuning.models import LAM_MOTOR
+from plant.interface import T_s
+from plant.parameters import PlantParameters, load_parameters
+from tests.bench.fidelity import default_plan, paper_plan
+from tests.bench.fidelity_runs import Bench
+
+OMEGA = np.geomspace(0.05, 5.0, 30)
+SUM_OF_LAGS_S = 0.342
+GAIN_S = 0.721
+
+
+def identified(bench: Bench, parameters: PlantParameters, plan: ActuatorIdentificationPlan) -> ActuatorIdentification:
+    g = parameters.geometry
+    geometry = ActuatorGeometry(
+        g.r_m, g.r_j, stiffness_slope(decoupler_for(parameters), 10.0) / (2.0 * g.r_j**2 * g.r_m)
+    )
+    return identify_actuator(bench.play(plan), T_s, geometry, 0, STRUCTURES[:2])
+
+
+def candidate(found: ActuatorIdentification, channel: str, structure: str) -> Estimate:
+    ranked = (found.candidates_q if channel == "q" else found.candidates_S).ranked
+    return next(estimate for estimate in ranked if estimate.model.structure == structure)
+
+
+def linearised(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.ndarray]:
+    """Responses at OMEGA from one motor's reference to q and S.
+
+    Both sides are alike, so that one motor alone does half of what both do through the decoupler.
+    """
+    model = decoupled_model(parameters, motor_loops(parameters, LAM_MOTOR), S)
+    through_decoupler = model(1j * OMEGA)
+    g = parameters.geometry
+    return through_decoupler[0, 0] * g.r_m / (2.0 * g.r_j), through_decoupler[1, 1] * GAIN_S
+
+
+@pytest.fixture(scope="module")
+def ideal() -> PlantParameters:
+    return load_parameters("ideal")
+
+
+@pytest.fixture(scope="module")
+def ideal_runs(ideal: PlantParameters) -> dict[float, ActuatorIdentification]:
+    bench = Bench(ideal)
+    return {tension: identified(bench, ideal, default_plan(tension)) for tension in TABLE_1}
+
+
+@pytest.mark.parametrize("tension", TABLE_1)
+def test_on_the_ideal_plant_gains_lags_and_frequency_response_are_right(
+    ideal: PlantParameters, ideal_runs: dict[float, ActuatorIdentification], tension: float
+) -> None:
+    found = ideal_runs[tension]
+    G_q, G_S = found.G_q, found.G_S
+    assert found.verdict.grade is Grade.USABLE
+    assert candidate(found, "q", "lags4").model.gain == pytest.approx(0.05, rel=0.01)
+    assert G_q.model.gain == pytest.approx(0.05, rel=0.002)
+    assert candidate(found, "S", "order:4").model.gain == pytest.approx(GAIN_S, rel=0.01)
+    for model, truth in zip((G_q, G_S), linearised(ideal, TABLE_1[tension].S), strict=True):
+        assert pytest.approx(SUM_OF_LAGS_S, rel=0.05) == model.first_order.T
+        ratio = model.model.response(OMEGA) / truth
+        assert np.max(np.abs(np.abs(ratio) - 1.0)) < 0.03
+        assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 3.0
+
+
+def test_on_the_lab_plant_the_verdict_warns_that_friction_makes_the_model_local() -> None:
+    lab = load_parameters("lab")
+    found = identified(Bench(lab), lab, default_plan(20.0))
+    assert found.verdict.grade is Grade.CAUTION
+    assert "friction" in found.verdict.sentence
+    assert "local" in found.verdict.sentence
+    for channel, gain in ((found.G_q, 0.05), (found.G_S, GAIN_S)):
+        assert channel.model.gain == pytest.approx(gain, rel=0.03)
+
+
+def test_the_papers_1_ms_sequence_moves_too_little_and_the_verdict_says_so() -> None:
+    lab = load_parameters("lab")
+    found = identified(Bench(lab), lab, paper_plan(20.0))
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert found.motion_counts < 10.0
+    assert f"not enough motion, the output moved by {found.motion_counts:.1f} counts" in found.verdict.sentence
+    assert "use longer chips or a larger amplitude" in found.verdict.sentence
