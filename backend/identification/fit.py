@@ -137,7 +137,9 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
         return _low_frequency(first)
     # Residuals that still follow the input come from missing dynamics, not from noise: whitening them would trade
     # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
-    return coloured if coloured.input_correlation().passed else _low_frequency(first)
+    if coloured.input_correlation().passed:
+        return coloured
+    return first if first.input_correlation().passed else _low_frequency(first)
 
 
 def refit(found: Fit, record: Record) -> Evaluation:
