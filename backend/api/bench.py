@@ -13,7 +13,7 @@ from backend.api.journal import Journal
 from backend.api.picture import F_PUSH_MAX, Picture, described, proof_of
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import Push, References, State, StopProof
-from backend.api.schemas.tuning import TrialRequest, TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import RobustTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
 from backend.api.session_runs import RECORDED, SessionRuns
 from backend.api.trial import Trial
 from backend.api.tuning_in_use import TuningInUse
@@ -177,6 +177,10 @@ class Bench:
     async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
         """Predict what λ would do at the active entry of the bank."""
         return await asyncio.to_thread(self.picture.tuning.preview, lam_q, lam_S, round(self.picture.entry))
+
+    async def robust(self, M_s: float) -> RobustTuning:
+        """Find the λ of each loop for a wanted M_s."""
+        return await asyncio.to_thread(self.picture.tuning.robust, M_s)
 
     async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
         async with self._turn:

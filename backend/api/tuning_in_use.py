@@ -6,7 +6,10 @@ from math import degrees, isfinite
 from backend.api.schemas.tuning import (
     BankReference,
     LoopPreview,
+    MotorPreview,
     PrintedFormula,
+    RobustLambda,
+    RobustTuning,
     TuningPreview,
     TuningRequest,
     TuningView,
@@ -18,6 +21,7 @@ from backend.loop.tuned import tuning_for
 from backend.refusal import require_within
 from backend.storage.banks import Bank
 from backend.tuning import preview
+from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.preview import Previewer
 from backend.tuning.robustness import LAM_MOTOR_MAX
@@ -71,7 +75,7 @@ class TuningInUse:
         """Return λ, bank and the simulator's seed as an experiment's order has them."""
         lam = self.lambdas
         return LoopSettings(
-            lam.lam_q, lam.lam_S, lam.lam_motor, self.bank.id if self.bank else 0, self.interpolate, seed
+            lam.lam_q, lam.lam_S, lam.lam_motor, self.bank.id if self.bank else 0, self.interpolate, seed, lam.b
         )
 
     def difference(self, before: "TuningInUse") -> str:
@@ -105,12 +109,28 @@ class TuningInUse:
     def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
         """Predict what both outer loops would do at these λ."""
         predicted = self.previewer.preview(replace(self.lambdas, lam_q=lam_q, lam_S=lam_S), entry)
+        motor = predicted.motor
         return TuningPreview(
+            motor=MotorPreview(
+                M_s=motor.M_s,
+                gain_margin=_finite(motor.gain_margin),
+                phase_margin_deg=_finite(degrees(motor.phase_margin)),
+            ),
             position=_loop(lam_q, predicted.position),
             stiffness=_loop(lam_S, predicted.stiffness),
             u_peak_V=predicted.peak_voltage,
             F_min_N=predicted.least_tension,
         )
+
+    def robust(self, M_s: float) -> RobustTuning:
+        """Return λ of the three loops for a wanted M_s."""
+        found = {
+            name: RobustLambda(lam=None, reason=str(lam))
+            if isinstance(lam, TuningError)
+            else RobustLambda(lam=lam, reason="")
+            for name, lam in self.previewer.lambdas_for(M_s).items()
+        }
+        return RobustTuning(M_s=M_s, **found)
 
 
 def initial(
@@ -141,8 +161,8 @@ def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
         lam_max=predicted.lam_max,
         stable=stable,
         M_s=robustness.M_s if stable else None,
-        gain_margin=robustness.gain_margin if stable and isfinite(robustness.gain_margin) else None,
-        phase_margin_deg=degrees(robustness.phase_margin) if stable and isfinite(robustness.phase_margin) else None,
+        gain_margin=_finite(robustness.gain_margin) if stable else None,
+        phase_margin_deg=_finite(degrees(robustness.phase_margin)) if stable else None,
         t=predicted.t.tolist(),
         y=predicted.y.tolist(),
         printed=PrintedFormula(
@@ -151,3 +171,8 @@ def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:
             y=predicted.printed_y.tolist(),
         ),
     )
+
+
+def _finite(value: float) -> float | None:
+    """Return None for an unlimited margin: JSON has no infinity."""
+    return value if isfinite(value) else None

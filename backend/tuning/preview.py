@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from backend.controllers import i_p
 from backend.refusal import require_within
 from backend.tuning.closed_loop import run
-from backend.tuning.formulas import TuningError, printed_outer_gains
+from backend.tuning.formulas import TuningError, motor_gains, printed_outer_gains
 from backend.tuning.gains import (
     cascade_tuning,
     motor_loops,
@@ -20,9 +20,10 @@ from backend.tuning.gains import (
     stiffness_process,
 )
 from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point
-from backend.tuning.robustness import OuterProcess, Robustness, safe_lambda
+from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
+from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, motor_lambda, motor_robustness, safe_lambda
 from plant.interface import T_s
+from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
 
 STEP_Q = np.pi / 3.0
@@ -55,8 +56,12 @@ class LoopPreview:
 
 @dataclass(frozen=True)
 class Preview:
-    """Both loops at one bank point; ``peak_voltage`` [V] and ``least_tension`` [N] of a step of STEP_Q at its S."""
+    """All loops at one bank point; ``peak_voltage`` [V] and ``least_tension`` [N] of a step of STEP_Q at its S.
 
+    ``motor`` is the less robust of the two motor loops.
+    """
+
+    motor: Robustness
     position: LoopPreview
     stiffness: LoopPreview
     peak_voltage: float
@@ -81,6 +86,12 @@ class Previewer:
         self._q = [OuterProcess(model[0, 0]) for model in models]
         self._S = [OuterProcess(model[1, 1]) for model in models]
         self._lam_motor = lam_motor
+        self._motors = [motor] if motor else [motor_model(parameters, side) for side in SIDES]
+        loops = [
+            motor_robustness(known.K_m, known.T_m, motor_gains(known.K_m, known.T_m, lam_motor))
+            for known in self._motors
+        ]
+        self._motor_robustness = max(loops, key=lambda loop: loop.M_s)
         self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
 
     def safe_range(self) -> tuple[float, float]:
@@ -104,17 +115,33 @@ class Previewer:
         held = (point.S_nominal, point.S_nominal)
         peak_voltage, least_tension = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q)
         return Preview(
+            self._motor_robustness,
             _loop_preview(self._q[entry], q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
             _loop_preview(self._S[entry], S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
             peak_voltage,
             least_tension,
         )
 
+    def lambdas_for(self, M_s: float) -> dict[str, float | TuningError]:
+        """Smallest λ [s] by name with which each loop, at every point of the bank, keeps its sensitivity peak at M_s.
+
+        Where no λ does, the error that says why. lam_q and lam_S are for λ_motor as it is.
+        """
+
+        def position() -> float:
+            return max(self._robust_q(entry, M_s) for entry in range(len(self.points)))
+
+        def stiffness() -> float:
+            return max(self._robust_S(entry, M_s) for entry in range(len(self.points)))
+
+        def inner() -> float:
+            return max(motor_lambda(known.K_m, known.T_m, M_s) for known in self._motors)
+
+        return {"lam_motor": _found(inner), "lam_q": _found(position), "lam_S": _found(stiffness)}
+
     def _safe_ranges(self, entry: int) -> tuple[float, float]:
-        parameters, point = self._parameters, self.points[entry]
-        robust_q = safe_lambda(self._q[entry], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)))
-        robust_S = safe_lambda(self._S[entry], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)))
-        S, u_max = point.S_nominal, parameters.motor.u_max
+        point = self.points[entry]
+        S, u_max = point.S_nominal, self._parameters.motor.u_max
 
         def voltage_q(lam: float) -> float:
             return self._simulated(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam)[0]
@@ -122,7 +149,18 @@ class Previewer:
         def voltage_S(lam: float) -> float:
             return self._simulated(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam)[0]
 
-        return _unsaturated(robust_q, voltage_q, u_max), _unsaturated(robust_S, voltage_S, u_max)
+        return (
+            _unsaturated(self._robust_q(entry), voltage_q, u_max),
+            _unsaturated(self._robust_S(entry), voltage_S, u_max),
+        )
+
+    def _robust_q(self, entry: int, M_s: float = M_S_MAX) -> float:
+        parameters, point = self._parameters, self.points[entry]
+        return safe_lambda(self._q[entry], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)), M_s)
+
+    def _robust_S(self, entry: int, M_s: float = M_S_MAX) -> float:
+        parameters, point = self._parameters, self.points[entry]
+        return safe_lambda(self._S[entry], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)), M_s)
 
     def _lambdas(self, **chosen: float) -> Lambdas:
         return Lambdas(lam_motor=self._lam_motor, **chosen)
@@ -141,6 +179,13 @@ class Previewer:
         trajectory = run(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
         voltage = np.nanmax(np.abs([trajectory.u_A, trajectory.u_B]))
         return float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B]))
+
+
+def _found(search: Callable[[], float]) -> float | TuningError:
+    try:
+        return search()
+    except TuningError as error:
+        return error
 
 
 def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float) -> float:

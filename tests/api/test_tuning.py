@@ -75,6 +75,16 @@ def test_the_printed_formula_is_shown_beside_the_right_one(off: httpx.Client) ->
     assert not position["printed"]["stable"]  # erratum E6: K, T from the full model leave no room for k_p = 2/(K λ)
 
 
+def test_lambda_for_a_wanted_sensitivity_or_why_there_is_none(viewer: httpx.Client) -> None:
+    found = viewer.get("/api/tuning/robust", params={"M_s": 1.4}).raise_for_status().json()
+    assert 0.40 < found["lam_q"]["lam"] < 0.45
+    assert found["lam_motor"] == {"lam": pytest.approx(0.0258, abs=2e-4), "reason": ""}
+    found = viewer.get("/api/tuning/robust", params={"M_s": 1.7}).raise_for_status().json()
+    assert found["lam_motor"]["lam"] is None
+    assert "out of reach" in found["lam_motor"]["reason"]
+    assert viewer.get("/api/tuning/robust", params={"M_s": 1.0}).status_code == 422
+
+
 def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, viewer: httpx.Client) -> None:
     liked = viewer.get("/api/preferences").raise_for_status().json()
     liked |= {"colours": {"q": "#123456"}, "hidden": ["u_A"], "window_s": 60.0}

@@ -7,6 +7,7 @@ import pytest
 
 from backend.refusal import OutOfRangeError
 from backend.tuning.closed_loop import run
+from backend.tuning.formulas import TuningError
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import Previewer
@@ -71,3 +72,26 @@ def test_a_weak_drive_narrows_the_range() -> None:
 
     assert peak(lam_q_min) < 4.0
     assert peak(lam_q_min - 0.005) == 4.0
+
+
+def test_lambda_for_a_wanted_sensitivity(previewer: Previewer) -> None:
+    found = previewer.lambdas_for(1.4)
+    lam_q, lam_S, lam_motor = (found[name] for name in ("lam_q", "lam_S", "lam_motor"))
+    assert isinstance(lam_q, float)
+    assert isinstance(lam_S, float)
+    assert isinstance(lam_motor, float)
+    preview = previewer.preview(Lambdas(lam_q=lam_q, lam_S=lam_S))
+    assert preview.position.robustness.M_s == pytest.approx(1.4, abs=1e-3)
+    assert preview.stiffness.robustness.M_s == pytest.approx(1.4, abs=1e-3)
+    faster = Previewer(load_parameters("ideal"), lam_motor=lam_motor).preview(Lambdas(lam_q=0.6, lam_S=0.6))
+    assert faster.motor.M_s == pytest.approx(1.4, abs=1e-3)
+    # Erratum E5: not 0.0854 but 0.0258 s gives 1.4, and 0.0854 s gives 1.346.
+    assert lam_motor == pytest.approx(0.0258, abs=2e-4)
+    assert preview.motor.M_s == pytest.approx(1.346, abs=1e-3)
+
+
+def test_a_sensitivity_out_of_reach_says_the_span(previewer: Previewer) -> None:
+    found = previewer.lambdas_for(1.6)
+    assert isinstance(found["lam_motor"], TuningError)
+    assert "1.30" in str(found["lam_motor"])
+    assert isinstance(found["lam_q"], float)

@@ -8,11 +8,14 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.errors import ApiError
 from backend.api.schemas.base import Finite
 from backend.api.schemas.state import State
-from backend.api.schemas.tuning import SavedTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import RobustTuning, SavedTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
 from backend.api.service import ServiceInUse
 
 LAM_PREVIEW_MIN = 0.05
 """Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
+
+M_S_RANGE = (1.0, 2.0)
+"""Sensitivity peaks worth asking for: 1 is an open loop, 2 leaves a phase margin of 29 degrees."""
 
 router = APIRouter(prefix="/api/tuning", tags=["tuning"])
 
@@ -72,3 +75,13 @@ async def preview_tuning(
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
     return await service.bench.preview(lam_q, lam_S)
+
+
+@router.get("/robust")
+async def robust_tuning(
+    service: ServiceInUse,
+    _person: SignedIn,
+    M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
+) -> RobustTuning:
+    """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
+    return await service.bench.robust(M_s)

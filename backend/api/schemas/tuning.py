@@ -83,9 +83,34 @@ class LoopPreview(Schema):
     printed: PrintedFormula
 
 
-class TuningPreview(Schema):
-    """What both outer loops would do."""
+class MotorPreview(Schema):
+    """How robust the motor loops are at the λ_motor in force: the less robust of the two."""
 
+    M_s: float = Field(description="maximum of the sensitivity function")
+    gain_margin: float | None = Field(description="factor of gain left before instability; null when unlimited")
+    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unlimited")
+
+
+class RobustLambda(Schema):
+    """The λ of one loop for a wanted M_s, or why there is none."""
+
+    lam: float | None = quantity("s", "smallest λ with this M_s at every entry of the bank; null where there is none")
+    reason: str = Field(description="why there is none, or an empty text")
+
+
+class RobustTuning(Schema):
+    """λ of the three loops for a wanted M_s, on the high-order models."""
+
+    M_s: float = Field(description="wanted maximum of the sensitivity function")
+    lam_motor: RobustLambda
+    lam_q: RobustLambda
+    lam_S: RobustLambda
+
+
+class TuningPreview(Schema):
+    """What the loops would do."""
+
+    motor: MotorPreview
     position: LoopPreview
     stiffness: LoopPreview
     u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")

@@ -308,6 +308,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/tuning/robust": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Robust Tuning
+         * @description Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is.
+         */
+        get: operations["robust_tuning"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/identifications": {
         parameters: {
             query?: never;
@@ -1197,6 +1217,27 @@ export interface components {
             verdict: string;
         };
         /**
+         * MotorPreview
+         * @description How robust the motor loops are at the λ_motor in force: the less robust of the two.
+         */
+        MotorPreview: {
+            /**
+             * M S
+             * @description maximum of the sensitivity function
+             */
+            M_s: number;
+            /**
+             * Gain Margin
+             * @description factor of gain left before instability; null when unlimited
+             */
+            gain_margin: number | null;
+            /**
+             * Phase Margin Deg
+             * @description phase left before instability; null when unlimited [deg]
+             */
+            phase_margin_deg: number | null;
+        };
+        /**
          * NoteRequest
          * @description What a person wants to remember about a run.
          */
@@ -1382,6 +1423,36 @@ export interface components {
          */
         Refusal: {
             error: components["schemas"]["Problem"];
+        };
+        /**
+         * RobustLambda
+         * @description The λ of one loop for a wanted M_s, or why there is none.
+         */
+        RobustLambda: {
+            /**
+             * Lam
+             * @description smallest λ with this M_s at every entry of the bank; null where there is none [s]
+             */
+            lam: number | null;
+            /**
+             * Reason
+             * @description why there is none, or an empty text
+             */
+            reason: string;
+        };
+        /**
+         * RobustTuning
+         * @description λ of the three loops for a wanted M_s, on the high-order models.
+         */
+        RobustTuning: {
+            /**
+             * M S
+             * @description wanted maximum of the sensitivity function
+             */
+            M_s: number;
+            lam_motor: components["schemas"]["RobustLambda"];
+            lam_q: components["schemas"]["RobustLambda"];
+            lam_S: components["schemas"]["RobustLambda"];
         };
         /**
          * Role
@@ -1763,9 +1834,10 @@ export interface components {
         };
         /**
          * TuningPreview
-         * @description What both outer loops would do.
+         * @description What the loops would do.
          */
         TuningPreview: {
+            motor: components["schemas"]["MotorPreview"];
             position: components["schemas"]["LoopPreview"];
             stiffness: components["schemas"]["LoopPreview"];
             /**
@@ -4014,6 +4086,119 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["TuningPreview"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    robust_tuning: {
+        parameters: {
+            query: {
+                /** @description wanted maximum of the sensitivity */
+                M_s: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RobustTuning"];
                 };
             };
             /** @description the body cannot be parsed */
