@@ -18,6 +18,7 @@ from backend.api.auth import Gate, signed_in
 from backend.api.bench import Bench
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
+from backend.api.history import History
 from backend.api.journal import Journal
 from backend.api.library import Library
 from backend.api.live import LiveStream
@@ -130,15 +131,16 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     _run_until_closed(live.run(), stack)
 
     library = Library(database, lambda: picture.task, lambda: _id_of_bank(picture.tuning))
+    history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
     offload = Offload()
     stack.callback(offload.close)
     downloads = Downloads(database, offload)
     station = Station(supervisor, database, settings.plant, parameters)
-    tasks = Tasks(station, bench, library, downloads.prepare, SEED)
+    tasks = Tasks(station, bench, library, downloads.prepare, SEED, offload)
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
     stack.callback(scene.close)
-    return supervisor, recorder, Service(bench, tasks, library, Desk(database), downloads, live), scene
+    return supervisor, recorder, Service(bench, tasks, library, Desk(database), history, downloads, live), scene
 
 
 async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:

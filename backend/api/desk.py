@@ -3,7 +3,7 @@
 import asyncio
 from typing import Any
 
-from backend.api.schemas.preferences import Preferences
+from backend.api.schemas.preferences import NEW_HERE, Preferences
 from backend.api.schemas.tuning import SavedTuning
 from backend.api.tuning_in_use import LAMBDAS, TuningInUse
 from backend.storage import Database, settings
@@ -19,7 +19,7 @@ class Desk:
     async def preferences(self, person: str) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         stored = await asyncio.to_thread(self._newest, _preferences_of(person))
-        return Preferences() if stored is None else Preferences.model_validate(stored.value)
+        return NEW_HERE if stored is None else Preferences.model_validate(stored.value)
 
     async def set_preferences(self, person: str, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page."""

@@ -38,9 +38,10 @@ class Library:
 
     async def runs(self, kind: str | None, search: str, limit: int, offset: int) -> RunList:
         """Return a page of runs, newest first. Raises ApiError for an unknown kind."""
-        if kind is not None and kind not in set(RunKind):
-            raise ApiError(422, f"there is no kind {kind!r} of runs", legal=[str(known) for known in RunKind])
-        kinds = [RunKind(kind)] if kind else []
+        wanted = kind.split(",") if kind else []
+        for unknown in (one for one in wanted if one not in set(RunKind)):
+            raise ApiError(422, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind])
+        kinds = [RunKind(one) for one in wanted]
         return await asyncio.to_thread(self._runs, kinds, search, limit, offset)
 
     async def run(self, run_id: int) -> RunView:

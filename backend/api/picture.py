@@ -5,15 +5,16 @@ from collections.abc import Callable
 from backend import __version__
 from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.api.schemas.session import Health
-from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TrialView
+from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
 from backend.api.tuning_in_use import TuningInUse
-from backend.controllers.limits import bounds_for
+from backend.controllers.limits import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, ModeChanged, PretensionReached, Stopped
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
 from plant.parameters import PlantParameters
+from plant.spring import elongation, slope
 
 F_PUSH_MAX = 30.0
 """Largest push [N] that an operator may ask the simulator for."""
@@ -38,6 +39,7 @@ class Picture:
         self.starts = 1
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
+        self._tensions = _tensions(parameters, self.bounds)
         self._supervisor = supervisor
         self._problems = problems
         self._observation = Observation(lambda: supervisor.ring)
@@ -135,6 +137,8 @@ class Picture:
             F_max=b.F_max,
             F_push_max=F_PUSH_MAX if self._supervisor.setup.plant == "simulator" else 0.0,
             u_max=b.u_max,
+            q_trip=b.q_trip,
+            tensions=self._tensions,
         )
 
     def _fault_view(self, sample: Sample | None) -> FaultView | None:
@@ -156,3 +160,13 @@ def described(stopped: Stopped) -> str:
     """Return why the loop stopped, with what was seen where a check found it."""
     message = EXPLAINED[stopped.fault].message
     return message if stopped.detail in ("", "asked for") else f"{message} {stopped.detail}"
+
+
+def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
+    """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 16."""
+    r_j = parameters.geometry.r_j
+    springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+    return [
+        TensionView(F=F, S=r_j**2 * sum(slope(spring, elongation(spring, F)) for spring in springs))
+        for F in (bounds.F_slack, 10.0, 20.0, 30.0, 40.0, min(bounds.F_max, *(spring.F_solid for spring in springs)))
+    ]

@@ -9,6 +9,7 @@ from starlette.requests import HTTPConnection
 from backend.api.bench import Bench
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
+from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
 from backend.api.tasks import Tasks
@@ -24,6 +25,7 @@ class Service:
     tasks: Tasks
     library: Library
     desk: Desk
+    history: History
     downloads: Downloads
     live: LiveStream
 

@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.api.schemas.experiment import Criterion, ExperimentView, Metric
+from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric
 from backend.api.schemas.identification import BankEntryView, BankView, IdentificationView, ModelView
 from backend.api.schemas.run import Envelope, RunView, SamplesView
 from backend.recording import reader
@@ -96,7 +95,6 @@ def bank_view(bank: Bank, runs_of: Mapping[int, int | None], in_use: int | None)
 
 def experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
     """Return an experiment run with metrics and criteria, where they have been computed."""
-    metrics: dict[str, Any] = {} if result is None else result.metrics
     return ExperimentView(
         id=run.id,
         name=run.kind,
@@ -104,24 +102,47 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
         created=run.started_at,
         progress=progress,
         settings={**run.settings.get("plan", {}), **run.settings.get("loop", {})},
-        metrics=[
-            Metric(name=figure["name"], label=figure["label"], value=figure["value"], unit=figure["unit"])
-            for figure in metrics.get("figures", [])
-        ],
-        criteria=[
-            Criterion(
-                name=item["name"],
-                label=item["title"],
-                value=item["figure"],
-                bound=item["bound"],
-                relation=item["relation"],
-                unit=item["unit"],
-                passed=item["passed"],
-            )
-            for item in (result.criteria if result is not None else [])
-        ],
-        message=run.end_detail or str(metrics.get("problem", "")),
+        metrics=_metrics(result),
+        criteria=_criteria(result),
+        message=_message(run, result),
     )
+
+
+def dry_run_view(run: Run, result: Result | None, curves: reader.Envelope | None, duration_s: float) -> DryRunView:
+    """Return what a dry run gave; its run is stored nowhere."""
+    samples = None if curves is None else samples_view(run.id, curves, raw=False)
+    return DryRunView(
+        status=run.end_state,
+        message=_message(run, result),
+        duration_s=duration_s,
+        metrics=_metrics(result),
+        criteria=_criteria(result),
+        samples=samples,
+    )
+
+
+def _metrics(result: Result | None) -> list[Metric]:
+    figures = [] if result is None else result.metrics.get("figures", [])
+    return [Metric(name=item["name"], label=item["label"], value=item["value"], unit=item["unit"]) for item in figures]
+
+
+def _criteria(result: Result | None) -> list[Criterion]:
+    return [
+        Criterion(
+            name=item["name"],
+            label=item["title"],
+            value=item["figure"],
+            bound=item["bound"],
+            relation=item["relation"],
+            unit=item["unit"],
+            passed=item["passed"],
+        )
+        for item in ([] if result is None else result.criteria)
+    ]
+
+
+def _message(run: Run, result: Result | None) -> str:
+    return run.end_detail or str("" if result is None else result.metrics.get("problem", ""))
 
 
 def _model_view(estimate: Identification, channel: str) -> ModelView:

@@ -8,32 +8,47 @@ from typing import Any
 from backend.api.bench import Bench
 from backend.api.errors import ApiError
 from backend.api.library import Library
-from backend.api.schemas.experiment import ExperimentKind, ExperimentRequest, SettingView
+from backend.api.offload import Offload
+from backend.api.queue import Queue
+from backend.api.schemas.experiment import DryRunView, ExperimentKind, ExperimentRequest, SettingView
 from backend.api.schemas.identification import IdentificationRequest, Prediction
 from backend.api.schemas.state import TaskView
+from backend.api.stored import dry_run_view
 from backend.experiments.catalogue import EXPERIMENTS, experiment
+from backend.experiments.dry_run import dry_run
 from backend.experiments.loop_settings import LoopSettings, split_values
-from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan
 from backend.experiments.playing import require_ready
 from backend.experiments.prediction import predict
 from backend.experiments.runner import Order, Station, create_run, perform
 from backend.experiments.settings import Setting, SettingError, describe, from_values
-from backend.storage.runs import Run
+from backend.storage.runs import EndState, Run
 
 _log = logging.getLogger(__name__)
+
+DRY_RUN_SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
+DRY_RUN_POINTS = 1200
 
 
 class Tasks:
     """Starts what takes its time and keeps the state informed of how far it is."""
 
     def __init__(
-        self, station: Station, bench: Bench, library: Library, prepare_report: Callable[[], None], seed: int
+        self,
+        station: Station,
+        bench: Bench,
+        library: Library,
+        prepare_report: Callable[[], None],
+        seed: int,
+        offload: Offload,
     ) -> None:
         self._station = station
         self._bench = bench
         self._library = library
         self._prepare_report = prepare_report
         self._seed = seed
+        self._offload = offload
+        self.queue = Queue(self.start_experiment, self._order)
         self._running: asyncio.Task[None] | None = None
         self._starting = asyncio.Lock()
 
@@ -56,15 +71,23 @@ class Tasks:
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
-        entry = experiment(request.name)
-        in_force = self._loop_settings()
-        plan, wanted = split_values(entry.plan, {**_values(in_force), **request.settings})
+        plan, wanted = self._order(request)
         async with self._starting:
             self._require_free()
             require_ready(self._station.loop)
-            if wanted != in_force:
+            if wanted != self._loop_settings():
                 await self._use(wanted, who)
             return await self._start(Order(plan, wanted, who))
+
+    async def dry_run(self, request: ExperimentRequest, who: str) -> DryRunView:
+        """Play an experiment on a simulator beside this service. Raises SettingError, OutOfRangeError."""
+        plan, wanted = self._order(request)
+        bank = await self._library.stored_bank(wanted.bank) if wanted.bank else None
+        order = Order(plan, wanted, who)
+        played = await self._offload.run(
+            dry_run, self._bench.picture.tuning.parameters, order, bank, DRY_RUN_SIGNALS, DRY_RUN_POINTS
+        )
+        return dry_run_view(played.run, played.result, played.curves, plan.program().duration_s)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification and return its run. Raises ApiError, SettingError, OutOfRangeError."""
@@ -109,13 +132,18 @@ class Tasks:
         return run.id
 
     async def _perform(self, order: Order, run: Run) -> None:
+        end_state: EndState | None = None
         try:
-            await perform(self._station, order, run, lambda phase, elapsed_s: self._show(order, run, phase, elapsed_s))
+            outcome = await perform(
+                self._station, order, run, lambda phase, elapsed_s: self._show(order, run, phase, elapsed_s)
+            )
+            end_state = EndState(outcome.run.end_state)
         except Exception:
             _log.exception("run %s failed", run.id)
         finally:
             self._bench.picture.task = None
             self._bench.changed()
+            self.queue.ended(run.id, end_state)
 
     def _show(self, order: Order, run: Run, phase: str, elapsed_s: float) -> None:
         self._bench.picture.task = TaskView(
@@ -132,6 +160,11 @@ class Tasks:
             raise SettingError("seed", wanted.seed, remedy)
         bank = await self._library.stored_bank(wanted.bank) if wanted.bank else None
         await self._bench.use_settings(wanted, bank, who)
+
+    def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
+        """Return what is asked for, with the tuning in force where nothing else is said."""
+        entry = experiment(request.name)
+        return split_values(entry.plan, {**_values(self._loop_settings()), **request.settings})
 
     def _loop_settings(self) -> LoopSettings:
         return self._bench.picture.tuning.loop_settings(self._seed)

@@ -49,3 +49,11 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
     if kind is not None:
         query = query.where(EventRow.kind == kind)
     return [to_record(Event, row) for row in session.scalars(query)]
+
+
+def between(session: Session, since: datetime, until: datetime | None, *, limit: int = 2000) -> list[Event]:
+    """Return the events from ``since`` to ``until`` (None: to now), oldest first."""
+    query = select(EventRow).where(EventRow.at >= since).order_by(EventRow.id).limit(limit)
+    if until is not None:
+        query = query.where(EventRow.at <= until)
+    return [to_record(Event, row) for row in session.scalars(query)]

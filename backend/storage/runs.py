@@ -98,6 +98,12 @@ def find(
     return [to_record(Run, row) for row in session.scalars(query)]
 
 
+def with_banks(session: Session, bank_ids: Sequence[int], *, limit: int) -> list[int]:
+    """Return the numbers of the runs that used one of these banks, newest first."""
+    query = select(RunRow.id).where(RunRow.bank_id.in_(bank_ids)).order_by(RunRow.id.desc()).limit(limit)
+    return list(session.scalars(query))
+
+
 def count(session: Session, *, kinds: Sequence[RunKind] = (), search: str = "") -> int:
     """Count the runs that ``find`` would return without a limit."""
     return session.scalar(select(func.count()).select_from(RunRow).where(*_conditions(kinds, search))) or 0

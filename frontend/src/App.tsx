@@ -1,17 +1,21 @@
 /** The shell: header, status line, navigation, and one page. */
 
+import { useMantineColorScheme } from "@mantine/core";
 import { useDisclosure, useHotkeys } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { lazy, Suspense } from "react";
+import { lazy, Suspense, useEffect } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { Header } from "./components/Header";
 import { Navigation, PAGES } from "./components/Navigation";
 import { Shortcuts } from "./components/Shortcuts";
 import { StatusStrip } from "./components/StatusStrip";
+import { SetupDrawer } from "./components/setup/SetupDrawer";
+import { Tour } from "./components/setup/Tour";
 import { LiveProvider } from "./live/react";
 import { OperatePage } from "./pages/operate/OperatePage";
 import { SignInPage } from "./pages/SignInPage";
+import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
 import { useFreshness } from "./service/useFreshness";
@@ -36,17 +40,33 @@ export function App() {
   );
 }
 
+/** The colour scheme that the person chose, also on a machine where they have not been before. */
+function useScheme(): void {
+  const { setColorScheme } = useMantineColorScheme();
+  const { preferences, known } = usePreferences();
+  useEffect(() => {
+    if (known) setColorScheme(preferences.scheme);
+  }, [known, preferences.scheme, setColorScheme]);
+}
+
 function Shell() {
   const [shortcuts, { open, close, toggle }] = useDisclosure(false);
+  const [settingUp, setup] = useDisclosure(false);
   const [, go] = useLocation();
   useFreshness();
-  useHotkeys([["?", toggle], ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)])]);
+  useScheme();
+  useHotkeys([
+    ["?", toggle],
+    ["c", setup.toggle],
+    ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
+  ]);
   return (
     <div className={styles.shell}>
       <Header onShortcuts={open} />
       <StatusStrip />
+      <Tour />
       <div className={styles.body}>
-        <Navigation />
+        <Navigation onSetup={setup.open} />
         <main className={styles.page}>
           <Suspense>
             <Switch>
@@ -54,7 +74,7 @@ function Shell() {
               <Route path="/identify/:id?" component={IdentifyPage} />
               <Route path="/banks/:id?" component={BanksPage} />
               <Route path="/experiments/:id?" component={ExperimentsPage} />
-              <Route path="/runs/:id?" component={RunsPage} />
+              <Route path="/runs/:id?/:other?" component={RunsPage} />
               <Route path="/system" component={SystemPage} />
               <Route>
                 <Redirect to="/operate" replace />
@@ -64,6 +84,7 @@ function Shell() {
         </main>
       </div>
       <Shortcuts opened={shortcuts} onClose={close} />
+      <SetupDrawer opened={settingUp} onClose={setup.close} />
     </div>
   );
 }

@@ -44,6 +44,17 @@ class Operator:
         self.press("Run")
         self.expect_mode("run")
 
+    def be_in_run(self) -> None:
+        """Run, whatever the test before has left: a stop is reset, a held pretension is used."""
+        self.go("Operate")
+        mode = self.page.get_by_role("status", name="Mode", exact=True)
+        expect(mode).not_to_have_text("unknown", timeout=MOTION_TIMEOUT_MS)
+        if mode.inner_text() == "tripped":
+            self.press("Reset")
+            self.expect_mode("off")
+        if mode.inner_text() != "run":
+            self.bring_up()
+
     def expect_mode(self, mode: str, timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
         """Wait for the mode in the header."""
         expect(self.page.get_by_role("status", name="Mode", exact=True)).to_have_text(mode, timeout=timeout_ms)
@@ -64,13 +75,23 @@ class Operator:
             assert time.monotonic() < deadline, "what was waited for did not happen"
             self.page.evaluate("new Promise(requestAnimationFrame)")
 
+    def wait_for_samples(self, count: int) -> int:
+        """Wait until the loop has made so many more samples; returns how many it made."""
+        first = self._tick()
+        self.wait(lambda: self._tick() - first >= count)
+        return self._tick() - first
+
+    def _tick(self) -> int:
+        return int(self.page.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.tick)"))
+
     def legend(self, figure: str, signal: str) -> Locator:
-        """Entry of a signal in the legend of a chart, with its newest value."""
+        """Switch of a signal in the legend of a chart."""
         return self.page.get_by_role("figure", name=figure, exact=True).get_by_role("button", name=signal, exact=True)
 
     def reading(self, figure: str, signal: str) -> float:
         """Newest value of a signal as the chart's legend shows it; nan while there is none."""
-        shown = self.legend(figure, signal).inner_text().split()[-1].replace("\u2212", "-")
+        chart = self.page.get_by_role("figure", name=figure, exact=True)
+        shown = chart.locator(f"[data-role=value-{signal}]").inner_text().replace("\u2212", "-")
         return math.nan if shown == "\u2013" else float(shown)
 
     def picture(self, figure: str) -> bytes:

@@ -3,7 +3,13 @@
 from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.schemas.experiment import ExperimentKindList, ExperimentRequest, ExperimentView
+from backend.api.schemas.experiment import (
+    DryRunView,
+    ExperimentKindList,
+    ExperimentRequest,
+    ExperimentView,
+    QueueView,
+)
 from backend.api.schemas.identification import Started
 from backend.api.service import RowId, ServiceInUse
 
@@ -20,6 +26,42 @@ async def list_experiments(service: ServiceInUse, _person: SignedIn) -> Experime
 async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> Started:
     """Start an experiment; its progress is in the state, its result under the returned id."""
     return Started(id=await service.tasks.start_experiment(body, person.name))
+
+
+@router.post("/dry-run")
+async def dry_run_experiment(body: ExperimentRequest, service: ServiceInUse, person: SignedIn) -> DryRunView:
+    """Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored."""
+    return await service.tasks.dry_run(body, person.name)
+
+
+@router.get("/queue")
+async def get_queue(service: ServiceInUse, _person: SignedIn) -> QueueView:
+    """Return the experiments that wait for their turn."""
+    return service.tasks.queue.view()
+
+
+@router.post("/queue", status_code=201)
+async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> QueueView:
+    """Put an experiment at the end of the queue; nothing starts before the queue is run."""
+    return service.tasks.queue.add(body, person.name)
+
+
+@router.post("/queue/run")
+async def run_queue(service: ServiceInUse, _person: Operator) -> QueueView:
+    """Start the first experiment and go on until the queue is empty or one does not complete."""
+    return await service.tasks.queue.run()
+
+
+@router.post("/queue/hold")
+async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
+    """Start no further experiment; the one under way goes on."""
+    return service.tasks.queue.hold()
+
+
+@router.delete("/queue/{id}")
+async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator) -> QueueView:
+    """Take a waiting experiment out of the queue."""
+    return service.tasks.queue.remove(id)
 
 
 @router.get("/{id}")

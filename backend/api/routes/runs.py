@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query, Response
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.schemas.base import Finite
+from backend.api.schemas.history import Lineage, RunMarks
 from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
 from backend.api.security import DOCUMENT_POLICY
 from backend.api.service import RowId, ServiceInUse
@@ -35,7 +36,9 @@ MEDIA_TYPES = {
 async def list_runs(
     service: ServiceInUse,
     _person: SignedIn,
-    kind: Annotated[str | None, Query(max_length=40, description="only runs of this kind")] = None,
+    kind: Annotated[
+        str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
+    ] = None,
     search: Annotated[str, Query(max_length=100, description="words in kind, note, person or settings")] = "",
     limit: Annotated[int, Query(ge=1, le=500)] = 100,
     offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
@@ -54,6 +57,18 @@ async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunVie
 async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Write the note of a run."""
     return await service.library.set_note(id, body.note)
+
+
+@router.get("/{id}/lineage")
+async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
+    """Return where a run came from, back to raw data and parameters, and what came of it."""
+    return await service.history.lineage(id)
+
+
+@router.get("/{id}/marks")
+async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
+    """Return what happened during a run, on its own time axis."""
+    return await service.history.marks(id)
 
 
 @router.get("/{id}/samples")

@@ -3,6 +3,7 @@
 from fastapi import APIRouter, Request, Response
 
 from backend.api.auth import COOKIE, SignedIn, address_of, gate_of
+from backend.api.schemas.history import Checklist
 from backend.api.schemas.session import Health, SessionView, SignIn
 from backend.api.service import ServiceInUse
 
@@ -34,3 +35,9 @@ async def sign_in(body: SignIn, request: Request, response: Response) -> Session
 async def sign_out(response: Response) -> None:
     """Forget the session cookie."""
     response.delete_cookie(COOKIE, httponly=True, samesite="strict", path="/")
+
+
+@router.get("/checklist")
+async def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
+    """Return how far the set-up is, from pretension to report, and what is out of date."""
+    return await service.history.checklist()

@@ -5,6 +5,7 @@ from datetime import datetime
 from pydantic import Field
 
 from backend.api.schemas.base import Finite, Schema, quantity
+from backend.api.schemas.run import SamplesView
 
 SettingValue = bool | Finite | str
 
@@ -63,6 +64,35 @@ class Criterion(Schema):
     relation: str = Field(description="'<' or '>'")
     unit: str
     passed: bool | None = Field(description="null when the run gives no figure to judge by")
+
+
+class QueuedView(Schema):
+    """An experiment that waits for its turn."""
+
+    id: int
+    name: str
+    settings: dict[str, SettingValue]
+    who: str
+
+
+class QueueView(Schema):
+    """What waits, in order."""
+
+    items: list[QueuedView]
+    running: bool = Field(description="the next one starts by itself")
+    run: int | None = Field(description="run that the queue has started and that is under way")
+    problem: str = Field(description="why the queue was held")
+
+
+class DryRunView(Schema):
+    """What an experiment would give, played on a simulator of its own; nothing is stored."""
+
+    status: str
+    message: str
+    duration_s: float = quantity("s", "length of the experiment")
+    metrics: list[Metric]
+    criteria: list[Criterion]
+    samples: SamplesView | None
 
 
 class ExperimentView(Schema):

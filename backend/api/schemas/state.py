@@ -41,6 +41,13 @@ class Push(Schema):
     F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q")
 
 
+class TensionView(Schema):
+    """How stiff the joint is at rest with one tension in both tendons, wherever it stands."""
+
+    F: float = quantity("N", "tension in both tendons")
+    S: float = quantity("N·m/rad", "joint stiffness")
+
+
 class LimitsView(Schema):
     """Where the operator's inputs end, and the lines the charts draw."""
 
@@ -52,6 +59,8 @@ class LimitsView(Schema):
     F_max: float = quantity("N", "tendon tension at which the spring is solid")
     F_push_max: float = quantity("N", "largest external push, either way; 0 where nothing can push")
     u_max: float = quantity("V", "largest motor voltage, either way")
+    q_trip: float = quantity("rad", "joint position at which the joint trips, either way")
+    tensions: list[TensionView] = Field(description="from slack to solid spring: where tension limits stiffness")
 
 
 class FaultView(Schema):

@@ -1,14 +1,24 @@
-/** A stack of charts with legends that read out values, one shared cursor and two measuring cursors. */
+/** A stack of charts with legends that read out values, one shared cursor, two measuring cursors, and tools below. */
 
 import { useComputedColorScheme } from "@mantine/core";
-import { useElementSize } from "@mantine/hooks";
-import { type ReactNode, useEffect, useMemo, useRef, useState } from "react";
-import type { Panel } from "../theme/signals";
+import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
+import { type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { clockTime } from "../samples/format";
+import { type SampleTable, toCsv } from "../samples/table";
+import { usePreferences } from "../service/preferences";
+import { type Panel, unitOf } from "../theme/signals";
 import styles from "./Charts.module.css";
+import { ChartTools } from "./ChartTools";
+import { readColours } from "./colours";
 import type { LimitLine, PlacedMark } from "./decorations";
 import { type GestureTarget, listen, steer } from "./gestures";
 import { Legend } from "./Legend";
+import { stackPicture } from "./picture";
+import type { Playhead } from "./playhead";
 import { Readout } from "./readout";
+import { SpectrumDialog } from "./SpectrumDialog";
+import { StatisticsTable } from "./StatisticsTable";
+import { save, stamp } from "./save";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import type { ViewControl } from "./useViewport";
@@ -21,25 +31,36 @@ interface ChartsProps {
   /** Where a double click leads. */
   readonly home: Viewport;
   readonly longest_s?: number;
-  readonly limits: ReadonlyMap<Panel, readonly LimitLine[]>;
+  /** By the title of the panel. */
+  readonly limits: ReadonlyMap<string, readonly LimitLine[]>;
   readonly marks: readonly PlacedMark[];
-  readonly measuring: boolean;
   /** Values are old: shown grey. */
   readonly stale: boolean;
-  /** Buttons below the charts; may hold an element with data-role="delta-t". */
+  /** Of a recording: follows the pointer, and shows where it stands otherwise. */
+  readonly playhead?: Playhead;
+  /** Begin of the names of saved files. */
+  readonly name: string;
+  /** Buttons before the tools. */
   readonly children?: ReactNode;
+  /** At the end of the row of buttons. */
+  readonly remark?: ReactNode;
 }
 
 export function Charts(props: ChartsProps) {
-  const { panels, source, control, home, longest_s, limits, marks, measuring, stale, children } = props;
+  const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name, children, remark } =
+    props;
   const { change, current } = control;
   const scheme = useComputedColorScheme("light");
   const size = useElementSize();
   const hosts = useRef<(HTMLDivElement | null)[]>([]);
   const area = useRef<HTMLDivElement>(null);
   const frame = useRef<HTMLElement>(null);
-  const [hidden, setHidden] = useState<ReadonlySet<string>>(new Set());
-  const readout = useMemo(() => new Readout(source, panels), [source, panels]);
+  const { preferences, change: remember } = usePreferences();
+  const hidden = useMemo(() => new Set(preferences.hidden), [preferences.hidden]);
+  const [measuring, measure] = useDisclosure(false);
+  const [spectrum, setSpectrum] = useState<SampleTable | null>(null);
+  useHotkeys([["m", measure.toggle]]);
+  const readout = useMemo(() => new Readout(source, panels, playhead), [source, panels, playhead]);
   const stack = useRef<ChartStack | null>(null);
 
   const target = useMemo<GestureTarget>(() => {
@@ -62,11 +83,14 @@ export function Charts(props: ChartsProps) {
         stack.current?.resetValues();
         change(home);
       },
-      hover: (at) => readout.hover(at),
+      hover: (at) => {
+        readout.hover(at);
+        if (at !== null && playhead?.playing === false) playhead.set(instant(at));
+      },
       grab: (at) => readout.grab(instant(at), current.current.span_s),
       move: (cursor, at) => readout.move(cursor, instant(at)),
     };
-  }, [source, readout, change, current, home, longest_s]);
+  }, [source, readout, change, current, home, longest_s, playhead]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: a new colour scheme needs new colours on the canvases
   useEffect(() => {
@@ -110,10 +134,32 @@ export function Charts(props: ChartsProps) {
     }
   }, [measuring, readout, source, change, current]);
 
-  function toggle(name: string): void {
-    const next = new Set(hidden);
-    if (!next.delete(name)) next.add(name);
-    setHidden(next);
+  const names = useMemo(
+    () => panels.flatMap((panel) => panel.traces.map((trace) => trace.name as string)),
+    [panels],
+  );
+  const selected = useCallback(
+    () => source.table(names, readout.selection() ?? stack.current?.seen() ?? { from_s: 0, to_s: 0 }),
+    [source, names, readout],
+  );
+
+  function toggle(signal: string): void {
+    const kept = preferences.hidden.filter((one) => one !== signal);
+    remember({ hidden: kept.length < preferences.hidden.length ? kept : [...kept, signal] });
+  }
+
+  function savePicture(): void {
+    const [built, element] = [stack.current, frame.current];
+    if (built === null || element === null) return;
+    const { from_s, to_s } = built.seen();
+    const foot = `${name}, ${clockTime(from_s, 0.001)} to ${clockTime(to_s, 0.001)}, saved ${stamp(new Date())}`;
+    const picture = stackPicture(panels, built.canvases, hidden, readColours(element), foot);
+    picture.toBlob((content) => content && save(content, `${name}-${stamp(new Date())}.png`));
+  }
+
+  function saveData(): void {
+    const content = toCsv(selected(), unitOf);
+    save(new Blob([content], { type: "text/csv" }), `${name}-${stamp(new Date())}.csv`);
   }
 
   return (
@@ -137,7 +183,12 @@ export function Charts(props: ChartsProps) {
               if (event.target === event.currentTarget && steer(event.key, target)) event.preventDefault();
             }}
           >
-            <Legend panel={panel} hidden={hidden} onToggle={toggle} />
+            <Legend
+              panel={panel}
+              hidden={hidden}
+              onToggle={toggle}
+              onHighlight={(signal) => stack.current?.highlight(signal)}
+            />
             <div
               className={styles.host}
               ref={(element) => {
@@ -148,11 +199,42 @@ export function Charts(props: ChartsProps) {
         ))}
         <div ref={area} className={styles.area}>
           <div className={styles.cursor} data-role="hover" />
-          <div className={styles.measure} data-role="cursor-0" />
-          <div className={styles.measure} data-role="cursor-1" />
+          {([0, 1] as const).map((cursor) => (
+            <div
+              key={cursor}
+              className={styles.measure}
+              data-role={`cursor-${cursor}`}
+              role="slider"
+              aria-label={`Measuring cursor ${cursor + 1} [s]`}
+              aria-valuenow={0}
+              tabIndex={measuring ? 0 : -1}
+              onKeyDown={(event) => {
+                const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+                if (by === undefined) return;
+                event.preventDefault();
+                const share = event.shiftKey ? 0.1 : 0.005;
+                readout.nudge(cursor, by * share, current.current.span_s);
+              }}
+            />
+          ))}
         </div>
       </div>
-      {children}
+      {preferences.statistics && <StatisticsTable panels={panels} hidden={hidden} table={selected} />}
+      <div className={styles.toolbar} role="toolbar" aria-label="Chart tools">
+        {children}
+        <ChartTools
+          measuring={measuring}
+          figures={preferences.statistics}
+          onMeasure={measure.toggle}
+          onFigures={() => remember({ statistics: !preferences.statistics })}
+          onSpectrum={() => setSpectrum(selected())}
+          onPicture={savePicture}
+          onData={saveData}
+        />
+        <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
+        <span className={styles.toolbarEnd}>{remark}</span>
+      </div>
+      <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
     </section>
   );
 }

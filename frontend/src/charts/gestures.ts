@@ -17,11 +17,13 @@ export interface GestureTarget {
 
 const ZOOM_PER_PIXEL = 0.0016;
 const DRAG_STARTS_PX = 3;
+const AXIS_KEYS: ReadonlySet<string> = new Set(["v", "b"]);
 
 /** Listen on `area`, whose edges are those of the plotting area; returns how to stop. */
 export function listen(area: HTMLElement, target: GestureTarget): () => void {
   const abort = new AbortController();
   const held = new Set<string>();
+  let over = false;
   let drag: { pointer: number; x: number; cursor: number | null; moved: boolean } | null = null;
 
   const fraction = (clientX: number) => {
@@ -68,6 +70,8 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   function onKey(event: KeyboardEvent): void {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const key = event.key.toLowerCase();
+    // over a chart V and B choose the axis of the wheel; elsewhere letters navigate
+    if (over && AXIS_KEYS.has(key) && !isTyping(event.target)) event.stopPropagation();
     if (event.type === "keydown") held.add(key);
     else held.delete(key);
   }
@@ -78,12 +82,30 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   area.addEventListener("pointermove", onMove, options);
   area.addEventListener("pointerup", onUp, options);
   area.addEventListener("pointercancel", onUp, options);
-  area.addEventListener("pointerleave", () => target.hover(null), options);
+  area.addEventListener(
+    "pointerenter",
+    () => {
+      over = true;
+    },
+    options,
+  );
+  area.addEventListener(
+    "pointerleave",
+    () => {
+      over = false;
+      target.hover(null);
+    },
+    options,
+  );
   area.addEventListener("dblclick", () => target.reset(), options);
-  window.addEventListener("keydown", onKey, options);
-  window.addEventListener("keyup", onKey, options);
+  window.addEventListener("keydown", onKey, { ...options, capture: true });
+  window.addEventListener("keyup", onKey, { ...options, capture: true });
   window.addEventListener("blur", () => held.clear(), options);
   return () => abort.abort();
+}
+
+function isTyping(target: EventTarget | null): boolean {
+  return target instanceof HTMLElement && target.matches("input, textarea, select, [contenteditable]");
 }
 
 /** What the arrow keys do on a chart that has the focus; true when the key was used. */

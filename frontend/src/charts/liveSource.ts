@@ -2,6 +2,7 @@
 
 import type { LiveStore } from "../live/store";
 import { type Extent, gridOver, pointCount, writeTimes, writeValues } from "../samples/decimate";
+import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import type { Curves, PlotSource } from "./source";
@@ -69,6 +70,19 @@ export class LiveSource implements PlotSource {
       values.push(buffer.subarray(0, points));
     }
     return { times: buffers.times.subarray(0, points), values, extents };
+  }
+
+  table(names: readonly string[], { from_s, to_s }: Stretch): SampleTable {
+    const window = this.store.window;
+    const from = Math.max(window.startTick, Math.ceil(from_s / PERIOD_S));
+    const rows = Math.max(0, Math.min(window.endTick, Math.floor(to_s / PERIOD_S) + 1) - from);
+    const t = Float64Array.from({ length: rows }, (_, row) => (from + row) * PERIOD_S);
+    const columns = names.map((name) => {
+      const values = new Float64Array(rows);
+      window.copyTo(name, from, values);
+      return { name, minimum: values, maximum: values };
+    });
+    return { raw: true, t, columns };
   }
 
   at(name: string, time_s: number): number {

@@ -71,6 +71,16 @@ export class SignalPlot {
     if (index >= 0) this.plot.setSeries(index + 1, { show: shown });
   }
 
+  /** Bring one curve forward by fading the others, or none. */
+  highlight(name: string | null): void {
+    const index = this.panel.traces.findIndex((trace) => trace.name === name);
+    this.plot.setSeries(index < 0 ? (null as unknown as number) : index + 1, { focus: true });
+  }
+
+  get canvas(): HTMLCanvasElement {
+    return this.plot.ctx.canvas;
+  }
+
   /** Scale the value axis by `factor` about the height `fraction` of it (0 bottom, 1 top). */
   scaleValues(factor: number, fraction: number): void {
     const { min, max } = this.manualRange ?? this.range;
@@ -109,7 +119,8 @@ export class SignalPlot {
       height: 120,
       padding: [options.markLabels ? MARK_LANE_PX : 4, RIGHT_MARGIN, options.timeAxis ? 0 : 4, 0],
       legend: { show: false },
-      cursor: { show: false },
+      cursor: { show: false, focus: { prox: -1 } },
+      focus: { alpha: 0.2 },
       scales: {
         x: { time: false, auto: false, range: asAsked },
         // asked for nothing (a curve was switched on or off), uPlot would leave the axis empty
@@ -126,7 +137,7 @@ export class SignalPlot {
             auto: false,
             stroke: trace.hue,
             width: software ? HAIRLINE : LINE_WIDTH,
-            ...(trace.dashed ? { dash: [6, 4] } : {}),
+            ...(trace.dashed ? { dash: [6, 4] } : trace.dotted ? { dash: [2, 3] } : {}),
             paths: linePath,
             pxAlign: 0,
             points: {

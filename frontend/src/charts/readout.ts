@@ -2,6 +2,7 @@
 
 import { fixed } from "../samples/format";
 import type { Panel } from "../theme/signals";
+import type { Playhead } from "./playhead";
 import type { PlotSource } from "./source";
 import type { Stretch } from "./viewport";
 
@@ -17,6 +18,7 @@ export class Readout {
   constructor(
     private readonly source: PlotSource,
     private readonly panels: readonly Panel[],
+    private readonly playhead?: Playhead,
   ) {}
 
   attach(frame: HTMLElement | null): void {
@@ -32,6 +34,19 @@ export class Readout {
     const span_s = seen.to_s - seen.from_s;
     this.cursors = [seen.from_s + 0.35 * span_s, seen.from_s + 0.65 * span_s];
     this.written_ms = 0;
+  }
+
+  /** The stretch between the measuring cursors, null while there are none. */
+  selection(): Stretch | null {
+    if (this.cursors === null) return null;
+    const [a, b] = this.cursors;
+    return { from_s: Math.min(a, b), to_s: Math.max(a, b) };
+  }
+
+  /** Move a cursor by a share of the stretch in sight. */
+  nudge(cursor: number, by: number, span_s: number): void {
+    const at_s = this.cursors?.[cursor];
+    if (at_s !== undefined) this.move(cursor, at_s + by * span_s);
   }
 
   stopMeasuring(): void {
@@ -55,11 +70,16 @@ export class Readout {
   /** Called after each drawn frame. */
   refresh(seen: Stretch): void {
     if (this.frame === null) return;
-    this.place("hover", this.hovered);
     const span_s = seen.to_s - seen.from_s;
+    const resting = this.playhead === undefined ? null : (this.playhead.at_s - seen.from_s) / span_s;
+    this.place("hover", this.hovered ?? resting);
     for (const index of [0, 1] as const) {
       const cursor = this.cursors?.[index];
-      this.place(`cursor-${index}`, cursor === undefined ? null : (cursor - seen.from_s) / span_s);
+      const line = this.place(
+        `cursor-${index}`,
+        cursor === undefined ? null : (cursor - seen.from_s) / span_s,
+      );
+      if (cursor !== undefined) line?.setAttribute("aria-valuenow", cursor.toFixed(3));
     }
     const now_ms = performance.now();
     if (now_ms - this.written_ms < EVERY_MS) return;
@@ -82,17 +102,19 @@ export class Readout {
     if (this.cursors !== null) this.text("delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
   }
 
-  /** The newest sample in sight; the edge of a following view may be a little ahead of it. */
+  /** Where a recording is looked at, or the newest sample in sight; the edge of a following view may be a little ahead of it. */
   private newest(seen: Stretch): number {
+    if (this.playhead !== undefined) return this.playhead.at_s;
     return Math.min(seen.to_s, this.source.newest_s());
   }
 
-  private place(role: string, at: number | null): void {
-    const line = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`);
-    if (line === null || line === undefined) return;
+  private place(role: string, at: number | null): HTMLElement | null {
+    const line = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`) ?? null;
+    if (line === null) return null;
     const inSight = at !== null && at >= 0 && at <= 1;
     line.style.display = inSight ? "block" : "none";
     if (inSight) line.style.left = `${100 * at}%`;
+    return line;
   }
 
   private text(role: string, text: string): void {

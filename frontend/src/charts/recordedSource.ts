@@ -1,6 +1,7 @@
 /** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
 
 import { nearest, pointTimes, pointValues } from "../samples/envelope";
+import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import type { Samples } from "../wire/types";
 import type { Curves, PlotSource } from "./source";
@@ -78,12 +79,34 @@ export class RecordedSource implements PlotSource {
     return (minimum + maximum) / 2;
   }
 
+  table(names: readonly string[], seen: Stretch): SampleTable {
+    const chosen = this.covering(seen);
+    if (chosen === null) return { raw: false, t: new Float64Array(0), columns: [] };
+    const { t, raw, signals } = chosen.samples;
+    const inside = t.map((_, row) => row).filter((row) => within(t[row] as number, seen));
+    const values = (series: readonly (number | null)[] | undefined) =>
+      Float64Array.from(inside, (row) => series?.[row] ?? Number.NaN);
+    return {
+      raw,
+      t: Float64Array.from(inside, (row) => t[row] as number),
+      columns: names.map((name) => ({
+        name,
+        minimum: values(signals[name]?.minimum),
+        maximum: values(signals[name]?.maximum),
+      })),
+    };
+  }
+
   private covering(stretch: Stretch): Sheet | null {
     const detail = this.detail;
     const fits =
       detail !== null && detail.stretch.from_s <= stretch.from_s && detail.stretch.to_s >= stretch.to_s;
     return fits ? detail : this.overview;
   }
+}
+
+function within(t: number, { from_s, to_s }: Stretch): boolean {
+  return t >= from_s && t <= to_s;
 }
 
 function sheet(stretch: Stretch, samples: Samples): Sheet {

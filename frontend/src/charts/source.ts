@@ -1,6 +1,7 @@
 /** What a stack of charts draws from, be it the live window or a recording. */
 
 import type { Extent } from "../samples/decimate";
+import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import type { Stretch } from "./viewport";
 
@@ -26,4 +27,6 @@ export interface PlotSource {
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
   /** The sample nearest to an instant, in SI; NaN where there is none. */
   at(name: string, time_s: number): number;
+  /** What is known of a stretch, every sample where the source has them; a copy. */
+  table(names: readonly string[], stretch: Stretch): SampleTable;
 }

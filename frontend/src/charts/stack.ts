@@ -62,10 +62,23 @@ export class ChartStack {
     this.dirty = true;
   }
 
-  setLimits(limits: ReadonlyMap<Panel, readonly LimitLine[]>): void {
+  highlight(name: string | null): void {
+    for (const [index, plot] of this.plots.entries()) {
+      const mine = this.panels[index]?.traces.some((trace) => trace.name === name);
+      plot.highlight(mine ? name : null);
+    }
+    this.dirty = true;
+  }
+
+  get canvases(): readonly HTMLCanvasElement[] {
+    return this.plots.map((plot) => plot.canvas);
+  }
+
+  /** Limit lines by the title of the panel. */
+  setLimits(limits: ReadonlyMap<string, readonly LimitLine[]>): void {
     for (const [index, panel] of this.panels.entries()) {
       const plot = this.plots[index];
-      if (plot !== undefined) plot.limits = limits.get(panel) ?? [];
+      if (plot !== undefined) plot.limits = limits.get(panel.title) ?? [];
     }
     this.dirty = true;
   }

@@ -1,10 +1,11 @@
 /** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
 
-import { ActionIcon, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
+import { ActionIcon, type MantineColorScheme, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
 import { IconDeviceDesktop, IconKeyboard, IconMoon, IconSun } from "@tabler/icons-react";
 import { health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { fixed, kilohertz } from "../samples/format";
+import { usePreferences } from "../service/preferences";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
@@ -82,6 +83,11 @@ function PlantBadge({
 
 function SchemeMenu() {
   const { colorScheme, setColorScheme } = useMantineColorScheme();
+  const { change } = usePreferences();
+  function choose(scheme: MantineColorScheme): void {
+    setColorScheme(scheme);
+    change({ scheme });
+  }
   const icons = { light: IconSun, dark: IconMoon, auto: IconDeviceDesktop };
   const Current = icons[colorScheme];
   return (
@@ -92,13 +98,13 @@ function SchemeMenu() {
         </ActionIcon>
       </Menu.Target>
       <Menu.Dropdown>
-        <Menu.Item leftSection={<IconSun size={16} />} onClick={() => setColorScheme("light")}>
+        <Menu.Item leftSection={<IconSun size={16} />} onClick={() => choose("light")}>
           Light
         </Menu.Item>
-        <Menu.Item leftSection={<IconMoon size={16} />} onClick={() => setColorScheme("dark")}>
+        <Menu.Item leftSection={<IconMoon size={16} />} onClick={() => choose("dark")}>
           Dark
         </Menu.Item>
-        <Menu.Item leftSection={<IconDeviceDesktop size={16} />} onClick={() => setColorScheme("auto")}>
+        <Menu.Item leftSection={<IconDeviceDesktop size={16} />} onClick={() => choose("auto")}>
           System
         </Menu.Item>
       </Menu.Dropdown>

@@ -5,6 +5,7 @@ import {
   IconAdjustmentsHorizontal,
   IconDatabase,
   IconFlask,
+  IconListCheck,
   IconServerCog,
   IconWaveSine,
 } from "@tabler/icons-react";
@@ -20,7 +21,7 @@ export const PAGES = [
   { path: "/system", name: "System", key: "s", Icon: IconServerCog },
 ] as const;
 
-export function Navigation() {
+export function Navigation({ onSetup }: { onSetup: () => void }) {
   const [location] = useLocation();
   return (
     <nav className={styles.nav} aria-label="Main">
@@ -33,6 +34,15 @@ export function Navigation() {
           </Link>
         );
       })}
+      <button
+        type="button"
+        className={`${styles.link} ${styles.setup}`}
+        aria-label="Set-up"
+        onClick={onSetup}
+      >
+        <IconListCheck size={22} stroke={1.6} aria-hidden="true" />
+        Set-up
+      </button>
     </nav>
   );
 }

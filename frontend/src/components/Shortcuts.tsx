@@ -1,11 +1,13 @@
 /** What the keys do. */
 
-import { Kbd, Modal, Table } from "@mantine/core";
+import { Button, Kbd, Modal, Table } from "@mantine/core";
+import { usePreferences } from "../service/preferences";
 import { PAGES } from "./Navigation";
 
 const KEYS: readonly (readonly [string[], string])[] = [
   [["Ctrl/⌘", "Shift", "E"], "STOP: zero volts at once, from anywhere, text fields too"],
   ...PAGES.map(({ key, name }): [string[], string] => [[key.toUpperCase()], `Go to ${name}`]),
+  [["C"], "Set-up: what is done, missing and out of date"],
   [["L"], "Operate: follow the newest sample (Live)"],
   [["Space"], "Operate: hold the charts, go on"],
   [["M"], "Operate: measuring cursors"],
@@ -15,8 +17,20 @@ const KEYS: readonly (readonly [string[], string])[] = [
 ];
 
 export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () => void }) {
+  const { change } = usePreferences();
   return (
     <Modal opened={opened} onClose={onClose} title="Keyboard shortcuts" size="lg">
+      <Button
+        variant="default"
+        size="compact-sm"
+        mb="sm"
+        onClick={() => {
+          change({ toured: false });
+          onClose();
+        }}
+      >
+        Show the tour again
+      </Button>
       <Table withRowBorders={false}>
         <Table.Tbody>
           {KEYS.map(([keys, meaning]) => (

@@ -73,6 +73,16 @@ export class SampleWindow {
     return column.samples[tick & (this.capacity - 1)] as number;
   }
 
+  /** Copy the samples of a signal from `tick` on into `out`; NaN where there are none. */
+  copyTo(name: string, tick: number, out: Float64Array): void {
+    const samples = this.columns.get(name)?.samples;
+    for (let row = 0; row < out.length; row++) {
+      const wanted = tick + row;
+      const held = samples !== undefined && wanted >= this.startTick && wanted < this.endTick;
+      out[row] = held ? (samples[wanted & (this.capacity - 1)] as number) : Number.NaN;
+    }
+  }
+
   /** Newest value of a signal, NaN before the first frame. */
   newest(name: string): number {
     return this.at(name, this.endTick - 1);

@@ -20,6 +20,29 @@ export function useSetTuning() {
   return useMutation({ mutationFn: (body: TuningRequest) => answered(api.PUT("/api/tuning", { body })) });
 }
 
+export function useTryTuning() {
+  return useMutation({
+    mutationFn: (body: TuningRequest & { duration_s: number }) =>
+      answered(api.POST("/api/tuning/trial", { body })),
+  });
+}
+
+/** Ends a trial: keeps what is tried, or puts the earlier tuning back at once. */
+export function useEndTrial() {
+  return useMutation({
+    mutationFn: (keep: boolean) =>
+      answered(keep ? api.POST("/api/tuning/trial/keep") : api.DELETE("/api/tuning/trial")),
+  });
+}
+
+export function useSaveTuning() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.PUT("/api/tuning/saved")),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["tuning", "saved"] }),
+  });
+}
+
 export function useStartIdentification() {
   const queries = useQueryClient();
   return useMutation({
@@ -55,6 +78,43 @@ export function useStartExperiment() {
       answered(api.POST("/api/experiments", { body })),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["runs"] }),
   });
+}
+
+export function useDryRun() {
+  return useMutation({
+    mutationFn: (body: { name: string; settings: SettingValues }) =>
+      answered(api.POST("/api/experiments/dry-run", { body })),
+  });
+}
+
+/** What may be done to the queue; each answer is the queue as it is then. */
+export function useQueueCommand() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (command: QueueCommand) => answered(queueRequest(command)),
+    onSuccess: (queue) => queries.setQueryData(["queue"], queue),
+  });
+}
+
+type QueueCommand =
+  | { readonly do: "add"; readonly name: string; readonly settings: SettingValues }
+  | { readonly do: "remove"; readonly id: number }
+  | { readonly do: "run" }
+  | { readonly do: "hold" };
+
+function queueRequest(command: QueueCommand) {
+  switch (command.do) {
+    case "add": {
+      const { name, settings } = command;
+      return api.POST("/api/experiments/queue", { body: { name, settings } });
+    }
+    case "remove":
+      return api.DELETE("/api/experiments/queue/{id}", { params: { path: { id: command.id } } });
+    case "run":
+      return api.POST("/api/experiments/queue/run");
+    case "hold":
+      return api.POST("/api/experiments/queue/hold");
+  }
 }
 
 export function useSetNote(id: number) {

@@ -32,6 +32,14 @@ export function previewQuery(lam_q: number, lam_S: number) {
   });
 }
 
+/** What was saved for a bank; `bank` is null while the gains come from geometry. */
+export function savedTuningQuery(bank: number | null) {
+  return queryOptions({
+    queryKey: ["tuning", "saved", bank],
+    queryFn: () => answered(api.GET("/api/tuning/saved")),
+  });
+}
+
 export const identificationsQuery = queryOptions({
   queryKey: ["identifications"],
   queryFn: async () => (await answered(api.GET("/api/identifications"))).identifications,
@@ -66,6 +74,11 @@ export const experimentKindsQuery = queryOptions({
   staleTime: Number.POSITIVE_INFINITY,
 });
 
+export const queueQuery = queryOptions({
+  queryKey: ["queue"],
+  queryFn: () => answered(api.GET("/api/experiments/queue")),
+});
+
 export function experimentQuery(id: number) {
   return queryOptions({
     queryKey: ["experiments", id],
@@ -98,6 +111,26 @@ export function runQuery(id: number) {
     refetchInterval: (query) => (isRunning(query.state.data?.end_state ?? "") ? 2000 : false),
   });
 }
+
+export function lineageQuery(id: number) {
+  return queryOptions({
+    queryKey: ["runs", id, "lineage"],
+    queryFn: () => answered(api.GET("/api/runs/{id}/lineage", { params: { path: { id } } })),
+  });
+}
+
+export function runMarksQuery(id: number) {
+  return queryOptions({
+    queryKey: ["runs", id, "marks"],
+    queryFn: async () =>
+      (await answered(api.GET("/api/runs/{id}/marks", { params: { path: { id } } }))).marks,
+  });
+}
+
+export const checklistQuery = queryOptions({
+  queryKey: ["checklist"],
+  queryFn: async () => (await answered(api.GET("/api/checklist"))).steps,
+});
 
 export function samplesQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
   const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };

@@ -4,7 +4,7 @@ import { useQueryClient } from "@tanstack/react-query";
 import { useEffect } from "react";
 import { useLive } from "../live/react";
 
-const CHANGED_BY_TASKS = ["identifications", "experiments", "runs", "banks"] as const;
+const CHANGED_BY_TASKS = ["identifications", "experiments", "runs", "banks", "queue", "checklist"] as const;
 /** After so many failed connections the reason may be that the session has ended. */
 const FAILURES = 2;
 

@@ -1,14 +1,16 @@
 /** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line and label, the same everywhere. */
 
-import type { SignalName } from "../wire/sample.gen";
+import { FIELDS, type SignalName } from "../wire/sample.gen";
 
 export const DEGREES = 180 / Math.PI;
 
 export interface Trace {
-  readonly name: SignalName;
+  readonly name: string;
   readonly hue: string;
   /** References share their signal's hue and are dashed. */
   readonly dashed: boolean;
+  /** Of the second of two recordings. */
+  readonly dotted?: boolean;
 }
 
 export interface Panel {
@@ -39,6 +41,19 @@ export const HUES = {
   u_A: "#56B4E9",
   u_B: "#D55E00",
 } as const;
+
+/** Hues offered for a signal: Okabe and Ito's, and a grey, told apart by colour-blind eyes too. */
+export const PALETTE = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#8C949E"] as const;
+
+/** The signal whose colour a reference or an estimate shares. */
+export function signalOf(name: string): string {
+  return name.replace(/_(ref|gov|hat|true)|′/g, "");
+}
+
+/** Unit of a signal in recordings and exports (SI). */
+export function unitOf(name: string): string {
+  return FIELDS.find((field) => field.name === name)?.unit ?? "1";
+}
 
 export const POSITION: Panel = {
   title: "Joint position",

@@ -55,6 +55,8 @@ export const theme = createTheme({
   focusRing: "auto",
   respectReducedMotion: true,
   components: {
+    Modal: { defaultProps: { yOffset: 72, closeButtonProps: { "aria-label": "Close" } } },
+    Drawer: { defaultProps: { closeButtonProps: { "aria-label": "Close" } } },
     Button: { defaultProps: { size: "xs", fw: 500 } },
     InputWrapper: { styles: { label: { fontWeight: 500 } } },
     NumberInput: { defaultProps: { size: "xs" } },

@@ -1,6 +1,6 @@
 /** One experiment: progress while it runs, then pass or fail per criterion, metrics, curves and downloads. */
 
-import { Progress, Table } from "@mantine/core";
+import { Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
@@ -8,11 +8,12 @@ import { RunState } from "../../components/RunState";
 import { taskProgress } from "../../components/status";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
-import { dateTime, duration, significant } from "../../samples/format";
+import { dateTime, duration } from "../../samples/format";
 import { experimentQuery, isRunning } from "../../service/queries";
 import type { Experiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { RunCharts } from "../runs/RunCharts";
+import { Figures } from "./Figures";
 
 export function ExperimentResult({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
@@ -80,59 +81,7 @@ function Findings({ experiment }: { experiment: Experiment }) {
       <div className={page.actions}>
         <Downloads run={id} report />
       </div>
-      <div className={page.halves}>
-        {criteria.length > 0 && (
-          <Table aria-label="Criteria" verticalSpacing={4}>
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>Criterion</Table.Th>
-                <Table.Th className={page.number}>Value</Table.Th>
-                <Table.Th>Bound</Table.Th>
-                <Table.Th>Result</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {criteria.map((criterion) => (
-                <Table.Tr key={criterion.name}>
-                  <Table.Td>{criterion.label}</Table.Td>
-                  <Table.Td className={page.number}>{significant(criterion.value, 3)}</Table.Td>
-                  <Table.Td style={{ whiteSpace: "nowrap" }}>
-                    {criterion.relation} {criterion.bound} {criterion.unit}
-                  </Table.Td>
-                  <Table.Td>
-                    <Outcome passed={criterion.passed} />
-                  </Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        )}
-        {metrics.length > 0 && (
-          <Table aria-label="Metrics" verticalSpacing={4}>
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>Metric</Table.Th>
-                <Table.Th className={page.number}>Value</Table.Th>
-                <Table.Th>Unit</Table.Th>
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {metrics.map((metric) => (
-                <Table.Tr key={metric.name}>
-                  <Table.Td>{metric.label}</Table.Td>
-                  <Table.Td className={page.number}>{significant(metric.value, 4)}</Table.Td>
-                  <Table.Td>{metric.unit}</Table.Td>
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        )}
-      </div>
+      <Figures criteria={criteria} metrics={metrics} />
     </>
   );
-}
-
-function Outcome({ passed }: { passed: boolean | null }) {
-  if (passed === null) return <span className={page.dim}>no figure</span>;
-  return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
 }

@@ -1,38 +1,63 @@
-/** Experiments that are ready to run, their progress, and their results. */
+/** Experiments: set one up, play it dry, queue it, run it; their progress and results. */
 
+import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
 import { useLocation, useParams } from "wouter";
+import { Card } from "../../components/Card";
+import { duration } from "../../samples/format";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
+import type { DryRun } from "../../wire/types";
 import page from "../Page.module.css";
+import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
 import { ExperimentResult } from "./ExperimentResult";
 import { ExperimentRuns } from "./ExperimentRuns";
+import { QueueCard } from "./QueueCard";
 
 export default function ExperimentsPage() {
   const { id } = useParams();
   const [, go] = useLocation();
+  const [chosen, choose] = useState<string | null>(null);
+  const [dryRun, setDryRun] = useState<DryRun | null>(null);
   const kinds = useQuery(experimentKindsQuery);
-  const first = kinds.data?.[0]?.name;
+  const names = kinds.data?.map((kind) => kind.name).join(",") ?? "";
   const runs = useQuery({
-    ...runsQuery({ kind: first ?? "", search: "", limit: 20, offset: 0 }),
-    enabled: first !== undefined,
+    ...runsQuery({ kind: names, search: "", limit: 20, offset: 0 }),
+    enabled: names !== "",
   });
   const selected = id === undefined ? runs.data?.runs[0]?.id : Number(id);
+  const kind = kinds.data?.find((one) => one.name === chosen) ?? kinds.data?.[0];
   return (
     <div className={page.page}>
       <h1 className={page.title}>Experiments</h1>
-      <div className={page.columns}>
+      <div className={page.columns} data-wide="true">
         <div className={page.column}>
           {kinds.error && <p className={page.empty}>{kinds.error.message}</p>}
-          {kinds.data?.map((kind) => (
-            <ExperimentForm
-              key={kind.name}
-              kind={kind}
-              onStarted={(started) => go(`/experiments/${started}`)}
-            />
-          ))}
+          {kind && (
+            <Card
+              title="New experiment"
+              aside={<span className={page.dim}>{duration(kind.duration_s)} with defaults</span>}
+            >
+              <NativeSelect
+                aria-label="Kind of experiment"
+                mb={8}
+                data={kinds.data?.map(({ name, title }) => ({ value: name, label: title })) ?? []}
+                value={kind.name}
+                onChange={(event) => choose(event.currentTarget.value)}
+              />
+              <ExperimentForm
+                key={kind.name}
+                kind={kind}
+                onStarted={(started) => go(`/experiments/${started}`)}
+                onDryRun={setDryRun}
+              />
+            </Card>
+          )}
+          <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
+          {dryRun !== null && <DryRunResult result={dryRun} onClose={() => setDryRun(null)} />}
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
         </div>

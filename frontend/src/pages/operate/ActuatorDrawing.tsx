@@ -1,4 +1,4 @@
-/** The actuator drawn flat and live: cheap enough for any machine. */
+/** The actuator drawn flat: cheap enough for any machine. Live, or as a recording has it at a moment. */
 
 import { useMemo } from "react";
 import { useCanvas } from "../../charts/useCanvas";
@@ -9,20 +9,20 @@ import { paintActuator } from "./paintActuator";
 
 const NAMES = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"] as const;
 
-export function ActuatorDrawing() {
+/** `read` gives a signal at present; the same function as long as it is the same recording. */
+export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
   const store = useLiveStore();
   const drawing = useMemo(() => {
-    const read = () =>
-      Object.fromEntries(NAMES.map((name) => [name, store.window.newest(name)])) as unknown as Signals;
+    const value = read ?? ((name: string) => store.window.newest(name));
+    const signals = () => Object.fromEntries(NAMES.map((name) => [name, value(name)])) as unknown as Signals;
     return {
-      signature: () =>
-        NAMES.map((name) => store.window.newest(name).toFixed(name.startsWith("F") ? 1 : 2)).join(),
+      signature: () => NAMES.map((name) => value(name).toFixed(name.startsWith("F") ? 1 : 2)).join(),
       paint: (surface: Parameters<typeof paintActuator>[0]) => {
-        const signals = read();
-        paintActuator(surface, signals, actuatorPose(signals, store.snapshot().state?.limits.F_min ?? 0));
+        const seen = signals();
+        paintActuator(surface, seen, actuatorPose(seen, store.snapshot().state?.limits.F_min ?? 0));
       },
     };
-  }, [store]);
+  }, [store, read]);
   const canvas = useCanvas(drawing);
   return <canvas ref={canvas} className={styles.drawing} role="img" aria-label="Actuator" />;
 }

@@ -2,12 +2,12 @@
 
 import { ActionIcon, Slider } from "@mantine/core";
 import { IconMinus, IconPlus, IconRestore } from "@tabler/icons-react";
-import { useEffect } from "react";
+import { type ReactNode, useEffect } from "react";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
+import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
-import { useSetTuning } from "../../service/commands";
 import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
 import type { LoopPreview, Tuning } from "../../wire/types";
@@ -28,13 +28,18 @@ interface LambdaControlProps {
   readonly symbol: string;
   readonly hue: string;
   readonly tuning: Tuning;
+  /** What the control starts from: in force, or staged. */
+  readonly value: number;
   readonly preview: LoopPreview | undefined;
+  readonly compare: boolean;
   onDraft(value: number | undefined): void;
+  /** Sends the value, or stages it. */
+  onCommit(value: number): Promise<unknown>;
 }
 
-export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: LambdaControlProps) {
-  const setTuning = useSetTuning();
-  const sent = useSentValue(tuning[name], (value) => setTuning.mutateAsync({ [name]: value }));
+export function LambdaControl(props: LambdaControlProps) {
+  const { name, symbol, hue, tuning, value, preview, compare, onDraft, onCommit } = props;
+  const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
   const drafted = sent.editing ? sent.value : undefined;
@@ -53,14 +58,9 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
           <SignalName name={symbol} />
         </span>
         <span className={styles.bounds} />
-        <ActionIcon
-          variant="default"
-          size={30}
-          aria-label={`Decrease ${symbol}`}
-          onClick={() => nudge(-STEP_S)}
-        >
+        <Small name={`Decrease ${symbol}`} onClick={() => nudge(-STEP_S)}>
           <IconMinus size={14} />
-        </ActionIcon>
+        </Small>
         <ValueBox
           label={`${symbol} value [s]`}
           unit="s"
@@ -70,48 +70,64 @@ export function LambdaControl({ name, symbol, hue, tuning, preview, onDraft }: L
           width={84}
           onCommit={sent.commit}
         />
-        <ActionIcon
-          variant="default"
-          size={30}
-          aria-label={`Increase ${symbol}`}
-          onClick={() => nudge(STEP_S)}
-        >
+        <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
           <IconPlus size={14} />
-        </ActionIcon>
-        <ActionIcon
-          variant="default"
-          size={30}
-          aria-label={`Reset ${symbol}`}
+        </Small>
+        <Small
+          name={`Reset ${symbol}`}
           title={`Back to the default, ${DEFAULTS[name]} s`}
           onClick={() => sent.commit(Math.max(DEFAULTS[name], min))}
         >
           <IconRestore size={14} />
-        </ActionIcon>
+        </Small>
       </div>
-      <div className={styles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
-        <Slider
-          thumbLabel={symbol}
-          thumbValueText={(value) => `${fixed(value, DECIMALS)} s`}
-          size="sm"
-          domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
-          min={Math.log(min)}
-          max={Math.log(max)}
-          step={SLIDER_STEP}
-          precision={4}
-          scale={Math.exp}
-          value={Math.log(sent.value)}
-          label={null}
-          onChange={(position) => sent.edit(fromSlider(position))}
-          onChangeEnd={(position) => sent.commit(fromSlider(position))}
-        />
-        <div className={styles.scale} aria-hidden="true">
-          <span style={{ left: `${unsafe}%` }}>{fixed(min, DECIMALS)}</span>
-          <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
+      <TouchLock name={symbol}>
+        <div className={styles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
+          <Slider
+            thumbLabel={symbol}
+            thumbValueText={(position) => `${fixed(position, DECIMALS)} s`}
+            size="sm"
+            domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
+            min={Math.log(min)}
+            max={Math.log(max)}
+            step={SLIDER_STEP}
+            precision={4}
+            scale={Math.exp}
+            value={Math.log(sent.value)}
+            label={null}
+            onChange={(position) => sent.edit(fromSlider(position))}
+            onChangeEnd={(position) => sent.commit(fromSlider(position))}
+          />
+          <div className={styles.scale} aria-hidden="true">
+            <span style={{ left: `${unsafe}%` }}>{fixed(min, DECIMALS)}</span>
+            <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
+          </div>
         </div>
-      </div>
-      <StepPreview symbol={symbol} hue={hue} preview={preview} drafted={drafted !== undefined} />
+      </TouchLock>
+      <StepPreview
+        symbol={symbol}
+        hue={hue}
+        preview={preview}
+        drafted={sent.value !== tuning[name]}
+        compare={compare}
+      />
       <Refusal text={refusalText(sent.refusal, 1, DECIMALS, "s")} detail={sent.refusal?.message} />
     </div>
+  );
+}
+
+interface SmallProps {
+  readonly name: string;
+  readonly title?: string;
+  readonly children: ReactNode;
+  onClick(): void;
+}
+
+function Small({ name, title, children, onClick }: SmallProps) {
+  return (
+    <ActionIcon variant="default" size={30} aria-label={name} title={title ?? name} onClick={onClick}>
+      {children}
+    </ActionIcon>
   );
 }
 

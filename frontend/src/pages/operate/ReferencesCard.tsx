@@ -4,6 +4,7 @@ import { Slider } from "@mantine/core";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
+import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
@@ -81,19 +82,21 @@ function ReferenceControl(props: ReferenceControlProps) {
         <span className={styles.name}>
           <SignalName name={name} />
         </span>
-        <Slider
-          thumbLabel={name}
-          thumbValueText={(value) => `${value} ${unit}`}
-          size="sm"
-          min={min}
-          max={max}
-          step={step}
-          value={sent.value}
-          label={null}
-          startPointValue={Math.max(0, min)}
-          onChange={sent.edit}
-          onChangeEnd={sent.commit}
-        />
+        <TouchLock name={name}>
+          <Slider
+            thumbLabel={name}
+            thumbValueText={(value) => `${value} ${unit}`}
+            size="sm"
+            min={min}
+            max={max}
+            step={step}
+            value={sent.value}
+            label={null}
+            startPointValue={Math.max(0, min)}
+            onChange={sent.edit}
+            onChangeEnd={sent.commit}
+          />
+        </TouchLock>
         <ValueBox
           label={`${name} value [${unit}]`}
           unit={unit}

@@ -1,11 +1,11 @@
 /** The actuator: flat, or in 3D by the same service behind the same sign-in. */
 
 import { Button } from "@mantine/core";
-import { useDisclosure } from "@mantine/hooks";
-import { useEffect, useRef } from "react";
+import { useEffect, useRef, useState } from "react";
 import { paintsInSoftware } from "../../charts/canvas";
 import { FramePacer, paceWindow } from "../../charts/pacer";
 import { Card } from "../../components/Card";
+import { usePreferences } from "../../service/preferences";
 import { useStop } from "../../service/StopProvider";
 import { ActuatorDrawing } from "./ActuatorDrawing";
 import styles from "./Operate.module.css";
@@ -15,7 +15,14 @@ const REST = 4;
 
 export function SceneCard() {
   // the 3D view shares this page's thread: without a graphics processor it would hold up STOP, so it is asked for there
-  const [solid, { toggle }] = useDisclosure(!paintsInSoftware());
+  const { preferences, change } = usePreferences();
+  const [here, setHere] = useState<boolean | null>(null);
+  const solid = here ?? (!paintsInSoftware() && (preferences.solid ?? true));
+
+  function toggle(): void {
+    setHere(!solid);
+    change({ solid: !solid });
+  }
   return (
     <Card
       title="Actuator"

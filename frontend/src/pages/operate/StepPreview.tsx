@@ -18,10 +18,13 @@ interface StepPreviewProps {
   readonly preview: LoopPreview | undefined;
   /** The value is not in force yet. */
   readonly drafted: boolean;
+  /** Show what the printed formula of table 2 would do, beside it. */
+  readonly compare: boolean;
 }
 
-export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps) {
+export function StepPreview({ symbol, hue, preview, drafted, compare }: StepPreviewProps) {
   const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT);
+  const printed = compare && preview !== undefined ? preview.printed : null;
   const M_s = preview?.M_s;
   const fragile = preview !== undefined && (M_s == null || M_s > M_S_LIMIT);
   return (
@@ -42,6 +45,13 @@ export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps)
               y1={drawing.target}
               y2={drawing.target}
             />
+            {printed && (
+              <path
+                className={styles.previewPrinted}
+                d={stepPath(preview?.t ?? [], printed.y, WIDTH, HEIGHT, drawing.top).path}
+                vectorEffect="non-scaling-stroke"
+              />
+            )}
             <path d={drawing.path} stroke={hue} vectorEffect="non-scaling-stroke" />
           </>
         )}
@@ -62,6 +72,11 @@ export function StepPreview({ symbol, hue, preview, drafted }: StepPreviewProps)
         <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
         <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
       </dl>
+      {printed && (
+        <span className={styles.previewNote}>
+          As printed: {printed.stable ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"} (dotted; never in force)
+        </span>
+      )}
     </div>
   );
 }

@@ -1,18 +1,26 @@
-/** λ of both outer loops, with what the loops would do at the value in hand. */
+/** λ of both outer loops, what they would do at the value in hand, and what differs from what was saved. */
 
+import { Checkbox } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { useSetTuning } from "../../service/commands";
 import { previewQuery } from "../../service/queries";
+import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
 import type { Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
+import { TuningChanges } from "./TuningChanges";
 
 const PREVIEW_AFTER_MS = 60;
+const LAMBDAS = [
+  { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position" },
+  { name: "lam_S", symbol: "λ_S", hue: HUES.S, loop: "stiffness" },
+] as const;
 
 export function TuningCard() {
   const tuning = useLive((live) => live.state?.tuning);
@@ -25,31 +33,43 @@ export function TuningCard() {
 }
 
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
-  const [drafts, setDrafts] = useState<{ lam_q?: number | undefined; lam_S?: number | undefined }>({});
+  const setTuning = useSetTuning();
+  const staged = useStaged();
+  const [compare, setCompare] = useState(false);
+  const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
+  const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
   const [asked] = useDebouncedValue(
-    { lam_q: drafts.lam_q ?? tuning.lam_q, lam_S: drafts.lam_S ?? tuning.lam_S },
+    { lam_q: drafts.lam_q ?? wanted("lam_q"), lam_S: drafts.lam_S ?? wanted("lam_S") },
     PREVIEW_AFTER_MS,
   );
   const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S));
   return (
     <>
-      <LambdaControl
-        name="lam_q"
-        symbol="λ_q"
-        hue={HUES.q}
-        tuning={tuning}
-        preview={preview.data?.position}
-        onDraft={(lam_q) => setDrafts((before) => ({ ...before, lam_q }))}
-      />
-      <LambdaControl
-        name="lam_S"
-        symbol="λ_S"
-        hue={HUES.S}
-        tuning={tuning}
-        preview={preview.data?.stiffness}
-        onDraft={(lam_S) => setDrafts((before) => ({ ...before, lam_S }))}
-      />
+      {LAMBDAS.map(({ name, symbol, hue, loop }) => (
+        <LambdaControl
+          key={name}
+          name={name}
+          symbol={symbol}
+          hue={hue}
+          tuning={tuning}
+          value={wanted(name)}
+          preview={preview.data?.[loop]}
+          compare={compare}
+          onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
+          onCommit={async (value) => {
+            if (staged.staging) staged.stage(name, value);
+            else await setTuning.mutateAsync({ [name]: value });
+          }}
+        />
+      ))}
       <StepForecast preview={preview.data} u_max={u_max} />
+      <Checkbox
+        size="xs"
+        label="Compare with the printed formula (E1)"
+        checked={compare}
+        onChange={(event) => setCompare(event.currentTarget.checked)}
+      />
+      <TuningChanges tuning={tuning} staged={staged} />
     </>
   );
 }

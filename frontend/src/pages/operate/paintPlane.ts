@@ -1,4 +1,4 @@
-/** Paints the position-stiffness plane: region, grid, trail, references, joint. */
+/** Paints the position-stiffness plane: what tensions and joint allow, entries of the bank, trail, references, joint. */
 
 import type { Surface } from "../../charts/useCanvas";
 import type { SampleWindow } from "../../samples/window";
@@ -11,17 +11,21 @@ const S_GRID = [6, 8, 10, 12, 14, 16];
 const TRAIL_TICKS = 4000;
 const TRAIL_STEP = 40;
 const CROSS = 7;
+const ENTRY = 5;
 
 export function paintPlane(
   surface: Surface,
   limits: Limits,
   references: References | undefined,
   window: SampleWindow,
+  entries: readonly number[],
 ): void {
   const { context: pen, width, height, colours } = surface;
   const plane = planeOver(limits, width, height);
   paintRegion(pen, plane, limits, colours);
   paintGrid(pen, plane, colours);
+  paintTensions(pen, plane, limits, colours);
+  paintEntries(pen, plane, entries, colours);
   paintTrail(pen, plane, window, colours);
   if (references) {
     const [x, y] = [xOf(plane, references.q_ref), yOf(plane, references.S_ref)];
@@ -43,10 +47,53 @@ function paintRegion(
   limits: Limits,
   colours: Surface["colours"],
 ): void {
+  const [slack, solid] = [limits.tensions[0]?.S, limits.tensions.at(-1)?.S];
+  if (slack !== undefined && solid !== undefined) {
+    const [x, y] = [xOf(plane, -limits.q_trip), yOf(plane, solid)];
+    pen.strokeStyle = colours.limit;
+    pen.lineWidth = 1;
+    pen.setLineDash([3, 3]);
+    pen.strokeRect(x, y, xOf(plane, limits.q_trip) - x, yOf(plane, slack) - y);
+    pen.setLineDash([]);
+  }
   const left = xOf(plane, limits.q_min);
   const top = yOf(plane, limits.S_max);
   pen.fillStyle = colours.accentSoft;
   pen.fillRect(left, top, xOf(plane, limits.q_max) - left, yOf(plane, limits.S_min) - top);
+}
+
+/** What tension each stiffness takes at rest, along the right edge. */
+function paintTensions(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  limits: Limits,
+  colours: Surface["colours"],
+): void {
+  pen.fillStyle = colours.axis;
+  pen.font = "10px system-ui, sans-serif";
+  pen.textAlign = "left";
+  for (const { F, S } of limits.tensions) {
+    pen.fillText(`${F.toFixed(0)} N`, xOf(plane, limits.q_trip) + 5, yOf(plane, S) + 3);
+  }
+}
+
+/** Nominal points of the bank in use, as diamonds at q = 0. */
+function paintEntries(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  entries: readonly number[],
+  colours: Surface["colours"],
+): void {
+  pen.fillStyle = colours.accent;
+  for (const S of entries) {
+    const [x, y] = [xOf(plane, 0), yOf(plane, S)];
+    pen.beginPath();
+    pen.moveTo(x - ENTRY, y);
+    pen.lineTo(x, y - ENTRY);
+    pen.lineTo(x + ENTRY, y);
+    pen.lineTo(x, y + ENTRY);
+    pen.fill();
+  }
 }
 
 function paintGrid(pen: CanvasRenderingContext2D, plane: Plane, colours: Surface["colours"]): void {
@@ -68,7 +115,7 @@ function paintGrid(pen: CanvasRenderingContext2D, plane: Plane, colours: Surface
     const y = Math.round(yOf(plane, S)) + 0.5;
     if (y > floor || y < 4) continue;
     pen.moveTo(plane.left, y);
-    pen.lineTo(plane.width - 4, y);
+    pen.lineTo(plane.width - 34, y);
     pen.fillText(String(S), plane.left - 6, y + 4);
   }
   pen.stroke();

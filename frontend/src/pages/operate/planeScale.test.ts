@@ -2,7 +2,17 @@ import { describe, expect, it } from "vitest";
 import type { Limits } from "../../wire/types";
 import { planeOver, pointAt, xOf, yOf } from "./planeScale";
 
-const LIMITS = { q_min: -1.4, q_max: 1.4, S_min: 8, S_max: 15 } as Limits;
+const LIMITS = {
+  q_min: -1.4,
+  q_max: 1.4,
+  q_trip: 1.57,
+  S_min: 8,
+  S_max: 15,
+  tensions: [
+    { F: 1, S: 5.4 },
+    { F: 50, S: 15.5 },
+  ],
+} as Limits;
 const PLANE = planeOver(LIMITS, 300, 200);
 
 describe("the plane of position and stiffness", () => {

@@ -14,20 +14,21 @@ export interface Plane {
 const LEFT = 34;
 const BOTTOM = 22;
 const TOP = 8;
-const RIGHT = 8;
-const MARGIN = 0.12;
+/** Room for the scale of tension. */
+const RIGHT = 34;
+const MARGIN = 0.06;
 
-/** The plane around the range of references, with a margin in which the joint can be seen beyond it. */
+/** The plane around all that can be reached, with a margin in which the joint can be seen beyond it. */
 export function planeOver(limits: Limits, width: number, height: number): Plane {
-  const q_margin = MARGIN * (limits.q_max - limits.q_min);
+  const q_end = (1 + MARGIN) * limits.q_trip;
   return {
     width: Math.max(width, LEFT + RIGHT + 1),
     height: Math.max(height, TOP + BOTTOM + 1),
     left: LEFT,
     bottom: BOTTOM,
-    q: [limits.q_min - q_margin, limits.q_max + q_margin],
-    // from below the stiffness of slack tendons up
-    S: [0.5 * limits.S_min, 1.1 * limits.S_max],
+    q: [-q_end, q_end],
+    // from below the stiffness of slack tendons to that of solid springs, with a margin
+    S: [0.6 * (limits.tensions[0]?.S ?? limits.S_min), (limits.tensions.at(-1)?.S ?? limits.S_max) + 0.8],
   };
 }
 

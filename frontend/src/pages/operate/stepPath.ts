@@ -4,21 +4,24 @@ export interface StepDrawing {
   readonly path: string;
   /** Height of the final value 1 in the drawing. */
   readonly target: number;
+  /** Value at the upper edge. */
+  readonly top: number;
   /** First time at 90 % [s], null if it is not reached. */
   readonly t_90: number | null;
 }
 
 const TOP = 1.15;
 
-/** The response `y(t)` from 0 to 1, with 15 % of room above. */
+/** The response `y(t)` from 0 to 1, with 15 % of room above; or up to `upper`, so that two can be laid over each other. */
 export function stepPath(
   t: readonly number[],
   y: readonly number[],
   width: number,
   height: number,
+  upper?: number,
 ): StepDrawing {
   const last = t.at(-1) ?? 1;
-  const top = Math.max(TOP, ...y);
+  const top = upper ?? Math.max(TOP, ...y);
   const level = (value: number) => height - (value / top) * height;
   const points = t.map(
     (time, index) => `${((time / last) * width).toFixed(1)} ${level(y[index] ?? 0).toFixed(1)}`,
@@ -27,6 +30,7 @@ export function stepPath(
   return {
     path: points.length === 0 ? "" : `M${points.join("L")}`,
     target: level(1),
+    top,
     t_90: reached < 0 ? null : (t[reached] ?? null),
   };
 }

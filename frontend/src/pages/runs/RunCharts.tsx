@@ -1,66 +1,110 @@
-/** The samples of a stored run on the same charts as the live ones. */
+/** The samples of a stored run, or of two, on the same charts as the live ones; played back beside its actuator. */
 
-import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { useEffect, useMemo } from "react";
+import { useMemo, useState } from "react";
 import { Charts } from "../../charts/Charts";
+import { ComparedSource, comparedPanels } from "../../charts/comparedSource";
 import type { PlacedMark } from "../../charts/decorations";
-import { RecordedSource } from "../../charts/recordedSource";
-import { useViewport } from "../../charts/useViewport";
-import { type Stretch, stretch } from "../../charts/viewport";
-import { runQuery, samplesQuery } from "../../service/queries";
-import { PANELS } from "../../theme/signals";
+import { Playhead } from "../../charts/playhead";
+import type { PlotSource } from "../../charts/source";
+import { useViewport, type ViewControl } from "../../charts/useViewport";
+import type { Viewport } from "../../charts/viewport";
+import { useLive } from "../../live/react";
+import { runMarksQuery, runQuery } from "../../service/queries";
+import { usePanels } from "../../theme/usePanels";
+import type { RunMark } from "../../wire/types";
+import { limitLines } from "../operate/limitLines";
 import page from "../Page.module.css";
+import { Replay } from "./Replay";
+import replay from "./Replay.module.css";
+import { useRecording } from "./useRecording";
 
-const SIGNALS = PANELS.flatMap((panel) => panel.traces.map((trace) => trace.name));
-const POINTS = 2000;
-const NO_LIMITS = new Map();
-const NO_MARKS: readonly PlacedMark[] = [];
+const NO_MARKS: readonly RunMark[] = [];
 
-export function RunCharts({ run }: { run: number }) {
-  const { data, error } = useQuery(runQuery(run));
+export function RunCharts({ run, other }: { run: number; other?: number | undefined }) {
+  const mine = useQuery(runQuery(run));
+  const theirs = useQuery({ ...runQuery(other ?? run), enabled: other !== undefined });
+  const error = mine.error ?? (other === undefined ? null : theirs.error);
   if (error) return <p className={page.empty}>{error.message}</p>;
-  if (data === undefined) return <p className={page.empty}>Loading …</p>;
-  if (data.samples === 0) return <p className={page.empty}>This run has no samples.</p>;
-  return <Curves key={data.duration_s} run={run} duration_s={data.duration_s} />;
-}
-
-function Curves({ run, duration_s }: { run: number; duration_s: number }) {
-  const source = useMemo(() => new RecordedSource(duration_s), [duration_s]);
-  const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
-  const control = useViewport(home);
-  const all = { from_s: 0, to_s: duration_s };
-  const overview = useQuery(samplesQuery(run, all, POINTS, SIGNALS));
-  const seen = stretch(control.view, duration_s);
-  const [rested] = useDebouncedValue(widened(seen, duration_s), 120);
-  const zoomed = rested.to_s - rested.from_s < duration_s;
-  const detail = useQuery({ ...samplesQuery(run, rested, 2 * POINTS, SIGNALS), enabled: zoomed });
-
-  useEffect(() => {
-    if (overview.data) source.setOverview(overview.data);
-  }, [overview.data, source]);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
-  useEffect(() => {
-    if (detail.data && zoomed && !detail.isPlaceholderData) source.setDetail(rested, detail.data);
-  }, [detail.data, source]);
-
+  if (mine.data === undefined || (other !== undefined && theirs.data === undefined)) {
+    return <p className={page.empty}>Loading …</p>;
+  }
+  if (mine.data.samples === 0) return <p className={page.empty}>This run has no samples.</p>;
+  const { duration_s } = mine.data;
+  if (other === undefined || theirs.data === undefined) {
+    return <OneRun key={duration_s} run={run} duration_s={duration_s} />;
+  }
   return (
-    <Charts
-      panels={PANELS}
-      source={source}
-      control={control}
-      home={home}
-      longest_s={duration_s}
-      limits={NO_LIMITS}
-      marks={NO_MARKS}
-      measuring={false}
-      stale={false}
+    <TwoRuns
+      key={`${duration_s} ${theirs.data.duration_s}`}
+      run={run}
+      duration_s={duration_s}
+      other={other}
+      other_s={theirs.data.duration_s}
     />
   );
 }
 
-/** A third more on either side, so that a small pan needs no new data. */
-function widened({ from_s, to_s }: Stretch, duration_s: number): Stretch {
-  const margin = (to_s - from_s) / 3;
-  return { from_s: Math.max(0, from_s - margin), to_s: Math.min(duration_s, to_s + margin) };
+function OneRun({ run, duration_s }: { run: number; duration_s: number }) {
+  const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
+  const control = useViewport(home);
+  const source = useRecording(run, duration_s, control.view);
+  const [playhead] = useState(() => new Playhead());
+  return (
+    <div className={replay.beside}>
+      <RecordedCharts run={run} source={source} control={control} home={home} playhead={playhead} />
+      <Replay playhead={playhead} source={source} duration_s={duration_s} />
+    </div>
+  );
+}
+
+interface TwoRunsProps {
+  readonly run: number;
+  readonly duration_s: number;
+  readonly other: number;
+  readonly other_s: number;
+}
+
+function TwoRuns({ run, duration_s, other, other_s }: TwoRunsProps) {
+  const longest_s = Math.max(duration_s, other_s);
+  const home = useMemo(() => ({ span_s: longest_s, end_s: longest_s }), [longest_s]);
+  const control = useViewport(home);
+  const first = useRecording(run, duration_s, control.view);
+  const second = useRecording(other, other_s, control.view);
+  const source = useMemo(() => new ComparedSource(first, second), [first, second]);
+  return <RecordedCharts run={run} other={other} source={source} control={control} home={home} />;
+}
+
+interface RecordedChartsProps {
+  readonly run: number;
+  readonly other?: number;
+  readonly source: PlotSource;
+  readonly control: ViewControl;
+  readonly home: Viewport;
+  readonly playhead?: Playhead;
+}
+
+function RecordedCharts({ run, other, source, control, home, playhead }: RecordedChartsProps) {
+  const panels = usePanels();
+  const limits = useLive((live) => live.state?.limits);
+  const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
+  return (
+    <Charts
+      panels={useMemo(() => (other === undefined ? panels : comparedPanels(panels)), [panels, other])}
+      source={source}
+      control={control}
+      home={home}
+      longest_s={home.span_s}
+      limits={useMemo(() => limitLines(limits), [limits])}
+      marks={useMemo(() => marks.map(placed), [marks])}
+      stale={false}
+      {...(playhead === undefined ? {} : { playhead })}
+      name={`sinew-run-${run}`}
+      remark={other === undefined ? undefined : `dotted: run ${other}`}
+    />
+  );
+}
+
+function placed(mark: RunMark): PlacedMark {
+  return { time_s: mark.t, text: mark.text, fault: mark.kind === "fault" };
 }

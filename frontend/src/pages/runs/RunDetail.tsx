@@ -14,11 +14,13 @@ import { useSetNote } from "../../service/commands";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
+import { CompareWith } from "./CompareWith";
+import { LineageCard } from "./LineageCard";
 import { RunCharts } from "./RunCharts";
 
 const WITH_REPORT = new Set(["tracking", "compliance"]);
 
-export function RunDetail({ id }: { id: number }) {
+export function RunDetail({ id, other }: { id: number; other: number | undefined }) {
   const { data, error } = useQuery(runQuery(id));
   return (
     <div className={page.page}>
@@ -32,9 +34,10 @@ export function RunDetail({ id }: { id: number }) {
             <Facts run={data} />
             <NoteCard run={data} />
           </div>
-          <Card title="Curves">
+          <LineageCard run={id} />
+          <Card title="Curves" aside={<CompareWith run={data} other={other} />}>
             <div className={page.charts}>
-              <RunCharts run={id} />
+              <RunCharts run={id} other={other} />
             </div>
           </Card>
         </>

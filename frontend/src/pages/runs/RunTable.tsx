@@ -22,6 +22,7 @@ const KINDS = [
   { value: "spring_identification", label: "spring identification" },
   { value: "tracking", label: "tracking" },
   { value: "compliance", label: "compliance" },
+  { value: "sequence", label: "own sequence" },
 ];
 
 export function RunTable() {
@@ -52,7 +53,7 @@ export function RunTable() {
             <TextInput
               type="search"
               aria-label="Search runs"
-              placeholder="Search notes, persons, settings"
+              placeholder="Search notes, persons, kinds"
               leftSection={<IconSearch size={14} />}
               value={search}
               w={240}

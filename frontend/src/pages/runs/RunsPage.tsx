@@ -5,6 +5,10 @@ import { RunDetail } from "./RunDetail";
 import { RunTable } from "./RunTable";
 
 export default function RunsPage() {
-  const { id } = useParams();
-  return id === undefined ? <RunTable /> : <RunDetail key={id} id={Number(id)} />;
+  const { id, other } = useParams();
+  return id === undefined ? (
+    <RunTable />
+  ) : (
+    <RunDetail key={id} id={Number(id)} other={other === undefined ? undefined : Number(other)} />
+  );
 }

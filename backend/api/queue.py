@@ -1,0 +1,93 @@
+"""Experiments that wait for their turn: one after the other, until one does not complete."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from itertools import count
+
+from backend.api.errors import ApiError
+from backend.api.schemas.experiment import ExperimentRequest, QueuedView, QueueView
+from backend.storage.runs import EndState
+
+_log = logging.getLogger(__name__)
+
+LONGEST = 50
+
+Start = Callable[[ExperimentRequest, str], Awaitable[int]]
+
+
+class Queue:
+    """Belongs to the service's event loop. ``start`` starts one experiment; ``check`` raises for one that cannot be."""
+
+    def __init__(self, start: Start, check: Callable[[ExperimentRequest], object]) -> None:
+        self._start = start
+        self._check = check
+        self._items: list[QueuedView] = []
+        self._numbers = count(1)
+        self._running = False
+        self._problem = ""
+        self._run: int | None = None
+        self._next: asyncio.Task[None] | None = None
+
+    def view(self) -> QueueView:
+        """Return what waits and whether the queue goes on by itself."""
+        return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
+
+    def add(self, request: ExperimentRequest, who: str) -> QueueView:
+        """Put an experiment at the end. Raises what a start with these settings would raise; nothing starts yet."""
+        if len(self._items) >= LONGEST:
+            raise ApiError(409, f"the queue is full: it holds {LONGEST} experiments; remove one first")
+        self._check(request)
+        self._items.append(QueuedView(id=next(self._numbers), name=request.name, settings=request.settings, who=who))
+        return self.view()
+
+    def remove(self, item_id: int) -> QueueView:
+        """Take an experiment out. Raises ApiError 404 when it does not wait any more."""
+        kept = [item for item in self._items if item.id != item_id]
+        if len(kept) == len(self._items):
+            raise ApiError(404, f"experiment {item_id} does not wait in the queue")
+        self._items = kept
+        return self.view()
+
+    async def run(self) -> QueueView:
+        """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
+        if not self._items:
+            raise ApiError(409, "the queue is empty: add an experiment first")
+        if not self._running:
+            self._problem = ""
+            await self._begin()
+            self._running = True
+        return self.view()
+
+    def hold(self) -> QueueView:
+        """Start no further experiment; the one that runs goes on."""
+        self._running = False
+        return self.view()
+
+    def ended(self, run_id: int, end_state: EndState | None) -> None:
+        """Go on after an experiment; None when it failed without an end state."""
+        if run_id != self._run:
+            return
+        self._run = None
+        if end_state is not EndState.COMPLETED:
+            how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
+            self._problem = f"held because run {run_id} {how}"
+            self._running = False
+        elif not self._items:
+            self._running = False
+        elif self._running:
+            self._next = asyncio.create_task(self._go_on())
+
+    async def _go_on(self) -> None:
+        try:
+            await self._begin()
+        except Exception as error:
+            # Whatever refuses the next one is for a person to read; those that wait stay.
+            _log.warning("the queue is held: %s", error)
+            self._problem = f"held: {error}"
+            self._running = False
+
+    async def _begin(self) -> None:
+        item = self._items[0]
+        self._run = await self._start(ExperimentRequest(name=item.name, settings=item.settings), item.who)
+        self._items = [waiting for waiting in self._items if waiting.id != item.id]

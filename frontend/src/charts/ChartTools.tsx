@@ -1,0 +1,73 @@
+/** What can be done with the stretch in sight: measure, figures, spectrum, picture, data. */
+
+import { ActionIcon, Button, Tooltip } from "@mantine/core";
+import {
+  IconCameraDown,
+  IconChartHistogram,
+  IconFileTypeCsv,
+  IconRulerMeasure,
+  IconSum,
+} from "@tabler/icons-react";
+import type { ReactNode } from "react";
+
+interface ChartToolsProps {
+  readonly measuring: boolean;
+  readonly figures: boolean;
+  onMeasure(): void;
+  onFigures(): void;
+  onSpectrum(): void;
+  onPicture(): void;
+  onData(): void;
+}
+
+export function ChartTools(props: ChartToolsProps) {
+  const { measuring, figures, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
+  return (
+    <>
+      <Button
+        variant={measuring ? "light" : "default"}
+        aria-pressed={measuring}
+        leftSection={<IconRulerMeasure size={14} />}
+        onClick={onMeasure}
+      >
+        Measure
+      </Button>
+      <Tool name="Statistics" hint="Min, max, mean of what is in sight" pressed={figures} onClick={onFigures}>
+        <IconSum size={16} />
+      </Tool>
+      <Tool name="Spectrum" hint="Spectrum of what is in sight, or between the cursors" onClick={onSpectrum}>
+        <IconChartHistogram size={16} />
+      </Tool>
+      <Tool name="Save picture" hint="Picture of the charts (PNG)" onClick={onPicture}>
+        <IconCameraDown size={16} />
+      </Tool>
+      <Tool name="Save data" hint="Data of what is in sight (CSV, SI)" onClick={onData}>
+        <IconFileTypeCsv size={16} />
+      </Tool>
+    </>
+  );
+}
+
+interface ToolProps {
+  readonly name: string;
+  readonly hint: string;
+  readonly pressed?: boolean;
+  readonly children: ReactNode;
+  onClick(): void;
+}
+
+function Tool({ name, hint, pressed, children, onClick }: ToolProps) {
+  return (
+    <Tooltip label={hint} position="top">
+      <ActionIcon
+        variant={pressed === true ? "light" : "default"}
+        size={30}
+        aria-label={name}
+        {...(pressed === undefined ? {} : { "aria-pressed": pressed })}
+        onClick={onClick}
+      >
+        {children}
+      </ActionIcon>
+    </Tooltip>
+  );
+}

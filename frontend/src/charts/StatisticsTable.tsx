@@ -1,0 +1,66 @@
+/** Least, greatest, mean and deviation of every signal in sight, renewed twice a second. */
+
+import { useEffect, useState } from "react";
+import { SignalName } from "../components/SignalName";
+import { fixed } from "../samples/format";
+import { type Statistics, statistics } from "../samples/statistics";
+import type { SampleTable } from "../samples/table";
+import type { Panel } from "../theme/signals";
+import styles from "./Statistics.module.css";
+
+const EVERY_MS = 500;
+
+interface StatisticsTableProps {
+  readonly panels: readonly Panel[];
+  readonly hidden: ReadonlySet<string>;
+  /** The samples in sight, or between the cursors. */
+  table(): SampleTable;
+}
+
+export function StatisticsTable({ panels, hidden, table }: StatisticsTableProps) {
+  const [figures, setFigures] = useState<ReadonlyMap<string, Statistics>>(new Map());
+  useEffect(() => {
+    const renew = () =>
+      setFigures(new Map(table().columns.map((column) => [column.name, statistics(column)])));
+    renew();
+    const timer = window.setInterval(renew, EVERY_MS);
+    return () => window.clearInterval(timer);
+  }, [table]);
+  const rows = panels.flatMap((panel) =>
+    panel.traces.filter((trace) => !hidden.has(trace.name)).map((trace) => ({ panel, name: trace.name })),
+  );
+  return (
+    <div className={styles.frame}>
+      <table className={styles.table} aria-label="Statistics">
+        <thead>
+          <tr>
+            {["Signal", "Min", "Max", "Mean", "Std dev", "Unit"].map((heading) => (
+              <th key={heading} scope="col">
+                {heading}
+              </th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {rows.map(({ panel, name }) => {
+            const figure = figures.get(name);
+            const shown = (value: number | undefined, decimals: number) =>
+              fixed(value === undefined ? undefined : value * panel.factor, decimals);
+            return (
+              <tr key={name}>
+                <th scope="row">
+                  <SignalName name={name} />
+                </th>
+                <td>{shown(figure?.minimum, panel.decimals)}</td>
+                <td>{shown(figure?.maximum, panel.decimals)}</td>
+                <td>{shown(figure?.mean, panel.decimals)}</td>
+                <td>{shown(figure?.deviation, panel.decimals + 1)}</td>
+                <td>{panel.unit}</td>
+              </tr>
+            );
+          })}
+        </tbody>
+      </table>
+    </div>
+  );
+}

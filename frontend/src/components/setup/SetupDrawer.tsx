@@ -1,0 +1,85 @@
+/** The way from slack tendons to a report, with what is done, missing and out of date. */
+
+import { Drawer } from "@mantine/core";
+import { IconAlertTriangle, IconCircle, IconCircleCheck, IconCircleX } from "@tabler/icons-react";
+import { useQuery } from "@tanstack/react-query";
+import { Link } from "wouter";
+import { dateTime } from "../../samples/format";
+import { checklistQuery } from "../../service/queries";
+import type { ChecklistStep } from "../../wire/types";
+import styles from "./SetupDrawer.module.css";
+
+type StepState = ChecklistStep["state"];
+
+const STATES: Record<StepState, { word: string; Icon: typeof IconCircle }> = {
+  missing: { word: "to do", Icon: IconCircle },
+  done: { word: "done", Icon: IconCircleCheck },
+  outdated: { word: "out of date", Icon: IconAlertTriangle },
+  unusable: { word: "not usable", Icon: IconCircleX },
+};
+
+const STEPS: Record<string, { title: string; path: string; action: string }> = {
+  pretension: { title: "Pretension", path: "/operate", action: "Wind the tendons up" },
+  motor: { title: "Motor identification", path: "/identify", action: "Identify the motors" },
+  spring: { title: "Spring identification", path: "/identify", action: "Identify the springs" },
+  actuator: { title: "Actuator identification", path: "/identify", action: "Identify the actuator" },
+  bank: { title: "Controller bank", path: "/banks", action: "Build or activate a bank" },
+  experiment: { title: "Experiment", path: "/experiments", action: "Run an experiment" },
+  report: { title: "Report", path: "/experiments", action: "Open the report" },
+};
+
+export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () => void }) {
+  const { data, error } = useQuery({ ...checklistQuery, enabled: opened });
+  return (
+    <Drawer
+      opened={opened}
+      onClose={onClose}
+      title="Set-up"
+      position="left"
+      size={420}
+      padding="md"
+      offset={0}
+      styles={{ content: { paddingTop: "var(--header)" } }}
+    >
+      {data === undefined ? (
+        <p>{error?.message ?? "Loading …"}</p>
+      ) : (
+        <ol className={styles.steps} aria-label="Steps of the set-up">
+          {data.map((step) => (
+            <Step key={step.name} step={step} onFollowed={onClose} />
+          ))}
+        </ol>
+      )}
+    </Drawer>
+  );
+}
+
+function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => void }) {
+  const { word, Icon } = STATES[step.state];
+  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: "Open" };
+  return (
+    <li className={styles.step} data-state={step.state} aria-label={`${about.title}: ${word}`}>
+      <Icon size={20} aria-hidden="true" className={styles.icon} />
+      <div>
+        <div className={styles.head}>
+          <strong>{about.title}</strong>
+          <span className={styles.word}>{word}</span>
+        </div>
+        <p className={styles.detail}>
+          {step.detail}
+          {step.at !== null && <span className={styles.when}> {dateTime(step.at)}</span>}
+        </p>
+        {step.state !== "done" && (
+          <Link href={about.path} onClick={onFollowed}>
+            {about.action}
+          </Link>
+        )}
+        {step.run !== null && step.state === "done" && (
+          <Link href={`/runs/${step.run}`} onClick={onFollowed}>
+            Run {step.run}
+          </Link>
+        )}
+      </div>
+    </li>
+  );
+}

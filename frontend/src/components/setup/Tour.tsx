@@ -1,0 +1,87 @@
+/** First steps for somebody new, in a line of their own so that nothing is covered; what is meant is outlined. */
+
+import { Button } from "@mantine/core";
+import { useEffect, useState } from "react";
+import { useLocation } from "wouter";
+import { usePreferences } from "../../service/preferences";
+import styles from "./Tour.module.css";
+
+const STEPS = [
+  {
+    target: "STOP",
+    text: "STOP cuts the motors within two ticks, from every page. Ctrl/Cmd+Shift+E does the same, in text fields too.",
+  },
+  {
+    target: "Change mode",
+    text: "Begin with Pretension: both tendons are wound up to 10 N. Run then closes the loops and records.",
+  },
+  {
+    target: "Charts",
+    text: "The wheel zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
+  },
+  {
+    target: "Reachable map",
+    text: "A click in the map sets position and stiffness together; what cannot be reached is refused and says why.",
+  },
+  {
+    target: "Tuning",
+    text: "λ sets how fast each loop is. The preview follows while you drag; staged values can be tried for some seconds.",
+  },
+  {
+    target: "Set-up",
+    text: "The set-up list leads from pretension over identification and bank to a report, and shows what is out of date.",
+  },
+] as const;
+
+export function Tour() {
+  const { preferences, known, change } = usePreferences();
+  const [at, setAt] = useState(0);
+  const [, go] = useLocation();
+  const shown = known && !preferences.toured;
+  const step = STEPS[at] ?? STEPS[0];
+
+  useEffect(() => {
+    if (!shown) return;
+    const target = document.querySelector<HTMLElement>(`[aria-label="${step.target}"]`);
+    if (target === null) return;
+    target.dataset.toured = "true";
+    return () => {
+      delete target.dataset.toured;
+    };
+  }, [shown, step]);
+
+  if (!shown) return null;
+  const last = at === STEPS.length - 1;
+  const end = () => {
+    setAt(0);
+    change({ toured: true });
+  };
+  return (
+    <section className={styles.tour} aria-label="Tour">
+      <span className={styles.count}>
+        {at + 1} of {STEPS.length}
+      </span>
+      <output className={styles.text}>{step.text}</output>
+      <Button variant="default" size="compact-sm" disabled={at === 0} onClick={() => setAt(at - 1)}>
+        Back
+      </Button>
+      <Button
+        size="compact-sm"
+        onClick={() => {
+          if (last) end();
+          else {
+            go("/operate");
+            setAt(at + 1);
+          }
+        }}
+      >
+        {last ? "Done" : "Next"}
+      </Button>
+      {!last && (
+        <Button variant="subtle" size="compact-sm" onClick={end}>
+          Skip tour
+        </Button>
+      )}
+    </section>
+  );
+}

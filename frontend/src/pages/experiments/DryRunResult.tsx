@@ -1,0 +1,60 @@
+/** What an experiment would give, as the simulator played it. */
+
+import { CloseButton } from "@mantine/core";
+import { useMemo } from "react";
+import { Charts } from "../../charts/Charts";
+import { RecordedSource } from "../../charts/recordedSource";
+import { useViewport } from "../../charts/useViewport";
+import { Card } from "../../components/Card";
+import { duration } from "../../samples/format";
+import { usePanels } from "../../theme/usePanels";
+import type { DryRun } from "../../wire/types";
+import page from "../Page.module.css";
+import { Figures } from "./Figures";
+
+export function DryRunResult({ result, onClose }: { result: DryRun; onClose: () => void }) {
+  return (
+    <Card title="Dry run" aside={<CloseButton aria-label="Close dry run" size="sm" onClick={onClose} />}>
+      <div className={page.fields}>
+        <span>
+          Simulated, nothing moved and nothing was stored: {result.status}, {duration(result.duration_s)}.{" "}
+          {result.message}
+        </span>
+        <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
+        {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
+      </div>
+    </Card>
+  );
+}
+
+interface CurvesProps {
+  readonly samples: NonNullable<DryRun["samples"]>;
+  readonly duration_s: number;
+}
+
+function Curves({ samples, duration_s }: CurvesProps) {
+  const source = useMemo(() => {
+    const recorded = new RecordedSource(duration_s);
+    recorded.setOverview(samples);
+    return recorded;
+  }, [samples, duration_s]);
+  const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
+  return (
+    <div className={page.charts}>
+      <Charts
+        panels={usePanels()}
+        source={source}
+        control={useViewport(home)}
+        home={home}
+        longest_s={duration_s}
+        limits={NO_LIMITS}
+        marks={NO_MARKS}
+        stale={false}
+        name="sinew-dry-run"
+      />
+    </div>
+  );
+}
+
+const NO_LIMITS = new Map();
+const NO_MARKS: readonly never[] = [];

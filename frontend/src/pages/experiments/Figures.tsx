@@ -1,0 +1,73 @@
+/** Criteria with pass or fail, and metrics, as tables. */
+
+import { Table } from "@mantine/core";
+import { Verdict } from "../../components/Verdict";
+import { significant } from "../../samples/format";
+import type { Criterion, Metric } from "../../wire/types";
+import page from "../Page.module.css";
+
+interface FiguresProps {
+  readonly criteria: readonly Criterion[];
+  readonly metrics: readonly Metric[];
+  /** Told in the names of the tables where it is not the experiment itself. */
+  readonly of?: string;
+}
+
+export function Figures({ criteria, metrics, of }: FiguresProps) {
+  const named = (name: string) => (of === undefined ? name : `${name} of the ${of}`);
+  return (
+    <div className={page.halves}>
+      {criteria.length > 0 && (
+        <Table aria-label={named("Criteria")} verticalSpacing={4}>
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th>Criterion</Table.Th>
+              <Table.Th className={page.number}>Value</Table.Th>
+              <Table.Th>Bound</Table.Th>
+              <Table.Th>Result</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {criteria.map((criterion) => (
+              <Table.Tr key={criterion.name}>
+                <Table.Td>{criterion.label}</Table.Td>
+                <Table.Td className={page.number}>{significant(criterion.value, 3)}</Table.Td>
+                <Table.Td style={{ whiteSpace: "nowrap" }}>
+                  {criterion.relation} {criterion.bound} {criterion.unit}
+                </Table.Td>
+                <Table.Td>
+                  <Outcome passed={criterion.passed} />
+                </Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      )}
+      {metrics.length > 0 && (
+        <Table aria-label={named("Metrics")} verticalSpacing={4}>
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th>Metric</Table.Th>
+              <Table.Th className={page.number}>Value</Table.Th>
+              <Table.Th>Unit</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {metrics.map((metric) => (
+              <Table.Tr key={metric.name}>
+                <Table.Td>{metric.label}</Table.Td>
+                <Table.Td className={page.number}>{significant(metric.value, 4)}</Table.Td>
+                <Table.Td>{metric.unit}</Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      )}
+    </div>
+  );
+}
+
+function Outcome({ passed }: { passed: boolean | null }) {
+  if (passed === null) return <span className={page.dim}>no figure</span>;
+  return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
+}

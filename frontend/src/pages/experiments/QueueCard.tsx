@@ -1,0 +1,75 @@
+/** Experiments that wait for their turn. */
+
+import { ActionIcon, Button } from "@mantine/core";
+import { IconX } from "@tabler/icons-react";
+import { useQuery } from "@tanstack/react-query";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { useLive } from "../../live/react";
+import { useQueueCommand } from "../../service/commands";
+import { queueQuery } from "../../service/queries";
+import type { ExperimentKind } from "../../wire/types";
+import { whyNot } from "../operate/ModeCard";
+import page from "../Page.module.css";
+
+export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
+  const { data: queue } = useQuery(queueQuery);
+  const command = useQueueCommand();
+  const state = useLive((live) => live.state);
+  const items = queue?.items ?? [];
+  const reason = state?.task != null ? "Another task is running." : whyNot(state, "experiment");
+  const startable = items.length > 0 && reason === null;
+  const title = (name: string) => kinds.find((kind) => kind.name === name)?.title ?? name;
+  return (
+    <Card
+      title="Queue"
+      aside={<span className={page.dim}>{queue?.running ? "goes on by itself" : "waits for a start"}</span>}
+    >
+      <div className={page.fields}>
+        {items.length === 0 && <span className={page.dim}>Nothing waits.</span>}
+        {items.length > 0 && (
+          <ol aria-label="Queue" style={{ margin: 0, paddingLeft: 20 }}>
+            {items.map((item) => (
+              <li key={item.id}>
+                <div className={page.actions} style={{ justifyContent: "space-between", flexWrap: "nowrap" }}>
+                  <span>
+                    {title(item.name)}{" "}
+                    <span className={page.dim}>
+                      {Object.keys(item.settings).length === 0 ? "defaults" : "own settings"}, {item.who}
+                    </span>
+                  </span>
+                  <ActionIcon
+                    variant="subtle"
+                    color="gray"
+                    aria-label={`Remove experiment ${item.id} from the queue`}
+                    onClick={() => command.mutate({ do: "remove", id: item.id })}
+                  >
+                    <IconX size={14} />
+                  </ActionIcon>
+                </div>
+              </li>
+            ))}
+          </ol>
+        )}
+        <div className={page.actions}>
+          {queue?.running ? (
+            <Button variant="default" onClick={() => command.mutate({ do: "hold" })}>
+              Hold queue
+            </Button>
+          ) : (
+            <Button
+              variant="default"
+              disabled={!startable}
+              title={reason ?? ""}
+              loading={command.isPending}
+              onClick={() => command.mutate({ do: "run" })}
+            >
+              Start queue
+            </Button>
+          )}
+        </div>
+        <Refusal text={command.error?.message ?? (queue?.problem ? queue.problem : null)} />
+      </div>
+    </Card>
+  );
+}

@@ -1,0 +1,71 @@
+/** Plays a recording back: the actuator stands where it stood at the cursor of the charts. */
+
+import { ActionIcon, NativeSelect, Slider } from "@mantine/core";
+import { IconPlayerPauseFilled, IconPlayerPlayFilled } from "@tabler/icons-react";
+import { useCallback, useEffect, useState } from "react";
+import { type Playhead, usePlayhead } from "../../charts/playhead";
+import type { PlotSource } from "../../charts/source";
+import { clockTime } from "../../samples/format";
+import { ActuatorDrawing } from "../operate/ActuatorDrawing";
+import styles from "./Replay.module.css";
+
+const SPEEDS = [0.1, 0.25, 1, 4, 10];
+const STEP_S = 0.001;
+
+interface ReplayProps {
+  readonly playhead: Playhead;
+  readonly source: PlotSource;
+  readonly duration_s: number;
+}
+
+export function Replay({ playhead, source, duration_s }: ReplayProps) {
+  const { at_s, playing } = usePlayhead(playhead);
+  const [speed, setSpeed] = useState(1);
+  const read = useCallback((name: string) => source.at(name, playhead.at_s), [source, playhead]);
+
+  useEffect(() => {
+    if (!playing) return;
+    let before_ms = performance.now();
+    let request = requestAnimationFrame(function next(now_ms) {
+      const moved_s = playhead.at_s + (speed * Math.max(0, now_ms - before_ms)) / 1000;
+      before_ms = now_ms;
+      playhead.set(Math.min(moved_s, duration_s));
+      if (moved_s >= duration_s) playhead.play(false);
+      else request = requestAnimationFrame(next);
+    });
+    return () => cancelAnimationFrame(request);
+  }, [playhead, playing, speed, duration_s]);
+
+  function toggle(): void {
+    if (!playing && at_s >= duration_s) playhead.set(0);
+    playhead.play(!playing);
+  }
+
+  return (
+    <section className={styles.replay} aria-label="Replay">
+      <ActuatorDrawing read={read} />
+      <div className={styles.controls}>
+        <ActionIcon variant="default" size={30} aria-label={playing ? "Pause" : "Play"} onClick={toggle}>
+          {playing ? <IconPlayerPauseFilled size={14} /> : <IconPlayerPlayFilled size={14} />}
+        </ActionIcon>
+        <output aria-label="Replay time">{clockTime(at_s, 0.01)}</output>
+        <NativeSelect
+          aria-label="Speed of replay"
+          value={String(speed)}
+          onChange={(event) => setSpeed(Number(event.currentTarget.value))}
+          data={SPEEDS.map((value) => ({ value: String(value), label: `× ${value}` }))}
+        />
+      </div>
+      <Slider
+        size="sm"
+        thumbLabel="Replay position"
+        label={null}
+        min={0}
+        max={duration_s}
+        step={STEP_S}
+        value={at_s}
+        onChange={(value) => playhead.set(value)}
+      />
+    </section>
+  );
+}

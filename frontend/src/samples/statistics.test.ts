@@ -1,0 +1,28 @@
+import { describe, expect, it } from "vitest";
+import { statistics } from "./statistics";
+
+const column = (minimum: number[], maximum = minimum) => ({
+  name: "q",
+  minimum: Float64Array.from(minimum),
+  maximum: Float64Array.from(maximum),
+});
+
+describe("statistics", () => {
+  it("gives extremes, mean and deviation of raw samples, without the missing ones", () => {
+    const figures = statistics(column([2, 4, Number.NaN, 4, 4, 5, 5, 7, 9]));
+    expect(figures).toEqual({ minimum: 2, maximum: 9, mean: 5, deviation: 2 });
+  });
+
+  it("keeps its precision far from zero", () => {
+    expect(statistics(column([1e9 + 1, 1e9 + 3])).deviation).toBeCloseTo(1, 9);
+  });
+
+  it("takes the exact extremes of an envelope", () => {
+    const figures = statistics(column([-1, 0], [3, 8]));
+    expect([figures.minimum, figures.maximum, figures.mean]).toEqual([-1, 8, 2.5]);
+  });
+
+  it("is NaN without any number", () => {
+    expect(statistics(column([Number.NaN])).minimum).toBeNaN();
+  });
+});

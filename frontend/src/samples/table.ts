@@ -1,0 +1,40 @@
+/** Samples of several signals over one stretch, as they are computed with and exported. Pure. */
+
+export interface Column {
+  readonly name: string;
+  /** SI; NaN where a sample is missing. Raw samples: both arrays are the same. */
+  readonly minimum: Float64Array;
+  readonly maximum: Float64Array;
+}
+
+export interface SampleTable {
+  /** Every sample of the stretch, not the extremes of buckets. */
+  readonly raw: boolean;
+  /** Begin of each row [s]. */
+  readonly t: Float64Array;
+  readonly columns: readonly Column[];
+}
+
+/** The table as comma-separated values, SI, unit in each heading; an envelope has two columns per signal. */
+export function toCsv(table: SampleTable, unitOf: (name: string) => string): string {
+  const series: { title: string; values: Float64Array }[] = table.columns.flatMap(
+    ({ name, minimum, maximum }) => {
+      const title = (kind: string) => `${name}${kind} [${unitOf(name)}]`;
+      if (table.raw) return [{ title: title(""), values: minimum }];
+      return [
+        { title: title("_min"), values: minimum },
+        { title: title("_max"), values: maximum },
+      ];
+    },
+  );
+  const lines = [["t [s]", ...series.map(({ title }) => title)].join(",")];
+  for (const [row, t] of table.t.entries()) {
+    const cells = series.map(({ values }) => cell(values[row] as number));
+    lines.push([Number(t.toFixed(6)), ...cells].join(","));
+  }
+  return `${lines.join("\n")}\n`;
+}
+
+function cell(value: number): string {
+  return Number.isFinite(value) ? String(Number(value.toPrecision(7))) : "";
+}

@@ -1,0 +1,50 @@
+/** How the signed-in person likes the page; kept on the server, so that it is the same at every machine. */
+
+import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { answered, api } from "../wire/client";
+import type { Preferences } from "../wire/types";
+
+const DEFAULTS: Preferences = {
+  scheme: "auto",
+  colours: {},
+  hidden: [],
+  window_s: 20,
+  statistics: false,
+  solid: null,
+  toured: false,
+};
+
+export const preferencesQuery = queryOptions({
+  queryKey: ["preferences"],
+  queryFn: () => answered(api.GET("/api/preferences")),
+  staleTime: Number.POSITIVE_INFINITY,
+});
+
+interface PreferencesInUse {
+  /** Defaults until the service has answered. */
+  readonly preferences: Preferences;
+  readonly known: boolean;
+  /** In force at once; the service is told behind. */
+  change(part: Partial<Preferences>): void;
+}
+
+export function usePreferences(): PreferencesInUse {
+  const queries = useQueryClient();
+  const { data } = useQuery(preferencesQuery);
+  const store = useMutation({
+    mutationFn: (body: Preferences) => answered(api.PUT("/api/preferences", { body })),
+    scope: { id: "preferences" },
+  });
+  return {
+    preferences: data ?? DEFAULTS,
+    known: data !== undefined,
+    change: (part) => {
+      const before = queries.getQueryData(preferencesQuery.queryKey);
+      // what is not known yet must not be overwritten by defaults
+      if (before === undefined) return;
+      const after = { ...before, ...part };
+      queries.setQueryData(preferencesQuery.queryKey, after);
+      store.mutate(after);
+    },
+  };
+}

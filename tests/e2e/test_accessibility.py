@@ -1,0 +1,108 @@
+"""axe-core finds nothing against WCAG A and AA on any page; keyboard, phone and reduced motion as a person has them."""
+
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from playwright.sync_api import Browser, Page, ViewportSize, expect
+
+from tests.e2e.browser import DESKTOP, TABLET
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+
+AXE = (Path(__file__).parents[2] / "frontend" / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
+PAGES = ("Operate", "Identify", "Banks", "Experiments", "Runs", "System")
+PHONE = ViewportSize(width=390, height=844)
+
+
+def violations(page: Page) -> list[str]:
+    """What axe finds on the page as it is now: rule, why, and the elements."""
+    page.evaluate(AXE)
+    found = page.evaluate(
+        "rules => axe.run(document, {runOnly: {type: 'tag', values: rules}, iframes: false})"
+        ".then(result => result.violations.map(one => `${one.id}: ${one.help}: ${one.nodes.slice(0, 4)"
+        ".map(node => node.target.join(' ') + ' ' + (node.any[0]?.message ?? '')).join(' | ')}`))",
+        RULES,
+    )
+    return list(found)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_page_violates_wcag_a_or_aa(browser: Browser, service: Service, scheme: Literal["light", "dark"]) -> None:
+    context = browser.new_context(viewport=DESKTOP, color_scheme=scheme, reduced_motion="reduce")
+    operator = Operator(context.new_page(), service)
+    operator.sign_in()
+    operator.be_in_run()  # leaves a session run for the lists
+    found: dict[str, list[str]] = {}
+    for name in PAGES:
+        operator.go(name)
+        operator.page.wait_for_load_state("networkidle")
+        found[name] = violations(operator.page)
+    operator.go("Runs")
+    operator.page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
+    expect(operator.page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("Software")
+    found["one run"] = violations(operator.page)
+    operator.page.keyboard.press("c")
+    expect(operator.page.get_by_role("list", name="Steps of the set-up")).to_be_visible()
+    found["set-up"] = violations(operator.page)
+    operator.page.keyboard.press("Escape")
+    operator.page.keyboard.press("?")
+    expect(operator.page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    found["shortcuts"] = violations(operator.page)
+    context.close()
+    assert {name: found[name] for name in found if found[name]} == {}
+
+
+def test_the_keyboard_reaches_everything_and_its_focus_is_seen(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Operate")
+    expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    reached = set()
+    for _ in range(70):
+        page.keyboard.press("Tab")
+        name, outlined = page.evaluate(
+            "() => { const at = document.activeElement; if (at === document.body) return [null, false];"
+            " const style = getComputedStyle(at);"
+            " return [at.getAttribute('aria-label') ?? at.textContent, style.outlineStyle !== 'none' ||"
+            " style.boxShadow !== 'none' || at.closest('[data-size]') !== null] }"
+        )
+        if name is None:  # past the last one, the page itself
+            continue
+        assert outlined, f"the focus on {name!r} cannot be seen"
+        reached.add(name.strip())
+    assert {"STOP", "Joint position", "Live", "Measure", "Save data", "λ_q", "Decrease λ_q", "q_ref"} <= reached
+
+
+@pytest.mark.parametrize("size", [PHONE, TABLET], ids=["phone", "tablet"])
+def test_small_screens_show_state_and_stop_without_scrolling_sideways(
+    browser: Browser, service: Service, size: ViewportSize
+) -> None:
+    context = browser.new_context(viewport=size, has_touch=True)
+    operator = Operator(context.new_page(), service)
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    for name in PAGES:
+        operator.go(name)
+        overflow = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+        assert overflow <= 0, f"{name} is {overflow} px wider than the screen"
+        stop = page.get_by_role("button", name="STOP", exact=True)
+        expect(stop).to_be_in_viewport(ratio=1)
+        expect(page.get_by_role("status", name="Mode", exact=True)).to_be_in_viewport(ratio=1)
+    stop.tap()
+    operator.expect_mode("tripped")
+    expect(page.get_by_role("alert", name="Fault", exact=True)).to_be_in_viewport()
+    context.close()
+
+
+def test_stop_is_in_reach_while_a_dialog_is_open(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    page.get_by_role("button", name="Keyboard shortcuts", exact=True).click()
+    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    page.get_by_role("button", name="STOP", exact=True, include_hidden=True).click()
+    page.keyboard.press("Escape")
+    operator.expect_mode("tripped")

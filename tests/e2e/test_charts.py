@@ -1,0 +1,135 @@
+"""The live charts under a person's hands: zoom, hold, cursors, figures, spectrum, files, remembered colours."""
+
+import csv
+import io
+
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+
+@pytest.fixture
+def moving(operator: Operator) -> Operator:
+    """A joint that has just stepped by 10 degrees."""
+    operator.sign_in()
+    operator.be_in_run()
+    target = 10.0 if abs(operator.reading("Joint position", "q_ref")) < 5.0 else 0.0
+    operator.enter("q_ref value [deg]", target)
+    operator.wait(lambda: abs(operator.reading("Joint position", "q") - target) < 0.3)
+    return operator
+
+
+def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> None:
+    page = moving.page
+    page.get_by_role("button", name="Hold", exact=True).click()
+    wheel(page, -400)
+    in_sight = page.get_by_role("status", name="View", exact=True)
+    zoomed = in_sight.inner_text()
+    assert "held" in zoomed
+    before = moving.picture("Joint position")
+    ticks = moving.wait_for_samples(500)
+    assert ticks >= 500
+    assert moving.picture("Joint position") == before
+    assert in_sight.inner_text() == zoomed
+
+    page.get_by_role("button", name="Live", exact=True).click()
+    expect(in_sight).to_contain_text("following")
+    moving.wait(lambda: moving.picture("Joint position") != before)
+    page.mouse.dblclick(*middle_of_a_chart(page))
+    expect(in_sight).to_contain_text("20.0 s")
+
+
+def test_b_over_a_chart_chooses_axes_and_elsewhere_navigates(moving: Operator) -> None:
+    page = moving.page
+    page.evaluate("document.activeElement.blur()")
+    page.mouse.move(*middle_of_a_chart(page))
+    page.keyboard.press("b")
+    expect(page.get_by_role("heading", level=1, name="Operate")).to_be_attached()
+    page.mouse.move(5, 5)
+    page.keyboard.press("b")
+    expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
+
+
+def test_two_cursors_measure_time_and_value_and_move_by_keys(moving: Operator) -> None:
+    page = moving.page
+    page.get_by_role("button", name="Measure", exact=True).click()
+    delta = page.locator("[data-role=delta-t]")
+    expect(delta).to_contain_text("Δt 6.000 s")
+    expect(page.locator("[data-role=delta-q]")).to_contain_text("Δ")
+    page.get_by_role("slider", name="Measuring cursor 2 [s]").press("ArrowRight")
+    expect(delta).to_contain_text("Δt 6.100 s")
+    page.keyboard.press("m")
+    expect(delta).to_be_hidden()
+
+
+def test_statistics_of_what_is_in_sight(moving: Operator) -> None:
+    page = moving.page
+    page.get_by_role("button", name="Statistics", exact=True).click()
+    table = page.get_by_role("table", name="Statistics", exact=True)
+    row = table.get_by_role("row").filter(has=page.get_by_role("rowheader", name="qref"))
+    moving.wait(lambda: "10.00" in row.inner_text(), MOTION_TIMEOUT_MS)
+    page.reload()
+    expect(table).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    page.get_by_role("button", name="Statistics", exact=True).click()
+    expect(table).to_be_hidden()
+
+
+def test_the_spectrum_of_a_selection(moving: Operator) -> None:
+    page = moving.page
+    page.get_by_role("button", name="Spectrum", exact=True).click()
+    dialog = page.get_by_role("dialog", name="Spectrum", exact=True)
+    expect(dialog.get_by_role("img", name="Spectrum of Joint position")).to_be_visible()
+    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("(deg)²/Hz")
+    dialog.get_by_role("combobox", name="Chart").select_option("Tendon force")
+    dialog.get_by_text("Amplitude", exact=True).click()
+    expect(dialog.get_by_role("status", name="Spectrum facts")).to_contain_text("N over Hz")
+    page.keyboard.press("Escape")
+    expect(dialog).to_be_hidden()
+
+
+def test_picture_and_data_of_what_is_seen(moving: Operator) -> None:
+    page = moving.page
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save data", exact=True).click()
+    rows = list(csv.DictReader(io.StringIO(download.value.path().read_text(encoding="utf-8"))))
+    times = [float(row["t [s]"]) for row in rows]
+    assert times[1] - times[0] == pytest.approx(0.001, abs=1e-6)
+    assert times[-1] - times[0] <= 20.01
+    q = [float(row["q [rad]"]) for row in rows if row["q [rad]"]]
+    assert max(q) - min(q) == pytest.approx(0.1745, abs=0.05)
+
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save picture", exact=True).click()
+    picture = Image.open(download.value.path())
+    assert picture.format == "PNG"
+    assert len(set(picture.convert("RGB").get_flattened_data())) > 8
+
+
+def test_colour_and_hidden_signals_are_remembered_for_the_person(moving: Operator) -> None:
+    page = moving.page
+    page.get_by_role("button", name="Colour of q", exact=True).click()
+    page.get_by_role("button", name="Colour #D55E00", exact=True).click()
+    moving.legend("Tendon force", "F_B").click()
+    page.wait_for_load_state("networkidle")
+    page.evaluate("localStorage.clear()")
+    page.reload()
+    line = page.get_by_role("button", name="Colour of q_ref", exact=True).locator("line")
+    expect(line).to_have_attribute("stroke", "#D55E00", timeout=MOTION_TIMEOUT_MS)
+    expect(moving.legend("Tendon force", "F_B")).to_have_attribute("aria-pressed", "false")
+    page.get_by_role("button", name="Colour of q", exact=True).click()
+    page.get_by_role("button", name="Standard", exact=True).click()
+    expect(line).to_have_attribute("stroke", "#0072B2")
+    moving.legend("Tendon force", "F_B").click()
+
+
+def middle_of_a_chart(page: Page) -> tuple[float, float]:
+    box = page.get_by_role("figure", name="Joint position", exact=True).bounding_box()
+    assert box is not None
+    return box["x"] + 0.6 * box["width"], box["y"] + 0.6 * box["height"]
+
+
+def wheel(page: Page, by: float) -> None:
+    page.mouse.move(*middle_of_a_chart(page))
+    page.mouse.wheel(0, by)

@@ -1,0 +1,117 @@
+"""λ at the page: staged edits, a trial that outlives its page, saving and going back, links that break."""
+
+import re
+
+import pytest
+from playwright.sync_api import Browser, Locator, WebSocketRoute, expect
+
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+
+DISCONNECTIONS = 10
+
+
+@pytest.fixture
+def tuning(operator: Operator) -> Operator:
+    """The Operate page with its tuning."""
+    operator.sign_in()
+    operator.go("Operate")
+    expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    return operator
+
+
+def table(operator: Operator) -> Locator:
+    return operator.page.get_by_role("table", name="Saved, in force and staged", exact=True)
+
+
+def data_from(operator: Operator) -> float:
+    """Time of the oldest sample in sight [s of the loop], as the saved data have it."""
+    page = operator.page
+    page.get_by_role("combobox", name="Window", exact=True).select_option("30")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save data", exact=True).click()
+    lines = download.value.path().read_text(encoding="utf-8").splitlines()
+    return float(lines[1].split(",")[0])
+
+
+def cells(operator: Operator, symbol: str) -> list[str]:
+    """Saved, in force and staged value of a λ."""
+    row = table(operator).get_by_role("row").filter(has=operator.page.get_by_role("rowheader", name=symbol))
+    return [cell.inner_text() for cell in row.get_by_role("cell").all()]
+
+
+def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Operator) -> None:
+    page = tuning.page
+    page.get_by_role("switch", name="Stage changes").check()
+    tuning.enter("λ_q value [s]", 0.7)
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "0.700"])
+    page.reload()
+    expect(table(tuning)).to_contain_text("0.700", timeout=MOTION_TIMEOUT_MS)
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "0.700"])
+
+    page.get_by_role("button", name="Apply", exact=True).click()
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.700", "–"])
+    page.get_by_role("switch", name="Stage changes").uncheck()
+    page.get_by_role("button", name="Revert to saved", exact=True).click()
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "–"])
+
+
+def test_a_trial_reverts_although_its_page_is_gone(tuning: Operator, browser: Browser, service: Service) -> None:
+    page = tuning.page
+    page.get_by_role("switch", name="Stage changes").check()
+    tuning.enter("λ_S value [s]", 0.8)
+    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("3")
+    page.get_by_role("button", name="Try for", exact=True).click()
+    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
+    page.close()
+
+    context = browser.new_context(viewport=DESKTOP)
+    other = Operator(context.new_page(), service)
+    other.sign_in()
+    other.wait(lambda: table(other).is_visible() and cells(other, "λS")[1] == "0.420")
+    expect(other.page.get_by_role("status", name="Trial", exact=True)).to_be_hidden()
+    context.close()
+
+
+def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> None:
+    page = tuning.page
+    page.get_by_role("checkbox", name="Compare with the printed formula (E1)").check()
+    preview = page.get_by_role("group", name="Preview of λ_q", exact=True)
+    expect(preview).to_contain_text("As printed: unstable", timeout=MOTION_TIMEOUT_MS)
+    forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
+    expect(forecast).to_contain_text(re.compile(r"peak \d+\.\d of 10 V, tension ≥ \d+\.\d N"))
+
+
+def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) -> None:
+    page = tuning.page
+    links: list[WebSocketRoute] = []
+
+    def pass_through(link: WebSocketRoute) -> None:
+        links.append(link)
+        link.connect_to_server()
+
+    page.route_web_socket("**/api/live", pass_through)
+    page.reload()
+    tuning.be_in_run()
+    tuning.enter("q_ref value [deg]", 15.0)
+    tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
+    page.get_by_role("switch", name="Stage changes").check()
+    tuning.enter("λ_q value [s]", 0.66)
+    oldest = data_from(tuning)
+    page.wait_for_load_state("networkidle")
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
+    link = page.get_by_role("status", name="Link", exact=True)
+    for _ in range(DISCONNECTIONS):
+        links[-1].close()
+        expect(link).to_have_attribute("data-health", "down", timeout=MOTION_TIMEOUT_MS)
+        expect(link).to_have_attribute("data-health", "live", timeout=MOTION_TIMEOUT_MS)
+    assert sent == []
+    tuning.expect_mode("run")
+    assert tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01)
+    assert cells(tuning, "λq")[2] == "0.660"
+    assert len(links) == DISCONNECTIONS + 1
+    assert data_from(tuning) - oldest < 30.0
+    page.get_by_role("button", name="Discard", exact=True).click()
+    page.get_by_role("switch", name="Stage changes").uncheck()
