@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from backend.api.app import create_app
 from backend.api.auth import Gate, signed_in
 from backend.api.bench import Bench
+from backend.api.control import Control
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.history import History
@@ -125,6 +126,9 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     picture = Picture(supervisor, parameters, tuning, lambda: [recorder.problem] if recorder.problem else [])
     sessions = SessionRuns(database, settings.plant, parameters)
     bench = Bench(supervisor, picture, sessions, journal, recorder.follow)
+    control = Control(bench.operator_lost, bench.note_control)
+    picture.holder = control.view
+    _run_until_closed(control.run(), stack)
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(picture.state())))
     journal.on_mark(live.announce)
     bench.on_change(live.state_changed)
@@ -140,7 +144,7 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
     stack.callback(scene.close)
-    return supervisor, recorder, Service(bench, tasks, library, Desk(database), history, downloads, live), scene
+    return supervisor, recorder, Service(bench, control, tasks, library, Desk(database), history, downloads, live), scene
 
 
 async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:

@@ -8,7 +8,19 @@ from fastapi.routing import APIRoute
 
 from backend import __version__
 from backend.api import errors
-from backend.api.routes import experiments, identifications, operate, preferences, runs, session, site, stream, tuning
+from backend.api.routes import (
+    control,
+    experiments,
+    faults,
+    identifications,
+    operate,
+    preferences,
+    runs,
+    session,
+    site,
+    stream,
+    tuning,
+)
 from backend.api.security import Guard
 
 DESCRIPTION = (
@@ -38,7 +50,7 @@ def create_app(
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
     )
-    for part in (session, preferences, operate, tuning, identifications, experiments, runs):
+    for part in (session, preferences, control, operate, faults, tuning, identifications, experiments, runs):
         app.include_router(part.router, responses=errors.RESPONSES)
     for router in (stream.router, *further_routes, site.router):
         app.include_router(router)

@@ -18,6 +18,9 @@ from backend.api.tokens import Tokens
 
 COOKIE = "sinew_session"
 SESSION_S = 30 * 24 * 3600
+BEARER, OPEN = "bearer", "open"
+"""The ``session`` of all who send a token with each request, and of all where no token is needed."""
+
 ATTEMPTS = 10
 ATTEMPTS_WINDOW_S = 60.0
 
@@ -67,7 +70,7 @@ class Gate:
     def recognise(self, connection: HTTPConnection) -> Person | None:
         """Return who sends this request or opens this websocket, None when not signed in. Raises ApiError 401, 429."""
         if self._tokens is None:
-            return Person(Role.OPERATOR, Role.OPERATOR, "open")
+            return Person(Role.OPERATOR, Role.OPERATOR, OPEN)
         scheme, _, token = connection.headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer":
             return self._person_of_bearer(token.strip(), address_of(connection))
@@ -78,7 +81,7 @@ class Gate:
         role = self._tokens.role_of(token) if self._tokens else Role.OPERATOR
         if role is None:
             return self.sign_in(token, "", address)
-        return Person(role, role, "bearer")
+        return Person(role, role, BEARER)
 
     def _person_of_cookie(self, cookie: str | None) -> Person | None:
         if cookie is None or self._cookies is None:

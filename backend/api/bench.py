@@ -27,11 +27,13 @@ from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.refusal import require_within
 from backend.storage.banks import Bank
+from plant.breakage import Broken
 
 STOP_PROOF_S = 1.0
 """How long a stop may take to be confirmed; the loop itself takes two ticks."""
 
 _SHOWN_S = 0.2
+_STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 
 
 class Bench:
@@ -83,6 +85,19 @@ class Bench:
         self._journal.note(MarkKind.FAULT, "STOP", stopped.arrived_tick, who)
         return proof_of(stopped)
 
+    async def operator_lost(self, who: str) -> None:
+        """Stop softly: the page that held control was not heard, and the references were held long enough."""
+        self.note_control("control lost", who)
+        if self.picture.mode in _STILL or not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
+
+    def note_control(self, text: str, who: str) -> None:
+        """Put on record what happens to control."""
+        self._journal.note(MarkKind.NOTE, text, self.picture.tick, who)
+        self.changed()
+
     async def reset(self, who: str) -> State:
         """Clear the latched fault after its cause is gone; start the loop process anew if it has died."""
         async with self._turn:
@@ -129,6 +144,17 @@ class Bench:
         accepted = await self._command(commands.Push(F_push))
         self._journal.note(MarkKind.NOTE, f"push {F_push:.1f} N", accepted.tick, who)
         return Push(F_push=F_push)
+
+    async def break_plant(self, broken: Broken | None, who: str) -> None:
+        """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
+        accepted = await self._command(commands.Inject(broken))
+        text = "mended" if broken is None else f"broken on purpose: {broken.kind} {broken.sensor}"
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+
+    def fall_silent(self, duration_s: float, who: str) -> None:
+        """Send the loop no heartbeat for a while, to try its reaction."""
+        self._supervisor.fall_silent(duration_s)
+        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.picture.tick, who)
 
     async def set_tuning(self, request: TuningRequest, who: str) -> TuningView:
         """Change λ while the loop runs. Raises OutOfRangeError; nothing changes then."""

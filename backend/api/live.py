@@ -139,14 +139,14 @@ class LiveStream:
             for client in self._clients:
                 client.offer_frame(frame)
 
-    async def serve(self, websocket: WebSocket) -> None:
-        """Serve one accepted websocket until either side ends it."""
+    async def serve(self, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
+        """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
         client = Client()
         greeting = [layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
         history = _frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
         self._clients.add(client)
         tasks = {
-            asyncio.create_task(_receive(websocket, client)),
+            asyncio.create_task(_receive(websocket, client, heard)),
             asyncio.create_task(_send(websocket, client, chain(greeting, history))),
         }
         try:
@@ -212,7 +212,7 @@ async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
         await (websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message))
 
 
-async def _receive(websocket: WebSocket, client: Client) -> None:
+async def _receive(websocket: WebSocket, client: Client, heard: Callable[[Ping], None]) -> None:
     while True:
         try:
             ping = Ping.model_validate_json(await websocket.receive_text())
@@ -221,4 +221,5 @@ async def _receive(websocket: WebSocket, client: Client) -> None:
             return
         except (RuntimeError, WebSocketDisconnect):
             return
+        heard(ping)
         client.offer_text(Pong(id=ping.id).model_dump_json())

@@ -1,9 +1,12 @@
 """What the actuator does at present, put together from samples, events and the tuning in force."""
 
 from collections.abc import Callable
+from typing import Literal
 
 from backend import __version__
+from backend.api.chain import chain
 from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
+from backend.api.schemas.control import HolderView
 from backend.api.schemas.session import Health
 from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
 from backend.api.tuning_in_use import TuningInUse
@@ -21,9 +24,10 @@ F_PUSH_MAX = 30.0
 
 
 class Picture:
-    """The present state. Whoever changes them sets ``tuning``, ``task``, ``trial``; the rest is seen and heard.
+    """The present state.
 
-    ``problems`` tells what is wrong with the service without being a fault of the loop.
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``; the rest is seen and heard. ``problems``
+    tells what is wrong with the service without being a fault of the loop.
     """
 
     def __init__(
@@ -36,6 +40,7 @@ class Picture:
         self.tuning = tuning
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
+        self.holder: Callable[[], HolderView | None] = lambda: None
         self.starts = 1
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
@@ -45,6 +50,11 @@ class Picture:
         self._observation = Observation(lambda: supervisor.ring)
         self._pretension_done = False
         self._stop: Stopped | None = None
+
+    @property
+    def plant(self) -> Literal["simulator", "rig"]:
+        """What is controlled."""
+        return self._supervisor.setup.plant
 
     @property
     def mode(self) -> Mode:
@@ -105,13 +115,15 @@ class Picture:
         """Return everything the status line and the controls show."""
         sample = self._observation.sample()
         mode = mode_of(sample)
+        holder = self.holder()
+        link = self._observation.link(self._supervisor.alive, self.starts)
         return State(
             mode=mode,
             legal_modes=self.legal(mode),
-            plant=self._supervisor.setup.plant,
+            plant=self.plant,
             parameters=self._parameters.name,
             tick=self.tick,
-            link=self._observation.link(self._supervisor.alive, self.starts),
+            link=link,
             timing=self._observation.timing(),
             references=references_of(sample),
             tuning=self.tuning.view(entry_of(sample)),
@@ -119,7 +131,8 @@ class Picture:
             fault=self._fault_view(sample),
             pretension_done=self._pretension_done,
             stop_proof=None if self._stop is None else proof_of(self._stop),
-            holder=None,
+            holder=holder,
+            chain=chain(self._supervisor, holder, link, fault_of(sample)),
             task=self.task,
             trial=self.trial(),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),

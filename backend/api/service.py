@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import Depends, Path
+from fastapi import Depends, Header, Path
 from starlette.requests import HTTPConnection
 
+from backend.api.auth import Operator, Person
 from backend.api.bench import Bench
+from backend.api.control import HEADER, Control, read_stamp
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.history import History
@@ -22,6 +24,7 @@ class Service:
     """What the routes act on."""
 
     bench: Bench
+    control: Control
     tasks: Tasks
     library: Library
     desk: Desk
@@ -37,3 +40,18 @@ def service_of(connection: HTTPConnection) -> Service:
 
 
 ServiceInUse = Annotated[Service, Depends(service_of)]
+
+
+def _in_control(
+    service: ServiceInUse,
+    person: Operator,
+    stamp: Annotated[
+        str | None, Header(alias=HEADER, max_length=40, description="epoch.sequence of the page that holds control")
+    ] = None,
+) -> Person:
+    service.control.require(person, read_stamp(stamp))
+    return person
+
+
+InControl = Annotated[Person, Depends(_in_control)]
+"""An operator who holds control: only their commands move the actuator."""

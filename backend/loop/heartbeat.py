@@ -24,7 +24,8 @@ class Heart:
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
-        self._shown_at = time.monotonic()
+        self._shown_at = self._beaten_at = time.monotonic()
+        self._silent_until = 0.0
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
         self._thread.start()
@@ -32,6 +33,15 @@ class Heart:
     def shown(self) -> None:
         """Take note that the event loop lives."""
         self._shown_at = time.monotonic()
+
+    @property
+    def age_s(self) -> float:
+        """Time since the last beat [s]."""
+        return time.monotonic() - self._beaten_at
+
+    def pause(self, duration_s: float) -> None:
+        """Do not beat for so long."""
+        self._silent_until = time.monotonic() + duration_s
 
     def stop(self) -> None:
         """End the thread; the channel may be closed afterwards."""
@@ -41,6 +51,8 @@ class Heart:
     def _beat(self) -> None:
         beat = encode(Heartbeat())
         while not self._stopped.wait(HEARTBEAT_S):
-            if time.monotonic() - self._shown_at < STALE_S:
+            now = time.monotonic()
+            if now - self._shown_at < STALE_S and now >= self._silent_until:
                 with suppress(ChannelClosedError):
                     self._channel.send(beat)
+                self._beaten_at = now

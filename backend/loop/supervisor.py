@@ -68,6 +68,16 @@ class Supervisor:
         """Whether the loop process is there and ticking."""
         return self.granted is not None
 
+    @property
+    def beat_age_s(self) -> float | None:
+        """Time since the last heartbeat was sent to the loop process [s], None where there is none."""
+        return None if self._heart is None else self._heart.age_s
+
+    def fall_silent(self, duration_s: float) -> None:
+        """Send no heartbeat for a while: what a service that hangs would be like."""
+        if self._heart is not None:
+            self._heart.pause(duration_s)
+
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
         self._listeners.append(listener)

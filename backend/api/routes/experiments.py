@@ -11,7 +11,7 @@ from backend.api.schemas.experiment import (
     QueueView,
 )
 from backend.api.schemas.identification import Started
-from backend.api.service import RowId, ServiceInUse
+from backend.api.service import InControl, RowId, ServiceInUse
 
 router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 
@@ -23,7 +23,7 @@ async def list_experiments(service: ServiceInUse, _person: SignedIn) -> Experime
 
 
 @router.post("", status_code=202)
-async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> Started:
+async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> Started:
     """Start an experiment; its progress is in the state, its result under the returned id."""
     return Started(id=await service.tasks.start_experiment(body, person.name))
 

@@ -13,13 +13,13 @@ from backend.api.schemas.identification import (
     Prediction,
     Started,
 )
-from backend.api.service import RowId, ServiceInUse
+from backend.api.service import InControl, RowId, ServiceInUse
 
 router = APIRouter(prefix="/api", tags=["identification"])
 
 
 @router.post("/identifications", status_code=202)
-async def start_identification(body: IdentificationRequest, service: ServiceInUse, person: Operator) -> Started:
+async def start_identification(body: IdentificationRequest, service: ServiceInUse, person: InControl) -> Started:
     """Start an identification run; its progress is in the state, its result under the returned id."""
     return Started(id=await service.tasks.start_identification(body, person.name))
 
@@ -61,7 +61,7 @@ async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankV
 
 
 @router.post("/banks/{id}/activate")
-async def activate_bank(id: RowId, service: ServiceInUse, person: Operator) -> BankView:
+async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
     await service.bench.use_bank(await service.library.stored_bank(id), person.name)
     return await service.library.bank(id)

@@ -2,9 +2,9 @@
 
 from fastapi import APIRouter
 
-from backend.api.auth import Operator, SignedIn
+from backend.api.auth import SignedIn
 from backend.api.schemas.state import ModeRequest, Push, References, State, StopProof
-from backend.api.service import ServiceInUse
+from backend.api.service import InControl, ServiceInUse
 
 router = APIRouter(prefix="/api", tags=["operate"])
 
@@ -22,24 +22,24 @@ async def stop(service: ServiceInUse, person: SignedIn) -> StopProof:
 
 
 @router.post("/reset")
-async def reset(service: ServiceInUse, person: Operator) -> State:
+async def reset(service: ServiceInUse, person: InControl) -> State:
     """Clear the latched fault after its cause is gone."""
     return await service.bench.reset(person.name)
 
 
 @router.post("/mode")
-async def set_mode(body: ModeRequest, service: ServiceInUse, person: Operator) -> State:
+async def set_mode(body: ModeRequest, service: ServiceInUse, person: InControl) -> State:
     """Move to another mode; an illegal move is refused with the legal ones."""
     return await service.bench.set_mode(body.mode, person.name)
 
 
 @router.put("/references")
-async def set_references(body: References, service: ServiceInUse, person: Operator) -> References:
+async def set_references(body: References, service: ServiceInUse, person: InControl) -> References:
     """Set the references of the cascade; values beyond the limits are refused."""
     return await service.bench.set_references(body.q_ref, body.S_ref, person.name)
 
 
 @router.post("/push")
-async def push(body: Push, service: ServiceInUse, person: Operator) -> Push:
+async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
     """Push the joint of the simulator from outside."""
     return await service.bench.push(body.F_push, person.name)

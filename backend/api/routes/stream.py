@@ -11,6 +11,6 @@ router = APIRouter()
 @router.websocket("/api/live")
 async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
-    signed_in(websocket)
+    person, service = signed_in(websocket), service_of(websocket)
     await websocket.accept()
-    await service_of(websocket).live.serve(websocket)
+    await service.live.serve(websocket, lambda ping: service.control.heard(person, ping.control))

@@ -9,7 +9,7 @@ from backend.api.errors import ApiError
 from backend.api.schemas.base import Finite
 from backend.api.schemas.state import State
 from backend.api.schemas.tuning import RobustTuning, SavedTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
-from backend.api.service import ServiceInUse
+from backend.api.service import InControl, ServiceInUse
 
 LAM_PREVIEW_MIN = 0.05
 """Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
@@ -28,25 +28,25 @@ async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
 
 
 @router.put("")
-async def set_tuning(body: TuningRequest, service: ServiceInUse, person: Operator) -> TuningView:
+async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
     return await service.bench.set_tuning(body, person.name)
 
 
 @router.post("/trial")
-async def try_tuning(body: TrialRequest, service: ServiceInUse, person: Operator) -> State:
+async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
     return await service.bench.try_tuning(body, person.name)
 
 
 @router.delete("/trial")
-async def revert_trial(service: ServiceInUse, person: Operator) -> State:
+async def revert_trial(service: ServiceInUse, person: InControl) -> State:
     """Put the tuning before the trial back at once."""
     return await service.bench.end_trial(False, person.name)
 
 
 @router.post("/trial/keep")
-async def keep_trial(service: ServiceInUse, person: Operator) -> State:
+async def keep_trial(service: ServiceInUse, person: InControl) -> State:
     """Keep what is on trial."""
     return await service.bench.end_trial(True, person.name)
 

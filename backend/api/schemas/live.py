@@ -56,10 +56,11 @@ class EventMessage(Schema):
 
 
 class Ping(Schema):
-    """Asked by the page to measure the link."""
+    """Asked by the page to measure the link; ``control`` is the epoch of the control it holds, if it does."""
 
     type: Literal["ping"] = "ping"
     id: int
+    control: int | None = None
 
 
 class Pong(Schema):

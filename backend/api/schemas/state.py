@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.control import HolderView
 from backend.api.schemas.tuning import TuningView
 from backend.faults import Fault
 from backend.loop.mode import Mode
@@ -80,10 +81,13 @@ class StopProof(Schema):
     milliseconds: float = quantity("ms", "from arrival in the loop to zero volts")
 
 
-class HolderView(Schema):
-    """Who holds control."""
+class ChainLinkView(Schema):
+    """One link of the safety chain; each watches the one before it."""
 
-    name: str
+    name: Literal["page", "service", "loop", "watchdog", "safety_module"]
+    good: bool
+    silent_s: float | None = quantity("s", "time since it was last heard; null where there is nothing to hear")
+    says: str
 
 
 class TaskView(Schema):
@@ -130,6 +134,7 @@ class State(Schema):
     pretension_done: bool
     stop_proof: StopProof | None
     holder: HolderView | None
+    chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
     recording_run: int | None = Field(description="run that the samples belong to at present")

@@ -6,6 +6,7 @@ import { health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/preferences";
+import { ControlMenu } from "./ControlMenu";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
@@ -44,9 +45,9 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
         />
         <Metric label="Overruns" value={timing ? fixed(timing.overruns, 0) : "–"} width="8ch" />
         <LinkStatus link={link} now_ms={now_ms} />
-        <Metric label="Control" value={state?.holder?.name ?? "nobody"} width="12ch" optional />
       </div>
       <div className={styles.tools}>
+        <ControlMenu />
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">
           <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>

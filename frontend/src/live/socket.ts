@@ -1,5 +1,6 @@
 /** Drives the link machine with a real websocket and feeds the store. */
 
+import { heldEpoch } from "../wire/control";
 import { decodeFrame } from "../wire/frame";
 import { parseMessage } from "../wire/message";
 import { type LinkEvent, step } from "./link";
@@ -22,7 +23,7 @@ export function keepConnected(store: LiveStore, url: string): () => void {
     if (action === "ping" && socket?.readyState === WebSocket.OPEN) {
       pings += 1;
       sent.set(pings, now_ms);
-      socket.send(JSON.stringify({ type: "ping", id: pings }));
+      socket.send(JSON.stringify({ type: "ping", id: pings, control: heldEpoch() }));
     }
   }
 
@@ -64,6 +65,8 @@ export function keepConnected(store: LiveStore, url: string): () => void {
       return;
     }
     happen({ kind: "heard" });
+    // a page in the background has its timers slowed down, and would be missed
+    happen({ kind: "clock" });
     if (message?.type === "layout") store.setLayout(message);
     if (message?.type === "state") store.setState(message);
     if (message?.type === "event") store.addMark(message);

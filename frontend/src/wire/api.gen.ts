@@ -52,26 +52,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/api/checklist": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Get Checklist
-         * @description Return how far the set-up is, from pretension to report, and what is out of date.
-         */
-        get: operations["get_checklist"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/api/preferences": {
         parameters: {
             query?: never;
@@ -91,6 +71,30 @@ export interface paths {
         put: operations["set_preferences"];
         post?: never;
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/control": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Take Control
+         * @description Take control for a page, which keeps it as long as its pings on `/api/live` carry the epoch.
+         */
+        post: operations["take_control"];
+        /**
+         * Give Up Control
+         * @description Give up control; nothing moves by that.
+         */
+        delete: operations["give_up_control"];
         options?: never;
         head?: never;
         patch?: never;
@@ -211,6 +215,50 @@ export interface paths {
          */
         post: operations["push"];
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/faults": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Faults
+         * @description List all faults with message, remedy, and what brings them about on the simulator.
+         */
+        get: operations["list_faults"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/faults/injection": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Inject Fault
+         * @description Break a part of the simulator or a link of the safety chain; refused on a rig.
+         */
+        post: operations["inject_fault"];
+        /**
+         * Mend Fault
+         * @description Mend what was broken; the latched fault stays until it is reset.
+         */
+        delete: operations["mend_fault"];
         options?: never;
         head?: never;
         patch?: never;
@@ -500,110 +548,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/api/experiments/dry-run": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        /**
-         * Dry Run Experiment
-         * @description Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored.
-         */
-        post: operations["dry_run_experiment"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/experiments/queue": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Get Queue
-         * @description Return the experiments that wait for their turn.
-         */
-        get: operations["get_queue"];
-        put?: never;
-        /**
-         * Add To Queue
-         * @description Put an experiment at the end of the queue; nothing starts before the queue is run.
-         */
-        post: operations["add_to_queue"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/experiments/queue/run": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        /**
-         * Run Queue
-         * @description Start the first experiment and go on until the queue is empty or one does not complete.
-         */
-        post: operations["run_queue"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/experiments/queue/hold": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        /**
-         * Hold Queue
-         * @description Start no further experiment; the one under way goes on.
-         */
-        post: operations["hold_queue"];
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/experiments/queue/{id}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        get?: never;
-        put?: never;
-        post?: never;
-        /**
-         * Remove From Queue
-         * @description Take a waiting experiment out of the queue.
-         */
-        delete: operations["remove_from_queue"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/api/experiments/{id}": {
         parameters: {
             query?: never;
@@ -666,46 +610,6 @@ export interface paths {
          * @description Write the note of a run.
          */
         patch: operations["set_note"];
-        trace?: never;
-    };
-    "/api/runs/{id}/lineage": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Get Lineage
-         * @description Return where a run came from, back to raw data and parameters, and what came of it.
-         */
-        get: operations["get_lineage"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/runs/{id}/marks": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Get Marks
-         * @description Return what happened during a run, on its own time axis.
-         */
-        get: operations["get_marks"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
         trace?: never;
     };
     "/api/runs/{id}/samples": {
@@ -879,30 +783,36 @@ export interface components {
             entries: components["schemas"]["BankEntryView"][];
         };
         /**
-         * Checklist
-         * @description The set-up in order; each step builds on those before.
+         * ChainLinkView
+         * @description One link of the safety chain; each watches the one before it.
          */
-        Checklist: {
-            /** Steps */
-            steps: components["schemas"]["ChecklistStep"][];
+        ChainLinkView: {
+            /**
+             * Name
+             * @enum {string}
+             */
+            name: "page" | "service" | "loop" | "watchdog" | "safety_module";
+            /** Good */
+            good: boolean;
+            /**
+             * Silent S
+             * @description time since it was last heard; null where there is nothing to hear [s]
+             */
+            silent_s: number | null;
+            /** Says */
+            says: string;
         };
         /**
-         * ChecklistStep
-         * @description One step from pretension to report.
+         * ControlRequest
+         * @description Take control; over from somebody else only if that is said.
          */
-        ChecklistStep: {
-            /** Name */
-            name: string;
-            state: components["schemas"]["StepState"];
+        ControlRequest: {
             /**
-             * Detail
-             * @description what there is, or why it no longer holds
+             * Take Over
+             * @description take control although somebody else holds it
+             * @default false
              */
-            detail: string;
-            /** Run */
-            run: number | null;
-            /** At */
-            at: string | null;
+            take_over: boolean;
         };
         /**
          * Criterion
@@ -936,26 +846,6 @@ export interface components {
          * @enum {string}
          */
         DataFormat: "csv" | "parquet" | "mat";
-        /**
-         * DryRunView
-         * @description What an experiment would give, played on a simulator of its own; nothing is stored.
-         */
-        DryRunView: {
-            /** Status */
-            status: string;
-            /** Message */
-            message: string;
-            /**
-             * Duration S
-             * @description length of the experiment [s]
-             */
-            duration_s: number;
-            /** Metrics */
-            metrics: components["schemas"]["Metric"][];
-            /** Criteria */
-            criteria: components["schemas"]["Criterion"][];
-            samples: components["schemas"]["SamplesView"] | null;
-        };
         /**
          * Envelope
          * @description One signal over the times of the answer. Raw: minimum and maximum are the same values.
@@ -1060,6 +950,26 @@ export interface components {
          */
         Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog";
         /**
+         * FaultKind
+         * @description A fault with its words, and what brings it about while the joint moves (null: press STOP).
+         */
+        FaultKind: {
+            code: components["schemas"]["Fault"];
+            /** Message */
+            message: string;
+            /** Remedy */
+            remedy: string;
+            injection: components["schemas"]["Injection"] | null;
+        };
+        /**
+         * FaultList
+         * @description All faults there are, in the order of their codes.
+         */
+        FaultList: {
+            /** Faults */
+            faults: components["schemas"]["FaultKind"][];
+        };
+        /**
          * FaultView
          * @description The latched fault.
          */
@@ -1114,6 +1024,23 @@ export interface components {
         HolderView: {
             /** Name */
             name: string;
+            /** Epoch */
+            epoch: number;
+            /**
+             * Page
+             * @description a page, which is missed when it falls silent, or a script
+             */
+            page: boolean;
+            /**
+             * Silent S
+             * @description time since the holder was last heard [s]
+             */
+            silent_s: number;
+            /**
+             * Lost
+             * @description not heard any more: references are held, a soft stop follows
+             */
+            lost: boolean;
         };
         /**
          * IdentificationList
@@ -1202,6 +1129,24 @@ export interface components {
             message: string;
         };
         /**
+         * Injection
+         * @description One thing to break.
+         */
+        Injection: {
+            kind: components["schemas"]["InjectionKind"];
+            /**
+             * @description which reading, where the kind is about one
+             * @default q
+             */
+            sensor: components["schemas"]["Sensor"];
+        };
+        /**
+         * InjectionKind
+         * @description What is broken: parts of the plant as in ``plant.breakage.Breakage``, then links of the safety chain.
+         * @enum {string}
+         */
+        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "service_silent" | "page_silent";
+        /**
          * LayoutMessage
          * @description First message: how to read everything after it.
          */
@@ -1236,6 +1181,16 @@ export interface components {
             limits: {
                 [key: string]: number;
             };
+        };
+        /**
+         * Lease
+         * @description Control was given: commands carry ``Sinew-Control: epoch.sequence`` with a sequence that grows.
+         */
+        Lease: {
+            /** Epoch */
+            epoch: number;
+            /** Name */
+            name: string;
         };
         /**
          * LimitsView
@@ -1282,75 +1237,6 @@ export interface components {
              * @description largest motor voltage, either way [V]
              */
             u_max: number;
-            /**
-             * Q Trip
-             * @description joint position at which the joint trips, either way [rad]
-             */
-            q_trip: number;
-            /**
-             * Tensions
-             * @description from slack to solid spring: where tension limits stiffness
-             */
-            tensions: components["schemas"]["TensionView"][];
-        };
-        /**
-         * Lineage
-         * @description Back to raw data and forth to what came of it.
-         */
-        Lineage: {
-            /** Run */
-            run: number;
-            /** Software */
-            software: string;
-            /** Parameters */
-            parameters: string;
-            /**
-             * Parameters As Now
-             * @description the plant's parameters are still those of this run
-             */
-            parameters_as_now: boolean;
-            /** @description bank in use; null while the gains came from geometry */
-            bank: components["schemas"]["LineageBank"] | null;
-            /** Entries */
-            entries: components["schemas"]["LineageEntry"][];
-            /**
-             * Banks Built
-             * @description banks with an entry that was identified from this run
-             */
-            banks_built: components["schemas"]["LineageBank"][];
-            /**
-             * Runs With Them
-             * @description newest runs that used these banks
-             */
-            runs_with_them: number[];
-        };
-        /**
-         * LineageBank
-         * @description A bank that a run used or that was built from it.
-         */
-        LineageBank: {
-            /** Id */
-            id: number;
-            /** Name */
-            name: string;
-            /** Version */
-            version: number;
-        };
-        /**
-         * LineageEntry
-         * @description Where an entry of the bank in use came from.
-         */
-        LineageEntry: {
-            /**
-             * S Nominal
-             * @description nominal point [N·m/rad]
-             */
-            S_nominal: number;
-            /**
-             * Run
-             * @description identification run; null for data from elsewhere or from geometry
-             */
-            run: number | null;
         };
         /**
          * LinkView
@@ -1526,7 +1412,7 @@ export interface components {
         };
         /**
          * Ping
-         * @description Asked by the page to measure the link.
+         * @description Asked by the page to measure the link; ``control`` is the epoch of the control it holds, if it does.
          */
         Ping: {
             /**
@@ -1537,6 +1423,11 @@ export interface components {
             type: "ping";
             /** Id */
             id: number;
+            /**
+             * Control
+             * @default null
+             */
+            control: number | null;
         };
         /**
          * Pong
@@ -1589,6 +1480,7 @@ export interface components {
         Preferences: {
             /**
              * Scheme
+             * @default auto
              * @enum {string}
              */
             scheme: "light" | "dark" | "auto";
@@ -1596,32 +1488,35 @@ export interface components {
              * Colours
              * @description own colour of a signal as #rrggbb; its reference follows it
              */
-            colours: {
+            colours?: {
                 [key: string]: string;
             };
             /**
              * Hidden
              * @description signals switched off in the charts
              */
-            hidden: string[];
+            hidden?: string[];
             /**
              * Window S
              * @description length of the following window [s]
+             * @default 20
              */
             window_s: number;
             /**
              * Statistics
              * @description figures of the visible range are shown
+             * @default false
              */
             statistics: boolean;
             /**
              * Solid
              * @description 3D view instead of the flat drawing; null: as the browser can
              */
-            solid: boolean | null;
+            solid?: boolean | null;
             /**
              * Toured
              * @description the first-run tour was seen or dismissed
+             * @default false
              */
             toured: boolean;
         };
@@ -1675,45 +1570,6 @@ export interface components {
              * @description force, tangential at the joint pulley, positive towards +q [N]
              */
             F_push: number;
-        };
-        /**
-         * QueueView
-         * @description What waits, in order.
-         */
-        QueueView: {
-            /** Items */
-            items: components["schemas"]["QueuedView"][];
-            /**
-             * Running
-             * @description the next one starts by itself
-             */
-            running: boolean;
-            /**
-             * Run
-             * @description run that the queue has started and that is under way
-             */
-            run: number | null;
-            /**
-             * Problem
-             * @description why the queue was held
-             */
-            problem: string;
-        };
-        /**
-         * QueuedView
-         * @description An experiment that waits for its turn.
-         */
-        QueuedView: {
-            /** Id */
-            id: number;
-            /** Name */
-            name: string;
-            /** Settings */
-            settings: {
-                [key: string]: boolean | number | string;
-            };
-            /** Who */
-            who: string;
         };
         /**
          * References
@@ -1783,31 +1639,6 @@ export interface components {
             runs: components["schemas"]["RunView"][];
             /** Total */
             total: number;
-        };
-        /**
-         * RunMark
-         * @description Something that happened during a run.
-         */
-        RunMark: {
-            /**
-             * T
-             * @description time since the run's first sample [s]
-             */
-            t: number;
-            /** Kind */
-            kind: string;
-            /** Text */
-            text: string;
-            /** Who */
-            who: string;
-        };
-        /**
-         * RunMarks
-         * @description What happened during a run, in order.
-         */
-        RunMarks: {
-            /** Marks */
-            marks: components["schemas"]["RunMark"][];
         };
         /**
          * RunView
@@ -1901,6 +1732,12 @@ export interface components {
             at: string | null;
         };
         /**
+         * Sensor
+         * @description A reading of the plant, by its name in ``Measurement``.
+         * @enum {string}
+         */
+        Sensor: "q" | "theta_A" | "theta_B" | "F_A" | "F_B";
+        /**
          * SessionView
          * @description The signed-in person.
          */
@@ -1978,6 +1815,11 @@ export interface components {
             pretension_done: boolean;
             stop_proof: components["schemas"]["StopProof"] | null;
             holder: components["schemas"]["HolderView"] | null;
+            /**
+             * Chain
+             * @description the safety chain in order, from the page to the safety module
+             */
+            chain: components["schemas"]["ChainLinkView"][];
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
@@ -2019,6 +1861,11 @@ export interface components {
             pretension_done: boolean;
             stop_proof: components["schemas"]["StopProof"] | null;
             holder: components["schemas"]["HolderView"] | null;
+            /**
+             * Chain
+             * @description the safety chain in order, from the page to the safety module
+             */
+            chain: components["schemas"]["ChainLinkView"][];
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
@@ -2039,12 +1886,6 @@ export interface components {
              */
             type: "state";
         };
-        /**
-         * StepState
-         * @description How far a step of the set-up is.
-         * @enum {string}
-         */
-        StepState: "missing" | "done" | "outdated" | "unusable";
         /**
          * StopProof
          * @description What a stop took: when it arrived in the loop and when the outputs were at zero.
@@ -2081,22 +1922,6 @@ export interface components {
             duration_s: number;
             /** Phase */
             phase: string;
-        };
-        /**
-         * TensionView
-         * @description How stiff the joint is at rest with one tension in both tendons, wherever it stands.
-         */
-        TensionView: {
-            /**
-             * F
-             * @description tension in both tendons [N]
-             */
-            F: number;
-            /**
-             * S
-             * @description joint stiffness [N·m/rad]
-             */
-            S: number;
         };
         /**
          * TimingView
@@ -2752,116 +2577,6 @@ export interface operations {
             };
         };
     };
-    get_checklist: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Checklist"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
     get_preferences: {
         parameters: {
             query?: never;
@@ -2993,6 +2708,230 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Preferences"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    take_control: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ControlRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Lease"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    give_up_control: {
+        parameters: {
+            query?: never;
+            header?: {
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
@@ -3309,7 +3248,10 @@ export interface operations {
     reset: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -3419,7 +3361,10 @@ export interface operations {
     set_mode: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -3533,7 +3478,10 @@ export interface operations {
     set_references: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -3647,7 +3595,10 @@ export interface operations {
     push: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -3665,6 +3616,342 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["Push"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    list_faults: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FaultList"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    inject_fault: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Injection"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    mend_fault: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
@@ -3871,7 +4158,10 @@ export interface operations {
     set_tuning: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -3985,7 +4275,10 @@ export interface operations {
     try_tuning: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -4099,7 +4392,10 @@ export interface operations {
     revert_trial: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -4209,7 +4505,10 @@ export interface operations {
     keep_trial: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -4877,7 +5176,10 @@ export interface operations {
     start_identification: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -5555,7 +5857,10 @@ export interface operations {
     activate_bank: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path: {
                 /** @description identifier in the database */
                 id: number;
@@ -5778,7 +6083,10 @@ export interface operations {
     start_experiment: {
         parameters: {
             query?: never;
-            header?: never;
+            header?: {
+                /** @description epoch.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
             path?: never;
             cookie?: never;
         };
@@ -5795,677 +6103,6 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Started"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    dry_run_experiment: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["ExperimentRequest"];
-            };
-        };
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["DryRunView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    get_queue: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["QueueView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    add_to_queue: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody: {
-            content: {
-                "application/json": components["schemas"]["ExperimentRequest"];
-            };
-        };
-        responses: {
-            /** @description Successful Response */
-            201: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["QueueView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    run_queue: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["QueueView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    hold_queue: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["QueueView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    remove_from_queue: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                /** @description identifier in the database */
-                id: number;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["QueueView"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -6676,7 +6313,7 @@ export interface operations {
     list_runs: {
         parameters: {
             query?: {
-                /** @description only runs of these kinds, separated by commas */
+                /** @description only runs of this kind */
                 kind?: string | null;
                 /** @description words in kind, note, person or settings */
                 search?: string;
@@ -6926,232 +6563,6 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["RunView"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    get_lineage: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                /** @description identifier in the database */
-                id: number;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Lineage"];
-                };
-            };
-            /** @description the body cannot be parsed */
-            400: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not signed in */
-            401: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the role, the host or the origin does not allow it */
-            403: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description no such thing */
-            404: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description not possible in the present state */
-            409: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the length of the body is not told */
-            411: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the body is too large */
-            413: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description a value is refused */
-            422: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description too many wrong tokens */
-            429: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-            /** @description the loop process does not answer */
-            503: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Refusal"];
-                };
-            };
-        };
-    };
-    get_marks: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                /** @description identifier in the database */
-                id: number;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["RunMarks"];
                 };
             };
             /** @description the body cannot be parsed */

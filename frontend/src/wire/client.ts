@@ -2,11 +2,13 @@
 
 import createClient from "openapi-fetch";
 import type { paths } from "./api.gen";
+import { controlledFetch } from "./control";
 import type { Problem } from "./types";
 
 export const api = createClient<paths>({
   baseUrl: globalThis.location?.origin ?? "",
   credentials: "same-origin",
+  fetch: controlledFetch,
 });
 
 /** A request that was refused or did not get through; the message can be shown as it is. */
@@ -47,6 +49,16 @@ export async function answered<Data>(request: Promise<Answer<Data>>): Promise<Da
     answer.response.status,
     problem,
   );
+}
+
+/** A bare answer in the same shape. Throws RequestError. */
+export function answeredBy(request: Promise<Response>): Promise<unknown> {
+  const parsed = async () => {
+    const response = await request;
+    const body: unknown = response.status === 204 ? undefined : await response.json();
+    return response.ok ? { data: body, response } : { error: body, response };
+  };
+  return answered(parsed());
 }
 
 function problemIn(body: unknown): Problem | null {

@@ -1,0 +1,55 @@
+"""The safety chain as it stands: from the page that holds control to the safety module, each watched by the next."""
+
+from backend.api.schemas.control import HolderView
+from backend.api.schemas.state import ChainLinkView, LinkView
+from backend.faults import Fault
+from backend.loop.supervisor import Supervisor
+from backend.loop.worker import SILENCE_S
+from plant.card import WATCHDOG_S, CardState
+
+LOOP_SILENT_S = 1.0
+"""A loop without a new sample for so long [s] is not well."""
+
+
+def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fault: Fault) -> list[ChainLinkView]:
+    """Return the five links of the chain in order."""
+    alive = supervisor.alive
+    beat_s = supervisor.beat_age_s
+    ticks = alive and link.silent_s < LOOP_SILENT_S
+    return [
+        _page(holder),
+        ChainLinkView(
+            name="service",
+            good=beat_s is not None and beat_s < SILENCE_S,
+            silent_s=beat_s,
+            says="beats" if beat_s is not None else "has no loop to beat for",
+        ),
+        ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
+        _watchdog(supervisor.card.state(), alive),
+        _safety_module(supervisor.card.state(), fault),
+    ]
+
+
+def _page(holder: HolderView | None) -> ChainLinkView:
+    if holder is None:
+        return ChainLinkView(name="page", good=True, silent_s=None, says="nobody holds control")
+    if not holder.page:
+        return ChainLinkView(name="page", good=True, silent_s=None, says=f"a script holds control ({holder.name})")
+    says = f"{holder.name} is not heard: references are held" if holder.lost else f"{holder.name} is heard"
+    return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
+
+
+def _watchdog(card: CardState, alive: bool) -> ChainLinkView:
+    if card.expired:
+        says = f"expired after {WATCHDOG_S:g} s without a write: drive-enable off, zero volts"
+    elif card.armed and card.drive_enabled:
+        says = "armed, drive-enable on"
+    else:
+        says = "disarmed, drive-enable off"
+    return ChainLinkView(name="watchdog", good=card.armed and not card.expired and alive, silent_s=None, says=says)
+
+
+def _safety_module(card: CardState, fault: Fault) -> ChainLinkView:
+    tripped = card.safety_tripped or fault is Fault.SAFETY_MODULE
+    says = "tripped: the motors are cut" if tripped else "watching"
+    return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)

@@ -1,0 +1,28 @@
+"""The faults there are, and injecting them into the simulator."""
+
+from fastapi import APIRouter
+
+from backend.api.auth import SignedIn
+from backend.api.injection import fault_list, inject, mend
+from backend.api.schemas.faults import FaultList, Injection
+from backend.api.service import InControl, ServiceInUse
+
+router = APIRouter(prefix="/api/faults", tags=["faults"])
+
+
+@router.get("")
+async def list_faults(_person: SignedIn) -> FaultList:
+    """List all faults with message, remedy, and what brings them about on the simulator."""
+    return fault_list()
+
+
+@router.post("/injection", status_code=204)
+async def inject_fault(body: Injection, service: ServiceInUse, person: InControl) -> None:
+    """Break a part of the simulator or a link of the safety chain; refused on a rig."""
+    await inject(service.bench, service.control, body, person.name)
+
+
+@router.delete("/injection", status_code=204)
+async def mend_fault(service: ServiceInUse, person: InControl) -> None:
+    """Mend what was broken; the latched fault stays until it is reset."""
+    await mend(service.bench, person.name)

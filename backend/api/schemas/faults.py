@@ -1,0 +1,48 @@
+"""What can go wrong, and how to make it happen on the simulator."""
+
+from enum import StrEnum
+
+from pydantic import Field
+
+from backend.api.schemas.base import Schema
+from backend.faults import Fault
+from plant.breakage import Sensor
+
+
+class InjectionKind(StrEnum):
+    """What is broken: parts of the plant as in ``plant.breakage.Breakage``, then links of the safety chain."""
+
+    NO_NUMBER = "no_number"
+    STUCK = "stuck"
+    JUMP = "jump"
+    DRIFT_UP = "drift_up"
+    DRIFT_DOWN = "drift_down"
+    READ_ERROR = "read_error"
+    WRITE_ERROR = "write_error"
+    LATE = "late"
+    HANG = "hang"
+    SAFETY_TRIP = "safety_trip"
+    SERVICE_SILENT = "service_silent"
+    PAGE_SILENT = "page_silent"
+
+
+class Injection(Schema):
+    """One thing to break."""
+
+    kind: InjectionKind
+    sensor: Sensor = Field(default=Sensor.Q, description="which reading, where the kind is about one")
+
+
+class FaultKind(Schema):
+    """A fault with its words, and what brings it about while the joint moves (null: press STOP)."""
+
+    code: Fault
+    message: str
+    remedy: str
+    injection: Injection | None
+
+
+class FaultList(Schema):
+    """All faults there are, in the order of their codes."""
+
+    faults: list[FaultKind]

@@ -1,0 +1,66 @@
+"""Faults injected through the interface, as the developer page does, on the running service."""
+
+import asyncio
+from typing import cast
+
+import httpx
+import pytest
+
+from backend.api.bench import Bench
+from backend.api.control import Control
+from backend.api.errors import ApiError
+from backend.api.injection import LEADS_TO, inject
+from backend.faults import FAULTS, Fault
+from tests.api.conftest import problem, wait_for
+
+ONLY_HERE = [Fault.SENSOR_JUMP, Fault.DEADLINES_MISSED, Fault.SERVICE_LOST, Fault.SAFETY_MODULE, Fault.WATCHDOG]
+"""Those that go through the live loop, its clock, its channel or the card; tests/loop/test_faults.py tries the rest."""
+
+
+def test_every_fault_has_its_injection_or_a_button() -> None:
+    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED}
+
+
+def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
+    listed = viewer.get("/api/faults").json()["faults"]
+    assert [entry["code"] for entry in listed] == [str(fault) for fault in FAULTS[1:]]
+    assert all(entry["message"] and entry["remedy"] for entry in listed)
+
+
+@pytest.mark.parametrize("fault", ONLY_HERE)
+def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) -> None:
+    off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    off.post("/api/faults/injection", json=LEADS_TO[fault].model_dump(mode="json")).raise_for_status()
+    state = wait_for(off, "mode", "tripped")
+    told = state["fault"]
+    assert isinstance(told, dict)
+    assert told["code"] == fault
+    assert told["remedy"]
+    assert state["stop_proof"]
+    off.request("DELETE", "/api/faults/injection").raise_for_status()
+    assert off.post("/api/reset").json()["mode"] == "off"
+    # The link that was broken is shown as such until it is heard again.
+    while broken := [link["name"] for link in off.get("/api/state").json()["chain"] if not link["good"]]:
+        assert broken == ["service"]
+
+
+def test_a_viewer_breaks_nothing(viewer: httpx.Client) -> None:
+    refused = viewer.post("/api/faults/injection", json={"kind": "jump"})
+    assert refused.status_code == 403
+    assert problem(refused)["code"] == "not_allowed"
+
+
+class _RigPicture:
+    plant = "rig"
+
+
+class _RigBench:
+    picture = _RigPicture()
+
+
+@pytest.mark.parametrize("fault", LEADS_TO)
+def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
+    rig, control = cast(Bench, _RigBench()), cast(Control, None)
+    with pytest.raises(ApiError, match="simulator only") as error:
+        asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
+    assert error.value.status == 409
