@@ -34,6 +34,7 @@ from backend.api.tuning_in_use import TuningInUse, initial
 from backend.experiments.runner import Station
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
+from backend.recording.flight import FlightRecorder
 from backend.recording.recorder import Recorder
 from backend.scene.mirror import SceneMirror
 from backend.scene.proxy import router as scene_router
@@ -121,9 +122,16 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
 
+    flights = FlightRecorder(database, lambda: supervisor.ring)
+    supervisor.listen(flights.hear)
+    _run_until_closed(flights.run(), stack)
+
+    def problems() -> list[str]:
+        return [problem for problem in (recorder.problem, flights.problem, journal.problem) if problem]
+
     journal = Journal(database)
     _run_until_closed(journal.run(), stack)
-    picture = Picture(supervisor, parameters, tuning, lambda: [recorder.problem] if recorder.problem else [])
+    picture = Picture(supervisor, parameters, tuning, problems)
     sessions = SessionRuns(database, settings.plant, parameters)
     bench = Bench(supervisor, picture, sessions, journal, recorder.follow)
     control = Control(bench.operator_lost, bench.note_control)
@@ -139,7 +147,10 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     offload = Offload()
     stack.callback(offload.close)
     downloads = Downloads(database, offload)
-    station = Station(supervisor, database, settings.plant, parameters)
+    # In a process of its own: a fit keeps Python's lock for longer than the loop waits for a heartbeat.
+    computing = Offload(niceness=0)
+    stack.callback(computing.close)
+    station = Station(supervisor, database, settings.plant, parameters, computing.run)
     tasks = Tasks(station, bench, library, downloads.prepare, SEED, offload)
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())

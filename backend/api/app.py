@@ -12,6 +12,7 @@ from backend.api.routes import (
     control,
     experiments,
     faults,
+    flights,
     identifications,
     operate,
     preferences,
@@ -50,7 +51,7 @@ def create_app(
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
     )
-    for part in (session, preferences, control, operate, faults, tuning, identifications, experiments, runs):
+    for part in (session, preferences, control, operate, faults, flights, tuning, identifications, experiments, runs):
         app.include_router(part.router, responses=errors.RESPONSES)
     for router in (stream.router, *further_routes, site.router):
         app.include_router(router)

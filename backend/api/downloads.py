@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from backend.api.errors import ApiError
 from backend.api.offload import Offload
 from backend.recording.columns import Columns, recorded_columns
+from backend.recording.flight import flight_columns
 from backend.reports.rendering import export, render
 from backend.reports.source import Source, load_source
 from backend.storage import Database, results, runs
@@ -37,6 +38,11 @@ class Downloads:
     async def data(self, run_id: int, kind: str) -> bytes:
         """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
         columns = await asyncio.to_thread(self._columns, run_id)
+        return await self._offload.run(export, columns, kind)
+
+    async def flight(self, event_id: int, kind: str) -> bytes:
+        """Return a flight record as "csv", "parquet" or "mat". Raises UnknownRecordError."""
+        columns = await asyncio.to_thread(flight_columns, self._database, event_id)
         return await self._offload.run(export, columns, kind)
 
     async def _report(self, run_id: int, kind: str) -> bytes:

@@ -20,9 +20,13 @@ class _Entry(NamedTuple):
 
 
 class Journal:
-    """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody."""
+    """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
+
+    ``problem`` says why nothing can be written at present.
+    """
 
     def __init__(self, database: Database) -> None:
+        self.problem = ""
         self._database = database
         self._waiting: asyncio.Queue[_Entry] = asyncio.Queue()
         self._announce: list[Callable[[EventMessage], None]] = []
@@ -55,6 +59,8 @@ class Journal:
                 events.add(
                     session, entry.mark.kind, entry.mark.text, who=entry.who, run_id=entry.run, tick=entry.mark.tick
                 )
-        except Exception:
+            self.problem = ""
+        except Exception as error:
+            self.problem = f"events cannot be stored: {error}"
             # The actuator goes on without its journal; the log keeps what the database could not.
             _log.exception("event not stored: %s", entry.mark.text)

@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from backend.api import stored
 from backend.api.errors import ApiError
 from backend.api.schemas.experiment import ExperimentView
+from backend.api.schemas.flight import FlightList
 from backend.api.schemas.identification import BankView, IdentificationView
 from backend.api.schemas.run import RunList, RunView, SamplesView
 from backend.api.schemas.state import TaskView
 from backend.experiments import bank_building
 from backend.recording.reader import read_envelope
-from backend.storage import Database, Session, banks, identifications, recordings, results, runs
+from backend.storage import Database, Session, banks, flights, identifications, recordings, results, runs
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
@@ -52,6 +53,10 @@ class Library:
         """Write the note of a run. Raises UnknownRecordError."""
         await asyncio.to_thread(self._set_note, run_id, note)
         return await self.run(run_id)
+
+    async def flights(self) -> FlightList:
+        """Return the newest flight records."""
+        return await asyncio.to_thread(self._flights)
 
     async def samples(
         self, run_id: int, from_s: float, to_s: float | None, points: int, signals: Sequence[str]
@@ -103,6 +108,10 @@ class Library:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             return stored.run_view(run, *_recorded(session, run.id))
+
+    def _flights(self) -> FlightList:
+        with self._database.reading() as session:
+            return FlightList(flights=[stored.flight_view(flight) for flight in flights.find(session)])
 
     def _set_note(self, run_id: int, note: str) -> None:
         with self._database.session() as session:

@@ -15,15 +15,15 @@ from typing import ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_NICENESS = 10
-"""Of the process: the loop, the recorder and the stream come first."""
+POLITE = 10
+"""Niceness of work that nobody at the bench waits for: the loop, the recorder and the stream come first."""
 
 
 class Offload:
-    """One process, started by the first work; works one after the other."""
+    """One process of a ``niceness``, started by the first work; works one after the other."""
 
-    def __init__(self) -> None:
-        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), initializer=_begin)
+    def __init__(self, niceness: int = POLITE) -> None:
+        self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin, (niceness,))
 
     async def run(self, work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T:
         """Return ``work(*arguments)``, computed in the process; both must be picklable."""
@@ -42,10 +42,10 @@ def _load(_work: Callable[..., object]) -> None:
     """Do nothing: unpickling the argument has loaded its module."""
 
 
-def _begin() -> None:
+def _begin(niceness: int) -> None:
     """Give way to others; leave Ctrl+C to the service; end when it dies without telling, as nobody else would."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)
+    os.setpriority(os.PRIO_PROCESS, 0, niceness)
     parent = multiprocessing.parent_process()
 
     def wait() -> None:

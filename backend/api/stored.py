@@ -7,14 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric
+from backend.api.schemas.flight import FlightView
 from backend.api.schemas.identification import BankEntryView, BankView, IdentificationView, ModelView
 from backend.api.schemas.run import Envelope, RunView, SamplesView
 from backend.recording import reader
 from backend.sample import STORED
 from backend.storage.banks import Bank
+from backend.storage.flights import Flight
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import Run
+from plant.interface import T_s
 
 _UNITS = {field.name: field.unit for field in STORED}
 
@@ -163,3 +166,17 @@ def _model_view(estimate: Identification, channel: str) -> ModelView:
 
 def _plain(values: NDArray[np.float32]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+def flight_view(flight: Flight) -> FlightView:
+    """Return a flight record with its extent around the trip."""
+    before = flight.trip_tick - flight.first_tick
+    return FlightView(
+        id=flight.event_id,
+        at=flight.at,
+        fault=flight.fault,
+        text=flight.text,
+        run=flight.run_id,
+        before_s=before * T_s,
+        after_s=(flight.count - before) * T_s,
+    )

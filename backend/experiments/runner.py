@@ -5,8 +5,10 @@ What is handed over is plain data; reports are made from what is stored here.
 
 import asyncio
 import platform
+from collections.abc import Awaitable, Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from typing import Any
 
 from backend import __version__
 from backend.experiments.evaluation import Evaluation, evaluate
@@ -29,13 +31,15 @@ _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-contr
 class Station:
     """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
 
-    ``plant`` is "simulator" or "rig".
+    ``plant`` is "simulator" or "rig". ``compute`` calls a function with arguments away from the event loop: in a thread,
+    or in another process where a live loop waits for this one's heartbeat and linear algebra keeps Python's lock.
     """
 
     loop: LoopAccess
     database: Database
     plant: str
     parameters: PlantParameters
+    compute: Callable[..., Awaitable[Any]] = asyncio.to_thread
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ async def perform(station: Station, order: Order, run: Run, notify: Notify) -> O
         raise
     closed = _close(station, run.id, ending)
     notify("evaluation", 0.0)
-    return Outcome(closed, await asyncio.to_thread(evaluate, station.database, station.parameters, order.plan, closed))
+    return Outcome(closed, await station.compute(evaluate, station.database, station.parameters, order.plan, closed))
 
 
 async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:

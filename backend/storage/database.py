@@ -54,6 +54,10 @@ class Database:
         """Close all connections."""
         self.engine.dispose()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let another process work on the same database, with connections of its own."""
+        return _reopened, (self.engine.url.render_as_string(hide_password=False),)
+
 
 def open_database(data_dir: Path, url: str | None = None) -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
@@ -73,6 +77,10 @@ def open_database(data_dir: Path, url: str | None = None) -> Database:
         engine.dispose()
         raise
     return Database(engine)
+
+
+def _reopened(url: str) -> Database:
+    return Database(connect(url))
 
 
 @contextmanager

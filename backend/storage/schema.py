@@ -198,6 +198,20 @@ class EventRow(Numbered, Base):
     detail: Mapped[Document]
 
 
+class FlightRow(Base):
+    """The samples around a trip, kept with its event."""
+
+    __tablename__ = "flight_record"
+
+    event_id: Mapped[int] = mapped_column(ForeignKey("event.id"), primary_key=True, autoincrement=False)
+    fault: Mapped[str] = mapped_column(String(40))
+    first_tick: Mapped[int] = mapped_column(BigInteger)
+    trip_tick: Mapped[int] = mapped_column(BigInteger)
+    count: Mapped[int] = mapped_column(Integer)
+    fields: Mapped[list[str]]
+    samples: Mapped[bytes] = mapped_column(LargeBinary)
+
+
 class SettingRow(Numbered, Base):
     """One value that a setting had; the newest row of a name counts."""
 

@@ -64,3 +64,17 @@ def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     with pytest.raises(ApiError, match="simulator only") as error:
         asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
     assert error.value.status == 409
+
+
+def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:
+    newest = off.get("/api/flights").json()["flights"][0]
+    assert off.post("/api/stop").is_success
+    while (found := off.get("/api/flights").json()["flights"][0])["id"] == newest["id"]:
+        assert off.get("/api/state").json()["fault"]["code"] == "stop_pressed"
+    assert found["fault"] == "stop_pressed"
+    assert found["after_s"] == pytest.approx(5.0)
+    csv = off.get(f"/api/flights/{found['id']}/data.csv").raise_for_status().text.splitlines()
+    assert csv[0].startswith("t,q,q_ref")
+    assert len(csv) - 1 == round(1000 * (found["before_s"] + found["after_s"]))
+    assert float(csv[1].split(",")[0]) == pytest.approx(-found["before_s"])
+    assert off.get("/api/flights/999999/data.csv").status_code == 404

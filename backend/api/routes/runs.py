@@ -95,7 +95,7 @@ async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn) -
 @router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return the report of a run as PDF."""
-    return _download(await service.downloads.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
+    return download(await service.downloads.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
 
 
 @router.get(
@@ -105,8 +105,9 @@ async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) ->
 )
 async def get_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return all samples of a run as CSV, Parquet or MATLAB file; SI units, columns named as in the notation."""
-    return _download(await service.downloads.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+    return download(await service.downloads.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
-def _download(content: bytes, media_type: str, name: str) -> Response:
+def download(content: bytes, media_type: str, name: str) -> Response:
+    """Return content to be saved under a name."""
     return Response(content, media_type=media_type, headers={"Content-Disposition": f'attachment; filename="{name}"'})

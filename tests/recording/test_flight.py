@@ -1,0 +1,114 @@
+"""Around each trip ten seconds before and five after are kept, every tick of them."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.access import LoopDied
+from backend.loop.commands import Stopped
+from backend.loop.ring import Ring
+from backend.recording.flight import DIED, FlightRecorder, flight_columns
+from backend.sample import INDEX
+from backend.storage import Database, StorageError, flights
+from backend.storage.records import UnknownRecordError
+from tests.recording.stand_in import Writer, new_run
+
+
+@pytest.fixture
+def writer() -> Writer:
+    return Writer(Ring.create(65536))
+
+
+def stored(database: Database) -> list[flights.Flight]:
+    with database.reading() as session:
+        return flights.find(session)
+
+
+def trip(tick: int, fault: Fault = Fault.SLACK) -> Stopped:
+    return Stopped(fault, True, tick, tick, 0.1, "F_A = 0.2 N")
+
+
+def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = FlightRecorder(database, lambda: writer.ring)
+    before = writer.write(20_000, run=run.id)
+    recorder.hear(trip(20_000))
+    after = [writer.write(4_999, fault=FAULT_CODE[Fault.SLACK])]
+    recorder.drain()
+    assert stored(database) == []
+    after.append(writer.write(1, fault=FAULT_CODE[Fault.SLACK]))
+    recorder.drain()
+    (flight,) = stored(database)
+    assert (flight.fault, flight.run_id, flight.first_tick, flight.count) == ("slack", run.id, 10_000, 15_000)
+    assert "F_A = 0.2 N" in flight.text
+    columns = flight_columns(database, flight.event_id)
+    rows = np.concatenate((before[10_000:], *after))
+    for name in ("q", "F_A", "fault", "run"):
+        np.testing.assert_array_equal(columns[name], rows[:, INDEX[name]].astype(np.float32))
+    assert (columns["t"][0], columns["t"][10_000], columns["t"][-1]) == (-10.0, 0.0, pytest.approx(4.999))
+
+
+def test_two_trips_soon_after_each_other_have_a_record_each(database: Database, writer: Writer) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring)
+    writer.write(3_000)
+    recorder.hear(trip(3_000))
+    writer.write(1_000)
+    recorder.hear(trip(4_000, Fault.STOP_PRESSED))
+    writer.write(6_000)
+    recorder.drain()
+    second, first = stored(database)
+    assert (first.trip_tick, first.first_tick, first.count) == (3_000, 0, 8_000)
+    assert (second.trip_tick, second.first_tick, second.count) == (4_000, 0, 9_000)
+
+
+def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(database: Database, writer: Writer) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring)
+    writer.write(12_000)
+    recorder.hear(trip(12_000))
+    writer.write(100)
+    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.drain()
+    death, slack = stored(database)
+    assert (slack.fault, slack.count) == ("slack", 10_100)
+    assert (death.fault, death.trip_tick, death.count) == (DIED, 12_100, 10_000)
+
+
+def test_a_record_that_cannot_be_stored_is_told_and_tried_again(
+    database: Database, writer: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring)
+    writer.write(9_000)
+    recorder.hear(trip(3_000))
+    with monkeypatch.context() as full:
+        full.setattr(flights, "add", _disk_full)
+        recorder.drain()
+        assert "disk is full" in recorder.problem
+        assert stored(database) == []
+    recorder.drain()
+    assert recorder.problem == ""
+    assert len(stored(database)) == 1
+
+
+def _disk_full(*_: object) -> None:
+    raise StorageError("database or disk is full")
+
+
+def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
+    async def session() -> None:
+        recorder = FlightRecorder(database, lambda: writer.ring)
+        running = asyncio.create_task(recorder.run())
+        await asyncio.sleep(0)
+        writer.write(2_000)
+        recorder.hear(trip(1_500))
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    asyncio.run(session())
+    assert [flight.count for flight in stored(database)] == [2_000]
+
+
+def test_an_unknown_record_is_told(database: Database) -> None:
+    with pytest.raises(UnknownRecordError, match="flight record 7"):
+        flight_columns(database, 7)
