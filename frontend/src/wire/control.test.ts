@@ -39,25 +39,34 @@ afterEach(() => {
   vi.unstubAllGlobals();
 });
 
-it("takes control where nobody holds it, then sends the same command again", async () => {
+it("takes control with its first command where nobody holds it", async () => {
   const control = await load();
   fetched
-    .mockResolvedValueOnce(refusal("control_needed"))
     .mockResolvedValueOnce(answer(200, { epoch: 7, name: "Ana" }))
     .mockResolvedValueOnce(answer(200, {}));
   expect((await control.controlledFetch(command())).ok).toBe(true);
-  expect(sent()).toEqual(["POST /api/mode null", "POST /api/control null", "POST /api/mode 7.1"]);
-  expect(await fetched.mock.calls[2]?.[0].text()).toBe('{"mode":"run"}');
+  expect(sent()).toEqual(["POST /api/control null", "POST /api/mode 7.1"]);
+  expect(await fetched.mock.calls[0]?.[0].text()).toBe('{"take_over":false}');
   expect(control.heldEpoch()).toBe(7);
 });
 
-it("never takes over from somebody by itself", async () => {
+it("never takes over from somebody by itself, and sends no command then", async () => {
   const control = await load();
-  fetched.mockResolvedValueOnce(refusal("control_needed")).mockResolvedValueOnce(refusal("control_held"));
+  fetched.mockResolvedValueOnce(refusal("control_held"));
   expect((await control.controlledFetch(command())).status).toBe(409);
-  expect(fetched).toHaveBeenCalledTimes(2);
+  expect(sent()).toEqual(["POST /api/control null"]);
   expect(control.heldEpoch()).toBeNull();
 });
+
+it.each(["/api/stop", "/api/identifications/prediction", "/api/session", "/api/preferences"])(
+  "asks for no control for %s",
+  async (path) => {
+    const control = await load();
+    fetched.mockResolvedValueOnce(answer(200, {}));
+    await control.controlledFetch(new Request(`http://localhost${path}`, { method: "POST" }));
+    expect(sent()).toEqual([`POST ${path} null`]);
+  },
+);
 
 it("lets go of control that was taken over, and repeats nothing", async () => {
   sessionStorage.setItem("sinew-control", '{"epoch":7,"sequence":3}');
@@ -75,11 +84,4 @@ it("goes on holding control after a reload, with sequences that were never used"
   await control.controlledFetch(command());
   await (await load()).controlledFetch(command());
   expect(sent()).toEqual(["POST /api/mode 7.4", "POST /api/mode 7.5"]);
-});
-
-it("asks for no control to stop", async () => {
-  const control = await load();
-  fetched.mockResolvedValueOnce(refusal("control_needed"));
-  await control.controlledFetch(new Request("http://localhost/api/stop", { method: "POST" }));
-  expect(sent()).toEqual(["POST /api/stop null"]);
 });

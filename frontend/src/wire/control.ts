@@ -1,13 +1,15 @@
 /**
  * Control of the actuator as this page holds it: every command carries the stamp "epoch.sequence" of it.
  *
- * Kept for the tab, so that a reload goes on holding it. What the service refuses was not done; only a refusal for want of
- * control is followed by taking control, where nobody holds it, and by the same command again.
+ * Kept for the tab, so that a reload goes on holding it. A page without control takes it with its first command, where
+ * nobody else holds it. What the service refuses was not done, and is not sent again.
  */
 
 const HEADER = "Sinew-Control";
 const KEPT_AS = "sinew-control";
-const UNCONTROLLED = ["/api/stop", "/api/session", "/api/control", "/api/preferences"];
+/** What moves the actuator or is going to; STOP needs no control. */
+const COMMANDS =
+  /^\/api\/(mode|reset|references|push|tuning|tuning\/trial.*|experiments|identifications|banks\/\d+\/activate|faults\/injection)$/;
 
 interface Held {
   readonly epoch: number;
@@ -44,14 +46,14 @@ export async function giveUpControl(): Promise<Response> {
 
 /** The fetch of all requests of this page. */
 export async function controlledFetch(request: Request): Promise<Response> {
-  if (request.method === "GET" || UNCONTROLLED.includes(new URL(request.url).pathname)) return send(request);
-  const again = request.clone();
+  if (request.method === "GET" || !COMMANDS.test(new URL(request.url).pathname)) return send(request);
+  if (held === null) {
+    const taken = await takeControl(false);
+    if (!taken.ok) return taken;
+  }
   const answer = await send(stamped(request));
-  const code = answer.status === 409 ? await codeOf(answer) : null;
-  if (code === "control_lost") keep(null);
-  if (code !== "control_needed") return answer;
-  const taken = await takeControl(false);
-  return taken.ok ? send(stamped(again)) : taken;
+  if (answer.status === 409 && (await codeOf(answer)) === "control_lost") keep(null);
+  return answer;
 }
 
 function stamped(request: Request): Request {
