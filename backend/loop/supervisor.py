@@ -8,6 +8,7 @@ from asyncio.subprocess import DEVNULL, Process
 from collections.abc import Callable
 from contextlib import suppress
 
+from backend.loop import heartbeat
 from backend.loop.access import Listener, LoopDied, LoopDiedError
 from backend.loop.channel import (
     Channel,
@@ -102,6 +103,7 @@ class Supervisor:
     async def _start(self) -> Granted:
         if self._process is not None:
             raise LoopDiedError("the loop process is there already: stop it first")
+        await asyncio.to_thread(heartbeat.prepare)
         self.ring = Ring.create()
         self.card = card = Card.create()
         self._ending = False

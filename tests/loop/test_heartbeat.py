@@ -1,0 +1,76 @@
+"""The heartbeat goes on whatever Python's lock is kept for, and ends with what it stands for."""
+
+import select
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from backend.loop import heartbeat
+from backend.loop.channel import Channel, channel_pair, decode_to_loop
+from backend.loop.commands import Heartbeat
+from backend.loop.heartbeat import HEARTBEAT_S, Heart
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[Channel, Channel]]:
+    service, loop = channel_pair()
+    heartbeat.prepare()
+    yield service, Channel(loop)
+    service.close()
+
+
+def beats(channel: Channel) -> int:
+    count = 0
+    while (packet := channel.receive()) is not None:
+        assert decode_to_loop(packet) == (0, Heartbeat())
+        count += 1
+    return count
+
+
+def wait_for_a_beat(channel: Channel) -> None:
+    assert select.select([channel], [], [], 20.0)[0]
+    assert beats(channel) >= 1
+
+
+def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> None:
+    service, loop = ends
+    heart = Heart(service)
+    wait_for_a_beat(loop)
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(60.0)  # from here on nothing but waiting gives the lock away
+    try:
+        end = time.monotonic() + 20 * HEARTBEAT_S
+        while time.monotonic() < end:
+            pass
+        assert beats(loop) >= 2
+    finally:
+        sys.setswitchinterval(before)
+        heart.stop()
+
+
+def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
+    service, loop = ends
+    heart = Heart(service)
+    wait_for_a_beat(loop)
+    heart.pause(3600.0)
+    while heart.age_s < 4 * HEARTBEAT_S:
+        time.sleep(HEARTBEAT_S)
+    beats(loop)
+    assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
+    heart.stop()
+
+
+def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
+    ends: tuple[Channel, Channel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service, loop = ends
+    hours_ago = time.monotonic_ns() - 3600 * 10**9
+    with monkeypatch.context() as past:
+        past.setattr(time, "monotonic_ns", lambda: hours_ago)
+        heart = Heart(service)
+    assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
+    heart.shown()
+    wait_for_a_beat(loop)
+    heart.stop()
