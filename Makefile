@@ -1,7 +1,7 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
-# Further: check, format, bench, screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
-# ARGS goes to sinew serve or to pytest; EXTRAS=rig or postgres adds what these need, from the first install on.
+# Further: check, format, bench, soak (long runs and repeated kills), screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
+# ARGS goes to sinew serve, pytest or the soak; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -10,7 +10,7 @@ NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
 
-.PHONY: run test check format bench screenshots install install-dev frontend
+.PHONY: run test check format bench soak screenshots install install-dev frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -37,6 +37,9 @@ format: install-dev
 
 bench: install-dev
 	$(BIN)/python -m tests.bench
+
+soak: install-dev
+	$(BIN)/python -m tests.soak $(ARGS)
 
 screenshots: install-dev frontend
 	.ci/provide browser

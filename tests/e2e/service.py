@@ -22,6 +22,7 @@ class Service:
     link: str
     data: Path
     log: Path
+    pid: int
 
 
 @contextmanager
@@ -34,7 +35,7 @@ def running_service(data: Path, params: str = "lab") -> Iterator[Service]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         found = _read_until_link(process, log)
-        yield Service(found[1], found[0], data, log)
+        yield Service(found[1], found[0], data, log, process.pid)
     finally:
         process.send_signal(signal.SIGINT)
         try:

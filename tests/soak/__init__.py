@@ -1,0 +1,1 @@
+"""Long runs and repeated kills on the real service: ``python -m tests.soak``."""
