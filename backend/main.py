@@ -155,7 +155,8 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
     stack.callback(scene.close)
-    return supervisor, recorder, Service(bench, control, tasks, library, Desk(database), history, downloads, live), scene
+    service = Service(bench, control, tasks, library, Desk(database), history, downloads, live)
+    return supervisor, recorder, service, scene
 
 
 async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:

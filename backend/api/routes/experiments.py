@@ -47,7 +47,7 @@ async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: O
 
 
 @router.post("/queue/run")
-async def run_queue(service: ServiceInUse, _person: Operator) -> QueueView:
+async def run_queue(service: ServiceInUse, _person: InControl) -> QueueView:
     """Start the first experiment and go on until the queue is empty or one does not complete."""
     return await service.tasks.queue.run()
 

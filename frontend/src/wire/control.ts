@@ -9,7 +9,7 @@ const HEADER = "Sinew-Control";
 const KEPT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
 const COMMANDS =
-  /^\/api\/(mode|reset|references|push|tuning|tuning\/trial.*|experiments|identifications|banks\/\d+\/activate|faults\/injection)$/;
+  /^\/api\/(mode|reset|references|push|tuning|tuning\/trial.*|experiments|experiments\/queue\/run|identifications|banks\/\d+\/activate|faults\/injection)$/;
 
 interface Held {
   readonly epoch: number;
