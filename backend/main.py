@@ -21,16 +21,18 @@ from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.history import History
 from backend.api.journal import Journal
+from backend.api.kept_tuning import KeptTuning
 from backend.api.library import Library
 from backend.api.live import LiveStream
 from backend.api.offload import Offload
 from backend.api.picture import Picture
-from backend.api.schemas.live import StateMessage
+from backend.api.schemas.live import MarkKind, StateMessage
 from backend.api.service import Service
 from backend.api.session_runs import SessionRuns
+from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
 from backend.api.tokens import Tokens, load_tokens
-from backend.api.tuning_in_use import TuningInUse, initial
+from backend.api.tuning_in_use import TuningInUse
 from backend.experiments.runner import Station
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
@@ -117,7 +119,8 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     database = open_database(settings.data, settings.database_url)
     stack.callback(database.close)
     _close_interrupted(database)
-    tuning = initial(parameters)
+    kept = KeptTuning(database)
+    tuning, said = kept.restore(parameters)
     supervisor = Supervisor(Setup(settings.plant, settings.params, SEED, tuning.command()))
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
@@ -131,9 +134,11 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
 
     journal = Journal(database)
     _run_until_closed(journal.run(), stack)
+    if said:
+        journal.note(MarkKind.TUNING, said, tick=0)
     picture = Picture(supervisor, parameters, tuning, problems)
     sessions = SessionRuns(database, settings.plant, parameters)
-    bench = Bench(supervisor, picture, sessions, journal, recorder.follow)
+    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow)
     control = Control(bench.operator_lost, bench.note_control)
     picture.holder = control.view
     _run_until_closed(control.run(), stack)
@@ -142,20 +147,21 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     bench.on_change(live.state_changed)
     _run_until_closed(live.run(), stack)
 
-    library = Library(database, lambda: picture.task, lambda: _id_of_bank(picture.tuning))
+    library = Library(database, lambda: picture.task)
     history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
     offload = Offload()
     stack.callback(offload.close)
+    shelf = Shelf(database, offload, lambda: picture.tuning)
     downloads = Downloads(database, offload)
     # In a process of its own: a fit keeps Python's lock for longer than the loop waits for a heartbeat.
     computing = Offload(niceness=0)
     stack.callback(computing.close)
     station = Station(supervisor, database, settings.plant, parameters, computing.run)
-    tasks = Tasks(station, bench, library, downloads.prepare, SEED, offload)
+    tasks = Tasks(station, bench, shelf, downloads.prepare, SEED, offload)
 
     scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
     stack.callback(scene.close)
-    service = Service(bench, control, tasks, library, Desk(database), history, downloads, live)
+    service = Service(bench, control, tasks, library, shelf, Desk(database), history, downloads, live)
     return supervisor, recorder, service, scene
 
 

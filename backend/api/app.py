@@ -9,6 +9,7 @@ from fastapi.routing import APIRoute
 from backend import __version__
 from backend.api import errors
 from backend.api.routes import (
+    banks,
     control,
     experiments,
     faults,
@@ -51,7 +52,19 @@ def create_app(
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
     )
-    for part in (session, preferences, control, operate, faults, flights, tuning, identifications, experiments, runs):
+    for part in (
+        session,
+        preferences,
+        control,
+        operate,
+        faults,
+        flights,
+        tuning,
+        identifications,
+        banks,
+        experiments,
+        runs,
+    ):
         app.include_router(part.router, responses=errors.RESPONSES)
     for router in (stream.router, *further_routes, site.router):
         app.include_router(router)

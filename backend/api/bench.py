@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from backend.api.errors import ApiError
 from backend.api.journal import Journal
+from backend.api.kept_tuning import KeptTuning
 from backend.api.picture import F_PUSH_MAX, Picture, described, proof_of
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import Push, References, State, StopProof
@@ -48,12 +49,14 @@ class Bench:
         picture: Picture,
         session_runs: SessionRuns,
         journal: Journal,
+        kept: KeptTuning,
         on_new_ring: Callable[[Ring], None],
     ) -> None:
         self.picture = picture
         self._supervisor = supervisor
         self._session_runs = session_runs
         self._journal = journal
+        self._kept = kept
         self._on_new_ring = on_new_ring
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
@@ -158,6 +161,11 @@ class Bench:
 
     async def set_tuning(self, request: TuningRequest, who: str) -> TuningView:
         """Change λ while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        view = await self._retune(request, who)
+        await self._keep(who)
+        return view
+
+    async def _retune(self, request: TuningRequest, who: str) -> TuningView:
         async with self._turn:
             before = self.picture.tuning
             after = await asyncio.to_thread(before.changed, request)
@@ -168,7 +176,7 @@ class Bench:
     async def try_tuning(self, request: TrialRequest, who: str) -> State:
         """Change λ for a while. Raises OutOfRangeError. A trial of a trial goes back to what was before the first."""
         before = self._trial.before or self.picture.tuning
-        await self.set_tuning(request, who)
+        await self._retune(request, who)
         self._trial.begin(before, request.duration_s)
         self.changed()
         return self.picture.state()
@@ -181,6 +189,7 @@ class Bench:
         if keep:
             self._trial.forget()
             self._journal.note(MarkKind.TUNING, "trial kept", self.picture.tick, who)
+            await self._keep(who)
         else:
             await self._end_trial(before, who)
         self.changed()
@@ -191,6 +200,7 @@ class Bench:
         async with self._turn:
             tick = await self._put_in_force(await asyncio.to_thread(self.picture.tuning.with_bank, bank))
             self._journal.note(MarkKind.BANK, f"bank {bank.name}, version {bank.version}", tick, who)
+        await self._keep(who)
 
     async def use_settings(self, settings: LoopSettings, bank: Bank | None, who: str) -> None:
         """Put in force what an experiment asks for. Raises OutOfRangeError; nothing changes then."""
@@ -199,6 +209,11 @@ class Bench:
             after = await asyncio.to_thread(before.with_settings, settings, bank)
             tick = await self._put_in_force(after)
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+        await self._keep(who)
+
+    async def _keep(self, who: str) -> None:
+        """Let the next start of the service find this tuning; a trial is not kept."""
+        await asyncio.to_thread(self._kept.put, self.picture.tuning, who)
 
     async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
         """Predict what λ would do at the active entry of the bank."""

@@ -11,9 +11,10 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from backend.api.schemas.base import UNITS, Problem, Refusal
-from backend.experiments.bank_building import BankError
+from backend.experiments.bank_consistency import BankError
 from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.settings import SettingError
+from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.mode import LEGAL
 from backend.recording.reader import UnknownSignalError
@@ -59,6 +60,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 _STATUS: dict[type[Exception], int] = {
     UnknownRecordError: 404,
     BankError: 422,
+    IdentificationError: 422,
     TuningError: 422,
     UnknownSignalError: 422,
     LoopDiedError: 503,

@@ -1,39 +1,43 @@
-"""What is stored, as the interface shows it: runs with their samples, identifications, banks, experiments, reports."""
+"""What is stored, as the interface shows it: runs with their samples, identifications, experiments."""
 
 import asyncio
 from collections.abc import Callable, Sequence
 
+from backend import __version__
 from backend.api import stored
 from backend.api.errors import ApiError
+from backend.api.schemas.curves import IdentificationCurves
 from backend.api.schemas.experiment import ExperimentView
 from backend.api.schemas.flight import FlightList
-from backend.api.schemas.identification import BankView, IdentificationView
+from backend.api.schemas.identification import IdentificationView, SpringTableView
 from backend.api.schemas.run import RunList, RunView, SamplesView
 from backend.api.schemas.state import TaskView
-from backend.experiments import bank_building
+from backend.api.shelf import newest_estimate
+from backend.experiments.identification_curves import curves_of
+from backend.experiments.spring_identification import from_table
 from backend.recording.reader import read_envelope
-from backend.storage import Database, Session, banks, flights, identifications, recordings, results, runs
-from backend.storage.banks import Bank
+from backend.storage import Database, Session, flights, identifications, recordings, results, runs
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run, RunKind
 from plant.interface import T_s
 
-IDENTIFICATION = RunKind.ACTUATOR_IDENTIFICATION
+IDENTIFICATIONS = (
+    RunKind.ACTUATOR_IDENTIFICATION,
+    RunKind.MOTOR_IDENTIFICATION,
+    RunKind.SPRING_IDENTIFICATION,
+)
 
 
 class Library:
     """Reads and writes the database in threads, so that the event loop never waits for the disk.
 
-    ``task`` and ``bank_in_use`` tell what the service is doing at present.
+    ``task`` tells what the service is doing at present.
     """
 
-    def __init__(
-        self, database: Database, task: Callable[[], TaskView | None], bank_in_use: Callable[[], int | None]
-    ) -> None:
+    def __init__(self, database: Database, task: Callable[[], TaskView | None]) -> None:
         self._database = database
         self._task = task
-        self._bank_in_use = bank_in_use
 
     # Runs ---------------------------------------------------------------------------------------------------
 
@@ -64,7 +68,7 @@ class Library:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
         return await asyncio.to_thread(self._samples, run_id, from_s, to_s, points, signals)
 
-    # Identifications and banks ------------------------------------------------------------------------------
+    # Identifications ------------------------------------------------------------------------------------
 
     async def identifications(self) -> list[IdentificationView]:
         """Return all identification runs, newest first."""
@@ -74,21 +78,26 @@ class Library:
         """Return one identification run. Raises UnknownRecordError."""
         return await asyncio.to_thread(self._identification, run_id)
 
-    async def banks(self) -> list[BankView]:
-        """Return all versions of all banks, newest first."""
-        return await asyncio.to_thread(self._banks)
+    async def curves(self, run_id: int) -> IdentificationCurves:
+        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._curves, run_id)
 
-    async def bank(self, bank_id: int) -> BankView:
-        """Return one version of a bank. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._bank_view, bank_id)
+    async def spring_tables(self) -> list[SpringTableView]:
+        """Return springs identified from tables, newest first."""
+        return await asyncio.to_thread(self._spring_tables)
 
-    async def stored_bank(self, bank_id: int) -> Bank:
-        """Return one version of a bank as it is stored. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._bank, bank_id)
+    async def spring_table(self, number: int) -> SpringTableView:
+        """Return one spring identified from a table. Raises UnknownRecordError."""
+        return stored.spring_table_view(await asyncio.to_thread(self._spring_table, number))
 
-    async def build_bank(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
-        """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
-        return await asyncio.to_thread(self._build_bank, name, run_ids, who)
+    async def spring_table_curves(self, number: int) -> IdentificationCurves:
+        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
+        found = await asyncio.to_thread(self._spring_table, number)
+        return IdentificationCurves.model_validate(curves_of(found))
+
+    async def add_spring_table(self, name: str, table: str, who: str) -> SpringTableView:
+        """Identify a spring from a measured table and store it. Raises IdentificationError."""
+        return stored.spring_table_view(await asyncio.to_thread(self._add_spring_table, name, table, who))
 
     # Experiments --------------------------------------------------------------------------------------------
 
@@ -129,36 +138,41 @@ class Library:
     def _identifications(self) -> list[IdentificationView]:
         with self._database.reading() as session:
             estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
-            found = runs.find(session, kinds=[IDENTIFICATION], limit=500)
+            found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
             return [stored.identification_view(run, estimates.get(run.id), self._progress(run)) for run in found]
 
     def _identification(self, run_id: int) -> IdentificationView:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
-            if run.kind != IDENTIFICATION:
+            if run.kind not in IDENTIFICATIONS:
                 raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
         view = stored.identification_view(run, estimates[0] if estimates else None, self._progress(run))
-        return view if result is None else view.model_copy(update={"message": str(result.metrics.get("problem", ""))})
+        problem = "" if result is None else str(result.metrics.get("problem", ""))
+        return view.model_copy(update={"message": problem}) if problem else view
 
-    def _banks(self) -> list[BankView]:
+    def _curves(self, run_id: int) -> IdentificationCurves:
         with self._database.reading() as session:
-            runs_of = _runs_of_estimates(session)
-            return [stored.bank_view(bank, runs_of, self._bank_in_use()) for bank in banks.find(session)]
+            found = newest_estimate(session, run_id)
+        return IdentificationCurves.model_validate(curves_of(found))
 
-    def _bank(self, bank_id: int) -> Bank:
+    def _spring_tables(self) -> list[SpringTableView]:
         with self._database.reading() as session:
-            return banks.get(session, bank_id)
+            found = identifications.find(session, kind="spring")
+        return [stored.spring_table_view(table) for table in found if table.run_id is None]
 
-    def _bank_view(self, bank_id: int) -> BankView:
+    def _spring_table(self, number: int) -> Identification:
         with self._database.reading() as session:
-            return stored.bank_view(banks.get(session, bank_id), _runs_of_estimates(session), self._bank_in_use())
+            found = identifications.get(session, number)
+        if found.kind != "spring" or found.run_id is not None:
+            raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
+        return found
 
-    def _build_bank(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
-        with self._database.reading() as session:
-            chosen = [_newest_estimate(session, run_id).id for run_id in run_ids]
-        return self._bank_view(bank_building.build_bank(self._database, name, chosen, who).id)
+    def _add_spring_table(self, name: str, table: str, who: str) -> Identification:
+        new = from_table(name, table, who, __version__)
+        with self._database.session() as session:
+            return identifications.add(session, new)
 
     def _experiment(self, run_id: int) -> ExperimentView:
         with self._database.reading() as session:
@@ -179,14 +193,3 @@ def _recorded(session: Session, run_id: int) -> tuple[int, float, int]:
     except UnknownRecordError:
         return 0, T_s, 0
     return extent.count, recording.period_s, recording.missed
-
-
-def _runs_of_estimates(session: Session) -> dict[int, int | None]:
-    return {estimate.id: estimate.run_id for estimate in identifications.find(session)}
-
-
-def _newest_estimate(session: Session, run_id: int) -> Identification:
-    found = identifications.find(session, run_id=run_id)
-    if not found:
-        raise UnknownRecordError(f"there is no identification {run_id} with a model")
-    return found[0]

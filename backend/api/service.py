@@ -14,6 +14,7 @@ from backend.api.downloads import Downloads
 from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
+from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
@@ -27,6 +28,7 @@ class Service:
     control: Control
     tasks: Tasks
     library: Library
+    shelf: Shelf
     desk: Desk
     history: History
     downloads: Downloads

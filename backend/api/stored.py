@@ -6,9 +6,18 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.api.schemas.bank import BankEntryView, BankView
 from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric
 from backend.api.schemas.flight import FlightView
-from backend.api.schemas.identification import BankEntryView, BankView, IdentificationView, ModelView
+from backend.api.schemas.identification import (
+    IdentificationView,
+    ModelView,
+    MotorEstimate,
+    MotorView,
+    SpringFitView,
+    SpringTableView,
+    SpringView,
+)
 from backend.api.schemas.run import Envelope, RunView, SamplesView
 from backend.recording import reader
 from backend.sample import STORED
@@ -60,19 +69,39 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
 def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
     """Return an identification run with its models, where it has any."""
     plan = run.settings.get("plan", {})
+    kind = run.kind.removesuffix("_identification")
+    actuator = estimate if kind == "actuator" else None
     return IdentificationView(
         id=run.id,
         run=run.id,
-        kind="actuator",
+        kind=kind,
         status=run.end_state,
         created=run.started_at,
         progress=progress,
-        tension_N=plan["tension_N"],
-        S_nominal=None if estimate is None else estimate.model["S_nominal"],
+        tension_N=plan.get("tension_N"),
+        S_nominal=None if actuator is None else actuator.model["S_nominal"],
         settings=plan,
-        G_q=None if estimate is None else _model_view(estimate, "G_q"),
-        G_S=None if estimate is None else _model_view(estimate, "G_S"),
+        estimate=None if estimate is None else estimate.id,
+        usable=estimate is not None and estimate.usable,
+        G_q=None if actuator is None else _model_view(actuator, "G_q"),
+        G_S=None if actuator is None else _model_view(actuator, "G_S"),
+        motors=_motors(estimate) if estimate is not None and kind == "motor" else [],
+        springs=_springs(estimate) if estimate is not None and kind == "spring" else [],
         message=run.end_detail if estimate is None else estimate.verdict,
+    )
+
+
+def spring_table_view(found: Identification) -> SpringTableView:
+    """Return a spring that was identified from a table."""
+    return SpringTableView(
+        id=found.id,
+        file=found.data["file"],
+        sha256=found.data["sha256"],
+        created=found.created_at,
+        who=found.who,
+        usable=found.usable,
+        spring=_springs(found)[0],
+        message=found.verdict,
     )
 
 
@@ -83,6 +112,8 @@ def bank_view(bank: Bank, runs_of: Mapping[int, int | None], in_use: int | None)
         name=bank.name,
         version=bank.version,
         created=bank.created_at,
+        who=bank.who,
+        note=bank.note,
         active=bank.id == in_use,
         entries=[
             BankEntryView(
@@ -162,6 +193,43 @@ def _model_view(estimate: Identification, channel: str) -> ModelView:
         usable=quality["usable"],
         verdict=quality["verdict"],
     )
+
+
+def _motors(estimate: Identification) -> list[MotorView]:
+    views = []
+    for side in ("A", "B"):
+        model, quality = estimate.model[side], estimate.quality[side]
+        fitted, errors = dict(model["parameters"]), dict(model["std_errors"])
+        views.append(
+            MotorView(
+                side=side,
+                u_c=fitted.pop("u_c"),
+                u_c_std=errors.pop("u_c"),
+                fitted=MotorEstimate(**fitted),
+                std_errors=MotorEstimate(**errors),
+                rule_mean=MotorEstimate(**model["rule_mean"]),
+                rule_spread=MotorEstimate(**model["rule_spread"]),
+                before=MotorEstimate(**model["before"]),
+                rms_counts=quality["rms_counts"],
+                refused=[f"{item['voltage']:g} V: {item['reason']}" for item in quality["refused"]],
+                verdict=quality["verdict"],
+            )
+        )
+    return views
+
+
+def _springs(estimate: Identification) -> list[SpringView]:
+    return [
+        SpringView(
+            name=name,
+            recommended=model["recommended"],
+            reason=model["reason"],
+            pairs=estimate.quality[name]["pairs"],
+            hysteresis_N=estimate.quality[name]["hysteresis_N"],
+            fits=[SpringFitView(**fit) for fit in model["fits"]],
+        )
+        for name, model in estimate.model.items()
+    ]
 
 
 def _plain(values: NDArray[np.float32]) -> list[float | None]:

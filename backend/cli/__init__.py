@@ -44,7 +44,7 @@ def main() -> None:
 
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
-    from backend.experiments.bank_building import BankError
+    from backend.experiments.bank_consistency import BankError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
     from backend.main import AlreadyRunningError, CannotListenError

@@ -1,19 +1,31 @@
 """``sinew bank``."""
 
+import json
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.ordering import current_user
-from backend.cli.output import AsJson, print_json, print_table
-from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.ordering import current_user, values_of
+from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
+from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.settings import Settings
 
 if TYPE_CHECKING:
+    from backend.experiments.bank_difference import EntryDifference, LoopFigures
+    from backend.storage import Database
     from backend.storage.banks import Bank
 
+LambdaWords = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ of the comparison, in s; repeatable.")
+]
+
 app = typer.Typer(
-    help="Controller banks: list them, build them from identifications.", no_args_is_help=True, rich_markup_mode=None
+    help="Controller banks: list, build from identifications, compare, export, import.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 
@@ -48,14 +60,123 @@ def show(
 def build(
     name: Annotated[str, typer.Argument(help="Name of the bank; an existing one gets its next version.")],
     identifications: Annotated[list[int], typer.Argument(help="Numbers of actuator identifications.")],
+    params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
     from backend.experiments.bank_building import build_bank
+    from plant.parameters import load_parameters
 
     with database_of(settings_with(data=data)) as database:
-        _print(build_bank(database, name, identifications, current_user()), as_json=as_json)
+        parameters = load_parameters(params or _parameters_name(database, identifications))
+        _print(build_bank(database, parameters, name, identifications, current_user()), as_json=as_json)
+
+
+@app.command()
+def diff(
+    before: Annotated[int, typer.Argument(help="Number of the bank to compare with.")],
+    after: Annotated[int | None, typer.Argument(help="Number of the other bank.")] = None,
+    again: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--with", help="Instead of another bank: an identification made again, by its number; repeatable."
+        ),
+    ] = None,
+    values: LambdaWords = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell what another bank, or points identified again, would change: models, gains and M_s.
+
+    Settings: lam_q, lam_S, lam_motor [s].
+    """
+    from backend.experiments.bank_building import entry_of
+    from backend.experiments.bank_difference import difference, with_entries
+    from backend.experiments.loop_settings import LoopSettings
+    from backend.experiments.settings import from_values
+    from backend.storage import banks, identifications
+    from plant.parameters import load_parameters
+
+    if (after is None) == (not again):
+        fail("give either a second bank or --with identifications", status=2)
+    lambdas = from_values(LoopSettings, values_of(values or [])).lambdas
+    settings = settings_with(data=data, params=params)
+    with database_of(settings) as database, database.reading() as session:
+        old = banks.get(session, before).entries
+        if after is None:
+            new = with_entries(old, [entry_of(identifications.get(session, number)) for number in again or ()])
+        else:
+            new = banks.get(session, after).entries
+    changes = difference(load_parameters(settings.params), lambdas, old, new)
+    if as_json:
+        print_json([asdict(change) for change in changes])
+    else:
+        _print_changes(changes)
+
+
+@app.command()
+def export(
+    bank: Annotated[int, typer.Argument(help="Number of the bank.")],
+    file: Annotated[Path, typer.Argument(help="File to write, JSON.")],
+    data: DataFolder = None,
+) -> None:
+    """Write a bank to a file, to take it to another data folder."""
+    from backend.experiments.bank_files import to_document
+    from backend.storage import banks
+
+    with database_of(settings_with(data=data)) as database, database.reading() as session:
+        document = to_document(banks.get(session, bank))
+    file.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+@app.command("import")
+def import_file(
+    file: Annotated[Path, typer.Argument(help="File that sinew bank export wrote.")],
+    name: Annotated[str, typer.Option("--name", help="Name for the bank; that of the file without it.")] = "",
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Store an exported bank as the next version of its name, after checking it."""
+    from backend.experiments.bank_files import import_bank, read_file
+    from plant.parameters import load_parameters
+
+    settings = settings_with(data=data, params=params)
+    document = read_file(file.read_text(encoding="utf-8", errors="replace"))
+    with database_of(settings) as database:
+        _print(import_bank(database, load_parameters(settings.params), document, current_user(), name), as_json=as_json)
+
+
+def _parameters_name(database: "Database", chosen: list[int]) -> str:
+    """Name the parameters that the first identification was made with."""
+    from backend.storage import identifications, runs
+
+    with database.reading() as session:
+        run_id = identifications.get(session, chosen[0]).run_id
+        return runs.get(session, run_id).parameters_name if run_id is not None else Settings().params
+
+
+def _print_changes(changes: "Sequence[EntryDifference]") -> None:
+    columns = ("S [N·m/rad]", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
+    rows = []
+    for change in changes:
+        present = change.after or change.before
+        for symbol, loop in (("q", "position"), ("S", "stiffness")):
+            old, new = (getattr(entry, loop) if entry else None for entry in (change.before, change.after))
+            cells = [_change(getattr(old, name, None), getattr(new, name, None)) for name in ("K", "T", "k_p", "k_i")]
+            rows.append((present.S_nominal if present else None, symbol, *cells, _change(_peak(old), _peak(new))))
+    print_table(columns, rows)
+
+
+def _peak(loop: "LoopFigures | None") -> float | str | None:
+    return None if loop is None else "unstable" if loop.M_s is None else loop.M_s
+
+
+def _change(old: float | str | None, new: float | str | None) -> str:
+    return shown(new) if old == new else f"{shown(old)} → {shown(new)}"
 
 
 def _print(bank: "Bank", *, as_json: bool) -> None:

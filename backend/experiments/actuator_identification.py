@@ -129,6 +129,7 @@ def _quality(channel: Estimate) -> Document:
             "gain_geometry": channel.gain_geometry,
             "gain_error_percent": channel.gain_error_percent,
             "residuals": asdict(channel.residuals),
+            "frequency": asdict(channel.frequency),
             "usable": channel.verdict.grade is not Grade.UNUSABLE,
             "grade": channel.verdict.grade,
             "verdict": channel.verdict.sentence,

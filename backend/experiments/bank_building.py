@@ -1,25 +1,22 @@
 """From chosen identifications to a controller bank, and from a bank to the gains the loop is given."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
+from backend.experiments.bank_consistency import (
+    BankError,
+    NamedEntry,
+    point_of,
+    require_consistent,
+    require_same_parameters,
+)
 from backend.experiments.loop_settings import LoopSettings
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
-from backend.storage import Database, banks, identifications
+from backend.storage import Database, Session, banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
 from backend.tuning.models import PointModel
 from plant.parameters import PlantParameters
-
-LEAST_DISTANCE = 0.3
-"""Two entries closer than this in stiffness [N·m/rad] describe the same point: one of them is superfluous."""
-
-MODEL_NAMES = ("K_q", "T_q", "K_S", "T_S")
-
-
-class BankError(ValueError):
-    """The chosen identifications make no bank; the message says which and why."""
 
 
 def entry_of(identification: Identification) -> BankEntry:
@@ -32,42 +29,44 @@ def entry_of(identification: Identification) -> BankEntry:
         raise BankError(f"identification {identification.id} is not usable for tuning: {identification.verdict}")
     G_q, G_S = (identification.model[name]["first_order"] for name in ("G_q", "G_S"))
     model = {"K_q": G_q["K"], "T_q": G_q["T"], "K_S": G_S["K"], "T_S": G_S["T"]}
-    for name, value in model.items():
-        if not value > 0.0:
-            raise BankError(f"identification {identification.id} has {name} = {value:g}: it must be above 0")
     model["tension_N"] = identification.options["tension_N"]
     return BankEntry(identification.model["S_nominal"], model, identification.id)
 
 
-def build_bank(database: Database, name: str, chosen: Sequence[int], who: str, note: str = "") -> Bank:
+def build_bank(
+    database: Database, parameters: PlantParameters, name: str, chosen: Sequence[int], who: str, note: str = ""
+) -> Bank:
     """Store the next version of a bank from identifications, ordered by stiffness.
 
     Raises BankError, UnknownRecordError.
     """
-    if not name.strip():
-        raise BankError("a bank needs a name")
-    if not chosen:
-        raise BankError("a bank needs at least one identification")
+    require_name(name)
     with database.reading() as session:
-        found = [identifications.get(session, number) for number in chosen]
-    entries = sorted((entry_of(identification) for identification in found), key=lambda entry: entry.S_nominal)
-    for below, above in pairwise(entries):
-        if above.S_nominal - below.S_nominal < LEAST_DISTANCE:
-            distance = above.S_nominal - below.S_nominal
-            raise BankError(
-                f"identifications {below.identification_id} and {above.identification_id} are {distance:.2f} N·m/rad "
-                f"apart, less than {LEAST_DISTANCE:g}: choose one of them"
-            )
+        named = [_named(session, parameters, number) for number in chosen]
+    entries = require_consistent(parameters, named)
     with database.session() as session:
         return banks.add(session, name.strip(), entries, who, note)
 
 
+def require_name(name: str) -> None:
+    """Raise BankError unless a bank can be called so."""
+    if not name.strip():
+        raise BankError("a bank needs a name")
+
+
 def points_of(bank: Bank | None) -> tuple[PointModel, ...]:
     """Return the models of a bank's entries; none without a bank."""
-    entries = bank.entries if bank else ()
-    return tuple(PointModel(entry.S_nominal, **{name: entry.model[name] for name in MODEL_NAMES}) for entry in entries)
+    return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
 
 
 def tuning_command(parameters: PlantParameters, settings: LoopSettings, bank: Bank | None) -> SetTuning:
     """Return the command that puts a bank into use with these λ. Raises TuningError."""
     return tuning_for(parameters, settings.lambdas, points_of(bank), interpolate=settings.interpolate)
+
+
+def _named(session: Session, parameters: PlantParameters, number: int) -> NamedEntry:
+    found = identifications.get(session, number)
+    entry, name = entry_of(found), f"identification {found.id}"
+    if found.run_id is not None:
+        require_same_parameters(parameters, name, runs.get(session, found.run_id).parameters)
+    return NamedEntry(name, entry)

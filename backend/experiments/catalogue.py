@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.plans import TrackingPlan
+from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, TrackingPlan
 from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError
 
@@ -34,6 +35,34 @@ EXPERIMENTS: dict[str, Entry] = {
         SequencePlan,
         "Own sequence",
         "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class IdentificationEntry:
+    """Something that can be identified, with the words that present it."""
+
+    plan: type[IdentificationPlan]
+    title: str
+    description: str
+
+
+IDENTIFICATIONS: dict[str, IdentificationEntry] = {
+    "actuator": IdentificationEntry(
+        ActuatorIdentificationPlan,
+        "Actuator",
+        "How joint position and stiffness follow motor A, in closed loop: a binary sequence around a held tension.",
+    ),
+    "motor": IdentificationEntry(
+        MotorIdentificationPlan,
+        "Motors",
+        "Gain, time constant and dry friction of both motors: voltage steps up and down with slack tendons.",
+    ),
+    "spring": IdentificationEntry(
+        SpringIdentificationPlan,
+        "Springs",
+        "Force over elongation of both springs: a slow sweep of both tensions up and down.",
     ),
 }
 

@@ -20,13 +20,22 @@ _COUNTS_WHERE_EXACT = 4000
 
 @dataclass(frozen=True)
 class PredictedMotion:
-    """Joint motion peak to peak in encoder counts, largest voltage, least tension; and whether that is enough."""
+    """Joint motion peak to peak in encoder counts, largest voltage, least tension; and what ``problem`` that makes."""
 
     q_counts: float
     u_peak_V: float
     F_min_N: float
-    enough_motion: bool
-    message: str
+    problem: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the run is worth starting: motion enough, nothing slack, nothing saturated."""
+        return not self.problem
+
+    @property
+    def message(self) -> str:
+        """The problem, or what to expect."""
+        return self.problem or f"the joint will move by {self.q_counts:.0f} encoder counts, peak to peak"
 
 
 def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:
@@ -52,9 +61,7 @@ def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_m
     counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
     q_counts = float(np.ptp(q)) * counts_per_turn / (2.0 * math.pi)
     u_peak, F_min = float(np.abs(u).max()), float(F.min())
-    problem = _problem(q_counts, u_peak, F_min, m.u_max)
-    message = problem or f"the joint will move by {q_counts:.0f} encoder counts, peak to peak"
-    return PredictedMotion(q_counts, u_peak, F_min, q_counts >= MIN_COUNTS, message)
+    return PredictedMotion(q_counts, u_peak, F_min, _problem(q_counts, u_peak, F_min, m.u_max))
 
 
 def _excitation(plan: ActuatorIdentificationPlan) -> NDArray[np.float64]:

@@ -50,6 +50,14 @@ class OuterProcess:
         loop = self.system * control.tf2ss(gains.k_p + gains.k_i / s)
         return _robustness(loop, self.loop_response(gains), _OMEGA)
 
+    def sensitivity_peak(self, gains: i_p.Gains) -> float:
+        """M_s alone, without the margins that take most of the time of ``robustness``; inf for an unstable loop."""
+        s = control.tf("s")
+        loop = self.system * control.tf2ss(gains.k_p + gains.k_i / s)
+        if np.any(control.feedback(loop, 1).poles().real >= 0.0):
+            return math.inf
+        return _peak(self.loop_response(gains))
+
     def closed_loop(self, gains: i_p.Gains) -> control.StateSpace:
         """From the reference to the measurement."""
         s = control.tf("s")

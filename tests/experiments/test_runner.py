@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.bank_building import BankError, build_bank, points_of, tuning_command
+from backend.experiments.bank_building import build_bank, points_of, tuning_command
+from backend.experiments.bank_consistency import BankError
 from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
@@ -151,11 +152,11 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Stat
     assert found.model["G_S"]["first_order"]["K"] == pytest.approx(0.721, rel=0.03)
     assert found.model["S_nominal"] == pytest.approx(10.55, abs=0.02)
 
-    bank = build_bank(station.database, "first", [found.id], "A. Operator")
+    bank = build_bank(station.database, station.parameters, "first", [found.id], "A. Operator")
     with pytest.raises(BankError, match="apart"):
-        build_bank(station.database, "twice", [found.id, found.id], "A. Operator")
+        build_bank(station.database, station.parameters, "twice", [found.id, found.id], "A. Operator")
     with pytest.raises(BankError, match="needs at least one"):
-        build_bank(station.database, "none", [], "A. Operator")
+        build_bank(station.database, station.parameters, "none", [], "A. Operator")
     (entry,) = bank.entries
     with station.database.reading() as session:
         run_id = identifications.get(session, entry.identification_id or 0).run_id or 0

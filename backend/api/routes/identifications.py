@@ -1,16 +1,18 @@
-"""Identification runs and the banks built from them."""
+"""Identification runs, and springs identified from tables."""
 
 from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
+from backend.api.schemas.curves import IdentificationCurves
 from backend.api.schemas.identification import (
-    BankList,
-    BankRequest,
-    BankView,
+    IdentificationKindList,
     IdentificationList,
     IdentificationRequest,
     IdentificationView,
     Prediction,
+    SpringTableList,
+    SpringTableRequest,
+    SpringTableView,
     Started,
 )
 from backend.api.service import InControl, RowId, ServiceInUse
@@ -36,32 +38,43 @@ async def list_identifications(service: ServiceInUse, _person: SignedIn) -> Iden
     return IdentificationList(identifications=await service.library.identifications())
 
 
+@router.get("/identification-kinds")
+async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) -> IdentificationKindList:
+    """List what can be identified, with the settings of each."""
+    return IdentificationKindList(kinds=service.tasks.identification_kinds())
+
+
 @router.get("/identifications/{id}")
 async def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationView:
     """Return one identification run with its models."""
     return await service.library.identification(id)
 
 
-@router.post("/banks", status_code=201)
-async def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
-    """Build a bank, or a new version of it, from identification runs."""
-    return await service.library.build_bank(body.name, body.identifications, person.name)
+@router.get("/identifications/{id}/curves")
+async def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+    """Return what can be drawn of an identification run: responses, residual tests, errors."""
+    return await service.library.curves(id)
 
 
-@router.get("/banks")
-async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
-    """List all versions of all banks, newest first."""
-    return BankList(banks=await service.library.banks())
+@router.post("/spring-tables", status_code=201)
+async def add_spring_table(body: SpringTableRequest, service: ServiceInUse, person: Operator) -> SpringTableView:
+    """Identify a spring from a table measured elsewhere."""
+    return await service.library.add_spring_table(body.name, body.table, person.name)
 
 
-@router.get("/banks/{id}")
-async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
-    """Return one version of a bank with its entries."""
-    return await service.library.bank(id)
+@router.get("/spring-tables")
+async def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> SpringTableList:
+    """List springs identified from tables, newest first."""
+    return SpringTableList(tables=await service.library.spring_tables())
 
 
-@router.post("/banks/{id}/activate")
-async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
-    """Use a bank from now on; bumpless while the loop runs."""
-    await service.bench.use_bank(await service.library.stored_bank(id), person.name)
-    return await service.library.bank(id)
+@router.get("/spring-tables/{id}")
+async def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> SpringTableView:
+    """Return one spring identified from a table."""
+    return await service.library.spring_table(id)
+
+
+@router.get("/spring-tables/{id}/curves")
+async def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+    """Return what can be drawn of a spring identified from a table."""
+    return await service.library.spring_table_curves(id)

@@ -98,6 +98,7 @@ class TaskView(Schema):
     elapsed_s: float = quantity("s", "time since the task began")
     duration_s: float = quantity("s", "expected length of the task")
     phase: str
+    following: int = Field(default=0, description="runs of the same order that follow this one")
 
 
 class TrialView(Schema):

@@ -18,7 +18,7 @@ function state(part: Partial<State>): State {
 }
 
 const FAULT = { code: "force_limit", message: "F_A = 51 N", remedy: "Unload the joint.", tick: 9 } as const;
-const TASK = { kind: "tracking", run: 12, elapsed_s: 6, duration_s: 24, phase: "both_at_once" };
+const TASK = { kind: "tracking", run: 12, elapsed_s: 6, duration_s: 24, phase: "both_at_once", following: 0 };
 
 describe("currentStatus", () => {
   it("puts a lost link before everything: what is shown is old", () => {

@@ -2,7 +2,7 @@
 
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
-import type { IdentificationRequest, Mode, References, TuningRequest } from "../wire/types";
+import type { BankFile, IdentificationRequest, Mode, References, TuningRequest } from "../wire/types";
 
 export function useSetMode() {
   return useMutation({ mutationFn: (mode: Mode) => answered(api.POST("/api/mode", { body: { mode } })) });
@@ -48,6 +48,22 @@ export function useStartIdentification() {
   return useMutation({
     mutationFn: (body: IdentificationRequest) => answered(api.POST("/api/identifications", { body })),
     onSuccess: () => queries.invalidateQueries({ queryKey: ["identifications"] }),
+  });
+}
+
+export function useAddSpringTable() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (body: { name: string; table: string }) => answered(api.POST("/api/spring-tables", { body })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["spring-tables"] }),
+  });
+}
+
+export function useImportBank() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (body: BankFile) => answered(api.POST("/api/banks/file", { body })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["banks"] }),
   });
 }
 

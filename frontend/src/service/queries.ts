@@ -1,9 +1,9 @@
 /** Everything that is read from the service by asking, with one key per thing. */
 
-import { queryOptions } from "@tanstack/react-query";
+import { queryOptions, skipToken } from "@tanstack/react-query";
 import type { Stretch } from "../charts/viewport";
 import { answered, api } from "../wire/client";
-import type { IdentificationRequest } from "../wire/types";
+import type { IdentificationRequest, Tuning } from "../wire/types";
 
 const WHILE_RUNNING_MS = 700;
 
@@ -53,13 +53,71 @@ export function identificationQuery(id: number) {
   });
 }
 
-export function predictionQuery(body: IdentificationRequest) {
+export const identificationKindsQuery = queryOptions({
+  queryKey: ["identification-kinds"],
+  queryFn: async () => (await answered(api.GET("/api/identification-kinds"))).kinds,
+  staleTime: Number.POSITIVE_INFINITY,
+});
+
+export function curvesQuery(id: number) {
+  return queryOptions({
+    queryKey: ["identifications", id, "curves"],
+    queryFn: () => answered(api.GET("/api/identifications/{id}/curves", { params: { path: { id } } })),
+    staleTime: Number.POSITIVE_INFINITY,
+  });
+}
+
+export const springTablesQuery = queryOptions({
+  queryKey: ["spring-tables"],
+  queryFn: async () => (await answered(api.GET("/api/spring-tables"))).tables,
+});
+
+export function springTableCurvesQuery(id: number) {
+  return queryOptions({
+    queryKey: ["spring-tables", id, "curves"],
+    queryFn: () => answered(api.GET("/api/spring-tables/{id}/curves", { params: { path: { id } } })),
+    staleTime: Number.POSITIVE_INFINITY,
+  });
+}
+
+/** `body` is null while the form holds no order. */
+export function predictionQuery(body: IdentificationRequest | null) {
   return queryOptions({
     queryKey: ["prediction", body],
-    queryFn: () => answered(api.POST("/api/identifications/prediction", { body })),
+    queryFn:
+      body === null ? skipToken : () => answered(api.POST("/api/identifications/prediction", { body })),
     placeholderData: (before) => before,
     staleTime: 60_000,
     retry: false,
+  });
+}
+
+/** λ in force as a word: gains and M_s of a bank are asked for again when it changes. */
+export function lambdaKey(tuning: Tuning | undefined): string {
+  return tuning === undefined ? "" : `${tuning.lam_q} ${tuning.lam_S} ${tuning.lam_motor} ${tuning.bank?.id}`;
+}
+
+/** What identifying one point again would change about the models in use. */
+export function differenceInUseQuery(run: number, lambdas: string) {
+  return queryOptions({
+    queryKey: ["banks", "in-use", "difference", run, lambdas],
+    queryFn: () => answered(api.GET("/api/banks/in-use/difference", { params: { query: { run: [run] } } })),
+  });
+}
+
+export function bankDifferenceQuery(id: number, other: number, lambdas: string) {
+  return queryOptions({
+    queryKey: ["banks", id, "difference", other, lambdas],
+    queryFn: () =>
+      answered(api.GET("/api/banks/{id}/difference", { params: { path: { id }, query: { other } } })),
+  });
+}
+
+export function bankDetailQuery(id: number, lambdas: string) {
+  return queryOptions({
+    queryKey: ["banks", id, "detail", lambdas],
+    queryFn: () => answered(api.GET("/api/banks/{id}/detail", { params: { path: { id } } })),
+    placeholderData: (before) => before,
   });
 }
 

@@ -500,6 +500,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/identification-kinds": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Identification Kinds
+         * @description List what can be identified, with the settings of each.
+         */
+        get: operations["list_identification_kinds"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/identifications/{id}": {
         parameters: {
             query?: never;
@@ -512,6 +532,90 @@ export interface paths {
          * @description Return one identification run with its models.
          */
         get: operations["get_identification"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/identifications/{id}/curves": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Identification Curves
+         * @description Return what can be drawn of an identification run: responses, residual tests, errors.
+         */
+        get: operations["get_identification_curves"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/spring-tables": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Spring Tables
+         * @description List springs identified from tables, newest first.
+         */
+        get: operations["list_spring_tables"];
+        put?: never;
+        /**
+         * Add Spring Table
+         * @description Identify a spring from a table measured elsewhere.
+         */
+        post: operations["add_spring_table"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/spring-tables/{id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Spring Table
+         * @description Return one spring identified from a table.
+         */
+        get: operations["get_spring_table"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/spring-tables/{id}/curves": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Spring Table Curves
+         * @description Return what can be drawn of a spring identified from a table.
+         */
+        get: operations["get_spring_table_curves"];
         put?: never;
         post?: never;
         delete?: never;
@@ -535,9 +639,49 @@ export interface paths {
         put?: never;
         /**
          * Build Bank
-         * @description Build a bank, or a new version of it, from identification runs.
+         * @description Build a bank, or a new version of it, from identification runs; entries that do not fit are refused.
          */
         post: operations["build_bank"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/file": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Import Bank
+         * @description Store an exported bank as the next version of its name, after checking it.
+         */
+        post: operations["import_bank"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/in-use/difference": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Compare With Bank In Use
+         * @description Tell what another bank, or points identified again, would change about the models and gains in use.
+         */
+        get: operations["compare_with_bank_in_use"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -556,6 +700,66 @@ export interface paths {
          * @description Return one version of a bank with its entries.
          */
         get: operations["get_bank"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/{id}/detail": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Bank Detail
+         * @description Return gains and M_s of every entry at the λ in force, and the identification each came from.
+         */
+        get: operations["get_bank_detail"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/{id}/difference": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Compare Banks
+         * @description Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force.
+         */
+        get: operations["compare_banks"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/{id}/file": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Export Bank
+         * @description Return a bank as a file, to take it to another data folder.
+         */
+        get: operations["export_bank"];
         put?: never;
         post?: never;
         delete?: never;
@@ -901,6 +1105,104 @@ export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
         /**
+         * ActuatorRequest
+         * @description The closed-loop experiment of method section 4, at one tension or at several in turn.
+         */
+        ActuatorRequest: {
+            /**
+             * Kind
+             * @default actuator
+             * @constant
+             */
+            kind: "actuator";
+            /**
+             * Tension N
+             * @description tendon tension held while θ_A,ref is excited [N]
+             * @default 20
+             */
+            tension_N: number;
+            /**
+             * Tensions N
+             * @description tensions of several runs in turn, in place of tension_N [N]
+             */
+            tensions_N?: number[] | null;
+            /**
+             * Amplitude Rad
+             * @description amplitude of the binary sequence on θ_A,ref [rad]
+             * @default 1
+             */
+            amplitude_rad: number;
+            /**
+             * Chip S
+             * @description shortest time between two changes of the sequence [s]
+             * @default 0.08
+             */
+            chip_s: number;
+            /**
+             * Bits
+             * @description length of the shift register; a period has 2^n - 1 chips [1]
+             * @default 7
+             */
+            bits: number;
+            /**
+             * Periods
+             * @description periods of the sequence; the last third of all is kept for validation [1]
+             * @default 2
+             */
+            periods: number;
+            /**
+             * Settle S
+             * @description time the tension is held before the excitation starts [s]
+             * @default 8
+             */
+            settle_s: number;
+        };
+        /**
+         * BankDetail
+         * @description A bank in full, at the λ in force.
+         */
+        BankDetail: {
+            /**
+             * Lam Q
+             * @description λ_q that the gains are for [s]
+             */
+            lam_q: number;
+            /**
+             * Lam S
+             * @description λ_S that the gains are for [s]
+             */
+            lam_S: number;
+            /** Entries */
+            entries: components["schemas"]["BankEntryDetail"][];
+        };
+        /**
+         * BankDifference
+         * @description What using other entries would change, at the λ in force.
+         */
+        BankDifference: {
+            /**
+             * Lam Q
+             * @description λ_q that the gains are for [s]
+             */
+            lam_q: number;
+            /**
+             * Lam S
+             * @description λ_S that the gains are for [s]
+             */
+            lam_S: number;
+            /** Entries */
+            entries: components["schemas"]["EntryDifference"][];
+        };
+        /**
+         * BankEntryDetail
+         * @description An entry in full.
+         */
+        BankEntryDetail: {
+            figures: components["schemas"]["EntryFigures"];
+            /** @description null for an imported entry */
+            lineage: components["schemas"]["EntryLineage"] | null;
+        };
+        /**
          * BankEntryView
          * @description One point of a bank and the identification it came from.
          */
@@ -936,12 +1238,69 @@ export interface components {
             T_S: number;
         };
         /**
+         * BankFile
+         * @description A bank as a file.
+         */
+        BankFile: {
+            /**
+             * Format
+             * @default sinew-bank
+             */
+            format: string;
+            /**
+             * Version
+             * @default 1
+             */
+            version: number;
+            /** Name */
+            name: string;
+            exported_from?: components["schemas"]["BankOrigin"] | null;
+            /** Units */
+            units?: {
+                [key: string]: string;
+            };
+            /** Entries */
+            entries: components["schemas"]["BankFileEntry"][];
+        };
+        /**
+         * BankFileEntry
+         * @description One point in a bank's file.
+         */
+        BankFileEntry: {
+            /** S Nominal */
+            S_nominal: number;
+            /** K Q */
+            K_q: number;
+            /** T Q */
+            T_q: number;
+            /** K S */
+            K_S: number;
+            /** T S */
+            T_S: number;
+            /** Tension N */
+            tension_N?: number | null;
+        };
+        /**
          * BankList
          * @description All versions of all banks, newest first.
          */
         BankList: {
             /** Banks */
             banks: components["schemas"]["BankView"][];
+        };
+        /**
+         * BankOrigin
+         * @description Where a bank's file came from.
+         */
+        BankOrigin: {
+            /** Bank */
+            bank: number;
+            /** Version */
+            version: number;
+            /** Who */
+            who: string;
+            /** Made */
+            made: string;
         };
         /**
          * BankReference
@@ -981,10 +1340,58 @@ export interface components {
              * Format: date-time
              */
             created: string;
+            /** Who */
+            who: string;
+            /** Note */
+            note: string;
             /** Active */
             active: boolean;
             /** Entries */
             entries: components["schemas"]["BankEntryView"][];
+        };
+        /**
+         * Bode
+         * @description A frequency response, line by line.
+         */
+        Bode: {
+            /**
+             * Omega
+             * @description angular frequency [rad/s]
+             */
+            omega: number[];
+            /** Magnitude */
+            magnitude: number[];
+            /**
+             * Phase Deg
+             * @description phase, unwrapped [deg]
+             */
+            phase_deg: number[];
+        };
+        /**
+         * Candidate
+         * @description A structure that was tried.
+         */
+        Candidate: {
+            /** Structure */
+            structure: string;
+            /** K */
+            K: number | null;
+            /**
+             * T
+             * @description sum of lags [s]
+             */
+            T: number | null;
+            /**
+             * Fit Percent
+             * @description simulated fit on data not used for fitting
+             */
+            fit_percent: number | null;
+            /** Bic */
+            BIC: number | null;
+            /** Grade */
+            grade: string;
+            /** Problem */
+            problem: string;
         };
         /**
          * ChainLinkView
@@ -1005,6 +1412,31 @@ export interface components {
             silent_s: number | null;
             /** Says */
             says: string;
+        };
+        /**
+         * ChannelCurves
+         * @description Curves of G_q or G_S.
+         */
+        ChannelCurves: {
+            /** Name */
+            name: string;
+            model: components["schemas"]["Bode"];
+            first_order: components["schemas"]["Bode"];
+            /** @description null for runs made before it was kept */
+            measured: components["schemas"]["MeasuredBode"] | null;
+            /**
+             * Step T
+             * @description time of the step responses [s]
+             */
+            step_t: number[];
+            /** Step Model */
+            step_model: number[];
+            /** Step First Order */
+            step_first_order: number[];
+            whiteness: components["schemas"]["Correlation"];
+            input_correlation: components["schemas"]["Correlation"];
+            /** Candidates */
+            candidates: components["schemas"]["Candidate"][];
         };
         /**
          * Checklist
@@ -1043,6 +1475,23 @@ export interface components {
              * @default false
              */
             take_over: boolean;
+        };
+        /**
+         * Correlation
+         * @description A residual test: correlation by lag, with its 99 % band.
+         */
+        Correlation: {
+            /**
+             * Lags S
+             * @description lag [s]
+             */
+            lags_s: number[];
+            /** Correlation */
+            correlation: number[];
+            /** Band */
+            band: number[];
+            /** Passed */
+            passed: boolean;
         };
         /**
          * Criterion
@@ -1095,6 +1544,68 @@ export interface components {
             /** Criteria */
             criteria: components["schemas"]["Criterion"][];
             samples: components["schemas"]["SamplesView"] | null;
+        };
+        /**
+         * EntryDifference
+         * @description A point before and after a change; null where it is new or gone.
+         */
+        EntryDifference: {
+            before: components["schemas"]["EntryFigures"] | null;
+            after: components["schemas"]["EntryFigures"] | null;
+        };
+        /**
+         * EntryFigures
+         * @description Models, gains and robustness of one entry.
+         */
+        EntryFigures: {
+            /**
+             * S Nominal
+             * @description stiffness of the point [N·m/rad]
+             */
+            S_nominal: number;
+            /**
+             * Tension N
+             * @description tendon tension of the point [N]
+             */
+            tension_N: number | null;
+            /**
+             * Identification Id
+             * @description number of the stored identification; null for an imported one
+             */
+            identification_id: number | null;
+            position: components["schemas"]["LoopFigures"];
+            stiffness: components["schemas"]["LoopFigures"];
+        };
+        /**
+         * EntryLineage
+         * @description Where the models of an entry came from.
+         */
+        EntryLineage: {
+            /**
+             * Identification
+             * @description number of the stored identification
+             */
+            identification: number;
+            /** Method */
+            method: string;
+            /** Verdict */
+            verdict: string;
+            /** Run */
+            run: number | null;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Who */
+            who: string;
+            /** Plant */
+            plant: string | null;
+            /**
+             * Parameters
+             * @description name of the parameter set of that run; its numbers are with the run
+             */
+            parameters: string | null;
         };
         /**
          * Envelope
@@ -1330,54 +1841,46 @@ export interface components {
             lost: boolean;
         };
         /**
+         * IdentificationCurves
+         * @description All that can be drawn of one identification; lists that do not belong to its kind are empty.
+         */
+        IdentificationCurves: {
+            /** Channels */
+            channels: components["schemas"]["ChannelCurves"][];
+            /** Motors */
+            motors: components["schemas"]["MotorCurves"][];
+            /** Springs */
+            springs: components["schemas"]["SpringCurves"][];
+        };
+        /**
+         * IdentificationKind
+         * @description Something that can be identified.
+         */
+        IdentificationKind: {
+            /** Kind */
+            kind: string;
+            /** Title */
+            title: string;
+            /** Description */
+            description: string;
+            /** Settings */
+            settings: components["schemas"]["SettingView"][];
+        };
+        /**
+         * IdentificationKindList
+         * @description What can be identified.
+         */
+        IdentificationKindList: {
+            /** Kinds */
+            kinds: components["schemas"]["IdentificationKind"][];
+        };
+        /**
          * IdentificationList
          * @description Identification runs, newest first.
          */
         IdentificationList: {
             /** Identifications */
             identifications: components["schemas"]["IdentificationView"][];
-        };
-        /**
-         * IdentificationRequest
-         * @description The closed-loop experiment of method section 4 at one tension.
-         */
-        IdentificationRequest: {
-            /**
-             * Kind
-             * @default actuator
-             * @constant
-             */
-            kind: "actuator";
-            /**
-             * Tension N
-             * @description tendon tension held while θ_A,ref is excited [N]
-             * @default 20
-             */
-            tension_N: number;
-            /**
-             * Amplitude Rad
-             * @description amplitude of the binary sequence on θ_A,ref [rad]
-             * @default 1
-             */
-            amplitude_rad: number;
-            /**
-             * Chip S
-             * @description shortest time between two changes of the sequence [s]
-             * @default 0.08
-             */
-            chip_s: number;
-            /**
-             * Bits
-             * @description length of the shift register; a period has 2^n - 1 chips [1]
-             * @default 7
-             */
-            bits: number;
-            /**
-             * Periods
-             * @description periods of the sequence; the last third of all is kept for validation [1]
-             * @default 2
-             */
-            periods: number;
         };
         /**
          * IdentificationView
@@ -1399,8 +1902,11 @@ export interface components {
             created: string;
             /** Progress */
             progress: number;
-            /** Tension N */
-            tension_N: number;
+            /**
+             * Tension N
+             * @description tension held, of the actuator [N]
+             */
+            tension_N: number | null;
             /**
              * S Nominal
              * @description stiffness at which the run was held [N·m/rad]
@@ -1410,8 +1916,19 @@ export interface components {
             settings: {
                 [key: string]: boolean | number | string;
             };
+            /**
+             * Estimate
+             * @description number of the stored identification; null while there is none
+             */
+            estimate: number | null;
+            /** Usable */
+            usable: boolean;
             G_q: components["schemas"]["ModelView"] | null;
             G_S: components["schemas"]["ModelView"] | null;
+            /** Motors */
+            motors: components["schemas"]["MotorView"][];
+            /** Springs */
+            springs: components["schemas"]["SpringView"][];
             /** Message */
             message: string;
         };
@@ -1614,6 +2131,37 @@ export interface components {
         };
         LiveMessage: components["schemas"]["LayoutMessage"] | components["schemas"]["StateMessage"] | components["schemas"]["EventMessage"] | components["schemas"]["Pong"];
         /**
+         * LoopFigures
+         * @description One outer loop of an entry at the λ in force.
+         */
+        LoopFigures: {
+            /**
+             * K
+             * @description gain of the model
+             */
+            K: number;
+            /**
+             * T
+             * @description time constant of the model [s]
+             */
+            T: number;
+            /**
+             * K P
+             * @description proportional gain, through the decoupler
+             */
+            k_p: number;
+            /**
+             * K I
+             * @description integral gain, through the decoupler [1/s]
+             */
+            k_i: number;
+            /**
+             * M S
+             * @description sensitivity peak on the high-order model; null when unstable
+             */
+            M_s: number | null;
+        };
+        /**
          * LoopPreview
          * @description What one outer loop would do at a λ, on the high-order model of the active entry.
          */
@@ -1668,6 +2216,29 @@ export interface components {
          * @enum {string}
          */
         MarkKind: "mode" | "tuning" | "bank" | "fault" | "references" | "note";
+        /**
+         * MeasuredBode
+         * @description A frequency response estimated from the data without a model.
+         */
+        MeasuredBode: {
+            /**
+             * Omega
+             * @description angular frequency [rad/s]
+             */
+            omega: number[];
+            /** Magnitude */
+            magnitude: number[];
+            /**
+             * Phase Deg
+             * @description phase, unwrapped [deg]
+             */
+            phase_deg: number[];
+            /**
+             * Coherence
+             * @description 0 to 1: how much of the output follows the input
+             */
+            coherence: number[];
+        };
         /**
          * Metric
          * @description One number of the result.
@@ -1738,6 +2309,35 @@ export interface components {
             verdict: string;
         };
         /**
+         * MotorCurves
+         * @description Steps of one motor.
+         */
+        MotorCurves: {
+            /**
+             * Side
+             * @enum {string}
+             */
+            side: "A" | "B";
+            /** Steps */
+            steps: components["schemas"]["StepCurve"][];
+        };
+        /**
+         * MotorEstimate
+         * @description K_m and T_m of one motor.
+         */
+        MotorEstimate: {
+            /**
+             * K M
+             * @description gain: steady speed per voltage [rad/(V·s)]
+             */
+            K_m: number;
+            /**
+             * T M
+             * @description time constant [s]
+             */
+            T_m: number;
+        };
+        /**
          * MotorPreview
          * @description How robust the motor loops are at the λ_motor in force: the less robust of the two.
          */
@@ -1759,12 +2359,118 @@ export interface components {
             phase_margin_deg: number | null;
         };
         /**
+         * MotorRequest
+         * @description Unloaded voltage steps of both motors, method section 2.
+         */
+        MotorRequest: {
+            /**
+             * Kind
+             * @constant
+             */
+            kind: "motor";
+            /**
+             * U Low
+             * @description smallest voltage step [V]
+             * @default 2
+             */
+            u_low: number;
+            /**
+             * U High
+             * @description largest voltage step, short of saturation [V]
+             * @default 5
+             */
+            u_high: number;
+            /**
+             * Levels
+             * @description number of voltages from the smallest to the largest [1]
+             * @default 4
+             */
+            levels: number;
+            /**
+             * Travel Rad
+             * @description a step ends once a motor has turned by this much [rad]
+             * @default 12
+             */
+            travel_rad: number;
+            /**
+             * Step S
+             * @description a step ends after this time at the latest [s]
+             * @default 2.5
+             */
+            step_s: number;
+            /**
+             * Settle S
+             * @description time the motors are held where a step starts [s]
+             * @default 1
+             */
+            settle_s: number;
+        };
+        /**
+         * MotorView
+         * @description One motor: least squares over all steps, and the 63.21 % rule beside it.
+         */
+        MotorView: {
+            /**
+             * Side
+             * @enum {string}
+             */
+            side: "A" | "B";
+            fitted: components["schemas"]["MotorEstimate"];
+            std_errors: components["schemas"]["MotorEstimate"];
+            /**
+             * U C
+             * @description Coulomb voltage: what only overcomes dry friction [V]
+             */
+            u_c: number;
+            /**
+             * U C Std
+             * @description standard error of the Coulomb voltage [V]
+             */
+            u_c_std: number;
+            /** @description 63.21 % rule, mean over the steps */
+            rule_mean: components["schemas"]["MotorEstimate"];
+            /** @description 63.21 % rule, standard deviation over the steps */
+            rule_spread: components["schemas"]["MotorEstimate"];
+            /** @description in force when the run was made */
+            before: components["schemas"]["MotorEstimate"];
+            /**
+             * Rms Counts
+             * @description RMS error of position, in encoder counts
+             */
+            rms_counts: number;
+            /**
+             * Refused
+             * @description steps that could not be used, with the reason
+             */
+            refused: string[];
+            /** Verdict */
+            verdict: string;
+        };
+        /**
          * NoteRequest
          * @description What a person wants to remember about a run.
          */
         NoteRequest: {
             /** Note */
             note: string;
+        };
+        /**
+         * OrderCurve
+         * @description One polynomial: its errors at the pairs, and its curve.
+         */
+        OrderCurve: {
+            /** Order */
+            order: number;
+            /**
+             * Errors
+             * @description measured minus fitted force at the pairs [N]
+             */
+            errors: number[];
+            /**
+             * Force
+             * @description fitted force over curve_x [N]
+             */
+            force: number[];
         };
         /**
          * Ping
@@ -1810,21 +2516,29 @@ export interface components {
              */
             duration_s: number;
             /**
-             * Q Counts
-             * @description joint motion, peak to peak, in encoder counts
+             * Figures
+             * @description what to expect, in numbers
              */
-            q_counts: number;
+            figures: components["schemas"]["Metric"][];
+            /**
+             * Q Counts
+             * @description joint motion, peak to peak, in encoder counts; actuator only
+             */
+            q_counts: number | null;
             /**
              * U Peak V
-             * @description largest motor voltage expected [V]
+             * @description largest motor voltage expected; actuator and motor [V]
              */
-            u_peak_V: number;
+            u_peak_V: number | null;
             /**
              * F Min N
-             * @description least tendon tension expected [N]
+             * @description least tendon tension expected; actuator only [N]
              */
-            F_min_N: number;
-            /** Enough Motion */
+            F_min_N: number | null;
+            /**
+             * Enough Motion
+             * @description whether the run is worth starting
+             */
             enough_motion: boolean;
             /** Message */
             message: string;
@@ -2197,8 +2911,186 @@ export interface components {
             name: string;
         };
         /**
+         * SpringCurves
+         * @description Pairs of one spring with the polynomials through them.
+         */
+        SpringCurves: {
+            /** Name */
+            name: string;
+            /**
+             * X
+             * @description elongation of the pairs [m]
+             */
+            x: number[];
+            /**
+             * F
+             * @description force of the pairs [N]
+             */
+            F: number[];
+            /** Rising */
+            rising: boolean[];
+            /**
+             * Curve X
+             * @description elongation of the curves [m]
+             */
+            curve_x: number[];
+            /** Orders */
+            orders: components["schemas"]["OrderCurve"][];
+        };
+        /**
+         * SpringFitView
+         * @description A polynomial through the measured pairs.
+         */
+        SpringFitView: {
+            /** Order */
+            order: number;
+            /**
+             * K
+             * @description coefficients, lowest power first [N/m^i]
+             */
+            k: number[];
+            /** Std Errors */
+            std_errors: number[];
+            /**
+             * Rms N
+             * @description RMS error [N]
+             */
+            rms_N: number;
+            /**
+             * Max N
+             * @description largest error [N]
+             */
+            max_N: number;
+            /**
+             * Cross Validation N
+             * @description RMS error at pairs left out one at a time [N]
+             */
+            cross_validation_N: number;
+            /** Rising */
+            rising: boolean;
+        };
+        /**
+         * SpringRequest
+         * @description Slow sweep of both tensions, method section 3.
+         */
+        SpringRequest: {
+            /**
+             * Kind
+             * @constant
+             */
+            kind: "spring";
+            /**
+             * F Low
+             * @description tension where the sweep starts, above slack [N]
+             * @default 2
+             */
+            F_low: number;
+            /**
+             * F High
+             * @description tension where the sweep turns, below the solid spring's [N]
+             * @default 45
+             */
+            F_high: number;
+            /**
+             * Sweep S
+             * @description time of one way up or down [s]
+             * @default 15
+             */
+            sweep_s: number;
+            /**
+             * Cycles
+             * @description number of times up and down [1]
+             * @default 2
+             */
+            cycles: number;
+            /**
+             * Settle S
+             * @description time at the lowest tension before the sweep starts [s]
+             * @default 2
+             */
+            settle_s: number;
+        };
+        /**
+         * SpringTableList
+         * @description Springs identified from tables, newest first.
+         */
+        SpringTableList: {
+            /** Tables */
+            tables: components["schemas"]["SpringTableView"][];
+        };
+        /**
+         * SpringTableRequest
+         * @description A spring measured elsewhere.
+         */
+        SpringTableRequest: {
+            /**
+             * Name
+             * @description name of the file
+             */
+            name: string;
+            /**
+             * Table
+             * @description CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading
+             */
+            table: string;
+        };
+        /**
+         * SpringTableView
+         * @description A spring identified from a measured table.
+         */
+        SpringTableView: {
+            /** Id */
+            id: number;
+            /** File */
+            file: string;
+            /**
+             * Sha256
+             * @description digest of the table
+             */
+            sha256: string;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Who */
+            who: string;
+            /** Usable */
+            usable: boolean;
+            spring: components["schemas"]["SpringView"];
+            /** Message */
+            message: string;
+        };
+        /**
+         * SpringView
+         * @description One spring: polynomials of several orders, and which of them to use.
+         */
+        SpringView: {
+            /**
+             * Name
+             * @description A, B, or table for an imported one
+             */
+            name: string;
+            /**
+             * Recommended
+             * @description order to use
+             */
+            recommended: number;
+            /** Reason */
+            reason: string;
+            /** Pairs */
+            pairs: number;
+            /**
+             * Hysteresis N
+             * @description largest mean difference between the ways up and down [N]
+             */
+            hysteresis_N: number | null;
+            /** Fits */
+            fits: components["schemas"]["SpringFitView"][];
+        };
+        /**
          * Started
-         * @description The task was started; its run carries the result.
+         * @description The task was started; its run, the first where there are several, carries the result.
          */
         Started: {
             /** Id */
@@ -2303,6 +3195,32 @@ export interface components {
             type: "state";
         };
         /**
+         * StepCurve
+         * @description One voltage step of a motor.
+         */
+        StepCurve: {
+            /**
+             * Voltage
+             * @description voltage of the step [V]
+             */
+            voltage: number;
+            /**
+             * T
+             * @description time from the step [s]
+             */
+            t: number[];
+            /**
+             * Measured
+             * @description turn as measured [rad]
+             */
+            measured: number[];
+            /**
+             * Model
+             * @description turn of the model [rad]
+             */
+            model: number[];
+        };
+        /**
          * StepState
          * @description How far a step of the set-up is.
          * @enum {string}
@@ -2344,6 +3262,12 @@ export interface components {
             duration_s: number;
             /** Phase */
             phase: string;
+            /**
+             * Following
+             * @description runs of the same order that follow this one
+             * @default 0
+             */
+            following: number;
         };
         /**
          * TensionView
@@ -5959,7 +6883,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["IdentificationRequest"];
+                "application/json": components["schemas"]["ActuatorRequest"] | components["schemas"]["MotorRequest"] | components["schemas"]["SpringRequest"];
             };
         };
         responses: {
@@ -6073,7 +6997,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["IdentificationRequest"];
+                "application/json": components["schemas"]["ActuatorRequest"] | components["schemas"]["MotorRequest"] | components["schemas"]["SpringRequest"];
             };
         };
         responses: {
@@ -6084,6 +7008,116 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Prediction"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    list_identification_kinds: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IdentificationKindList"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -6197,6 +7231,569 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["IdentificationView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_identification_curves: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IdentificationCurves"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    list_spring_tables: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SpringTableList"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    add_spring_table: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SpringTableRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SpringTableView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_spring_table: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SpringTableView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_spring_table_curves: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IdentificationCurves"];
                 };
             };
             /** @description the body cannot be parsed */
@@ -6515,6 +8112,235 @@ export interface operations {
             };
         };
     };
+    import_bank: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["BankFile"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BankView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    compare_with_bank_in_use: {
+        parameters: {
+            query?: {
+                /** @description bank to compare with */
+                other?: number | null;
+                /** @description in place of another bank: runs that identified points again */
+                run?: number[] | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BankDifference"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
     get_bank: {
         parameters: {
             query?: never;
@@ -6534,6 +8360,350 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["BankView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_bank_detail: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BankDetail"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    compare_banks: {
+        parameters: {
+            query?: {
+                /** @description bank to compare with */
+                other?: number | null;
+                /** @description in place of another bank: runs that identified points again */
+                run?: number[] | null;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BankDifference"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    export_bank: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BankFile"];
                 };
             };
             /** @description the body cannot be parsed */

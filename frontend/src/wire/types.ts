@@ -16,10 +16,26 @@ export type StopProof = Schemas["StopProof"];
 export type Task = Schemas["TaskView"];
 export type Session = Schemas["SessionView"];
 export type Identification = Schemas["IdentificationView"];
-export type IdentificationRequest = Schemas["IdentificationRequest"];
+export type IdentificationRequest =
+  | Schemas["ActuatorRequest"]
+  | Schemas["MotorRequest"]
+  | Schemas["SpringRequest"];
+export type IdentificationKind = Schemas["IdentificationKind"];
+export type IdentificationCurves = Schemas["IdentificationCurves"];
+export type ChannelCurves = Schemas["ChannelCurves"];
+export type MotorCurves = Schemas["MotorCurves"];
+export type SpringCurves = Schemas["SpringCurves"];
+export type Correlation = Schemas["Correlation"];
+export type Motor = Schemas["MotorView"];
+export type Spring = Schemas["SpringView"];
+export type SpringTable = Schemas["SpringTableView"];
 export type Prediction = Schemas["Prediction"];
 export type Model = Schemas["ModelView"];
 export type Bank = Schemas["BankView"];
+export type BankDetail = Schemas["BankDetail"];
+export type BankDifference = Schemas["BankDifference"];
+export type BankFile = Schemas["BankFile"];
+export type LoopFigures = Schemas["LoopFigures"];
 export type ExperimentKind = Schemas["ExperimentKind"];
 export type Experiment = Schemas["ExperimentView"];
 export type Setting = Schemas["SettingView"];

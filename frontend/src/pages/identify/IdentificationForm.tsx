@@ -1,138 +1,191 @@
-/** Set-up of an identification run, with the joint motion to expect before it starts. */
+/** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
 
-import { Button, NumberInput } from "@mantine/core";
+import { Button, NumberInput, SegmentedControl, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
-import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
-import { duration, fixed } from "../../samples/format";
 import { useStartIdentification } from "../../service/commands";
-import { predictionQuery } from "../../service/queries";
-import type { IdentificationRequest, Prediction } from "../../wire/types";
+import { identificationKindsQuery, predictionQuery } from "../../service/queries";
+import type { IdentificationKind, Setting } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
+import { type Kind, requestOf, type Values } from "./order";
+import { PredictionView } from "./PredictionView";
+import { SpringTableForm } from "./SpringTableForm";
 
-type Plan = Omit<IdentificationRequest, "kind">;
-type Field = keyof Plan;
-
-const DEFAULT: Plan = { tension_N: 20, amplitude_rad: 1, chip_s: 0.08, bits: 7, periods: 2 };
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
 
-const FIELDS: readonly { name: Field; label: string; hint: string; step: number }[] = [
-  { name: "amplitude_rad", label: "PRBS amplitude [rad]", hint: "added to θ_A,ref, either way", step: 0.1 },
-  { name: "chip_s", label: "Chip length [s]", hint: "matched to the loop: 0.08", step: 0.01 },
-  { name: "bits", label: "Register bits", hint: "sequence of 2ⁿ − 1 chips", step: 1 },
-  { name: "periods", label: "Periods", hint: "whole sequences", step: 1 },
-];
+/** Short labels; the setting's own meaning stands below the box. */
+const LABELS: Record<string, string> = {
+  tension_N: "Tension [N]",
+  amplitude_rad: "PRBS amplitude [rad]",
+  chip_s: "Chip length [s]",
+  bits: "Register bits",
+  periods: "Periods",
+  settle_s: "Settling [s]",
+  u_low: "Smallest step [V]",
+  u_high: "Largest step [V]",
+  levels: "Voltages",
+  travel_rad: "Travel [rad]",
+  step_s: "Longest step [s]",
+  F_low: "Lowest tension [N]",
+  F_high: "Highest tension [N]",
+  sweep_s: "One way [s]",
+  cycles: "Times up and down",
+};
 
-export function IdentificationForm({ onStarted }: { onStarted: (id: number) => void }) {
-  const [plan, setPlan] = useState<Plan>(DEFAULT);
-  const state = useLive((live) => live.state);
-  const start = useStartIdentification();
-  const [asked] = useDebouncedValue(plan, 300);
-  const prediction = useQuery(predictionQuery({ kind: "actuator", ...asked }));
-  const busy = state?.task != null;
-  const reason = busy ? "Another task is running." : whyNot(state, "identify");
+interface FormProps {
+  onStarted(run: number): void;
+  onTable(id: number): void;
+}
 
-  function set(name: Field, value: number | string): void {
-    if (typeof value === "number") setPlan((before) => ({ ...before, [name]: value }));
-  }
-
-  function submit(event: FormEvent): void {
-    event.preventDefault();
-    if (reason === null) {
-      start.mutate({ kind: "actuator", ...plan }, { onSuccess: (started) => onStarted(started.id) });
-    }
-  }
-
+export function IdentificationForm({ onStarted, onTable }: FormProps) {
+  const kinds = useQuery(identificationKindsQuery);
+  const [kind, setKind] = useState<Kind>("actuator");
+  const chosen = kinds.data?.find((entry) => entry.kind === kind);
   return (
     <Card title="New identification">
-      <form className={page.fields} aria-label="New identification" onSubmit={submit}>
-        <div className={styles.tension}>
-          <NumberInput
-            label="Tension [N]"
-            value={plan.tension_N}
-            hideControls
-            onChange={(value) => set("tension_N", value)}
-          />
-          <Button.Group>
-            {NOMINAL_TENSIONS_N.map((tension) => (
-              <Button
-                key={tension}
-                variant={plan.tension_N === tension ? "light" : "default"}
-                aria-label={`Tension ${tension} N`}
-                aria-pressed={plan.tension_N === tension}
-                onClick={() => set("tension_N", tension)}
-                px={10}
-                h={30}
-              >
-                {tension}
-              </Button>
-            ))}
-          </Button.Group>
-        </div>
-        <div className={styles.grid}>
-          {FIELDS.map(({ name, label, hint, step }) => (
-            <NumberInput
-              key={name}
-              label={label}
-              description={hint}
-              inputWrapperOrder={["label", "input", "description"]}
-              value={plan[name]}
-              step={step}
-              hideControls
-              onChange={(value) => set(name, value)}
-            />
-          ))}
-        </div>
-        <PredictionView prediction={prediction.data} problem={prediction.error?.message} />
-        <Button
-          type="submit"
-          size="sm"
-          aria-disabled={reason !== null}
-          data-disabled={reason !== null || undefined}
-          loading={start.isPending}
-        >
-          Start identification
-        </Button>
-        <Refusal text={start.error?.message ?? reason} />
-      </form>
+      <div className={page.fields}>
+        <SegmentedControl
+          aria-label="What to identify"
+          fullWidth
+          value={kind}
+          data={(kinds.data ?? []).map((entry) => ({ value: entry.kind, label: entry.title }))}
+          onChange={(value) => setKind(value as Kind)}
+        />
+        <span className={page.dim}>{chosen?.description ?? kinds.error?.message ?? "Loading …"}</span>
+        {chosen && <KindForm key={kind} kind={chosen} onStarted={onStarted} />}
+        {kind === "spring" && <SpringTableForm onTable={onTable} />}
+      </div>
     </Card>
   );
 }
 
-function PredictionView({
-  prediction,
-  problem,
-}: {
-  prediction: Prediction | undefined;
-  problem: string | undefined;
-}) {
+function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (run: number) => void }) {
+  const [changed, setChanged] = useState<Values>({});
+  const [tensions, setTensions] = useState("");
+  const state = useLive((live) => live.state);
+  const start = useStartIdentification();
+  const asked = requestOf(kind, changed, kind.kind === "actuator" ? tensions : "");
+  const [request] = useDebouncedValue(asked.request, 300);
+  const prediction = useQuery(predictionQuery(request));
+  const busy = state?.task != null;
+  const reason = asked.problem ?? (busy ? "Another task is running." : whyNot(state, "identify"));
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (reason === null && asked.request !== null) {
+      start.mutate(asked.request, { onSuccess: (started) => onStarted(started.id) });
+    }
+  }
+
+  function set(name: string, value: number | string): void {
+    setChanged((before) => ({ ...before, [name]: value }));
+  }
+
   return (
-    <output className={styles.prediction} aria-label="Prediction">
-      {problem !== undefined && <Verdict good={false}>{problem}</Verdict>}
-      {problem === undefined && prediction === undefined && <span className={page.dim}>Predicting …</span>}
-      {problem === undefined && prediction !== undefined && (
-        <>
-          <dl className={page.facts}>
-            <dt>Joint motion</dt>
-            <dd>
-              <strong>{fixed(prediction.q_counts, 0)}</strong> encoder counts peak to peak
-            </dd>
-            <dt>Peak voltage</dt>
-            <dd>{fixed(prediction.u_peak_V, 1)} V of 10 V</dd>
-            <dt>Least tension</dt>
-            <dd>{fixed(prediction.F_min_N, 1)} N</dd>
-            <dt>Length</dt>
-            <dd>{duration(prediction.duration_s)}</dd>
-          </dl>
-          <Verdict good={prediction.enough_motion}>{prediction.message}</Verdict>
-        </>
+    <form className={page.fields} aria-label="New identification" onSubmit={submit}>
+      {kind.kind === "actuator" && (
+        <TensionFields
+          tension_N={changed.tension_N ?? Number(settingOf(kind, "tension_N")?.default ?? "")}
+          tensions={tensions}
+          onTension={(value) => set("tension_N", value)}
+          onTensions={setTensions}
+        />
       )}
-    </output>
+      <div className={styles.grid}>
+        {kind.settings
+          .filter((setting) => setting.name !== "tension_N")
+          .map((setting) => (
+            <NumberInput
+              key={setting.name}
+              label={LABELS[setting.name] ?? setting.meaning}
+              description={`${setting.meaning}; ${setting.minimum}\u00a0…\u00a0${setting.maximum}`}
+              inputWrapperOrder={["label", "input", "description"]}
+              value={changed[setting.name] ?? Number(setting.default)}
+              hideControls
+              onChange={(value) => set(setting.name, value)}
+            />
+          ))}
+      </div>
+      <PredictionView prediction={prediction.data} problem={asked.problem ?? prediction.error?.message} />
+      <Button
+        type="submit"
+        size="sm"
+        aria-disabled={reason !== null}
+        data-disabled={reason !== null || undefined}
+        loading={start.isPending}
+      >
+        Start identification
+      </Button>
+      <Refusal text={start.error?.message ?? reason} />
+    </form>
   );
+}
+
+interface TensionProps {
+  readonly tension_N: number | string;
+  readonly tensions: string;
+  onTension(value: number | string): void;
+  onTensions(text: string): void;
+}
+
+/** One tension, or several, one run after the other. */
+function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionProps) {
+  const inTurn = tensions.trim() !== "";
+  return (
+    <>
+      <div className={styles.tension}>
+        <NumberInput
+          label="Tension [N]"
+          value={tension_N}
+          disabled={inTurn}
+          hideControls
+          onChange={onTension}
+        />
+        <Button.Group>
+          {NOMINAL_TENSIONS_N.map((tension) => (
+            <Button
+              key={tension}
+              variant={!inTurn && tension_N === tension ? "light" : "default"}
+              aria-label={`Tension ${tension} N`}
+              aria-pressed={!inTurn && tension_N === tension}
+              onClick={() => {
+                onTensions("");
+                onTension(tension);
+              }}
+              px={10}
+              h={30}
+            >
+              {tension}
+            </Button>
+          ))}
+        </Button.Group>
+      </div>
+      <div className={styles.tension}>
+        <TextInput
+          label="Several tensions in turn [N]"
+          placeholder="none: the one above"
+          value={tensions}
+          onChange={(event) => onTensions(event.currentTarget.value)}
+        />
+        <Button
+          variant={inTurn ? "light" : "default"}
+          aria-pressed={inTurn}
+          h={30}
+          onClick={() => onTensions(inTurn ? "" : NOMINAL_TENSIONS_N.join(", "))}
+        >
+          All four
+        </Button>
+      </div>
+    </>
+  );
+}
+
+function settingOf(kind: IdentificationKind, name: string): Setting | undefined {
+  return kind.settings.find((setting) => setting.name === name);
 }

@@ -32,6 +32,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
               <Table.Tr>
                 <Table.Th>Bank</Table.Th>
                 <Table.Th>Run</Table.Th>
+                <Table.Th>Of</Table.Th>
                 <Table.Th>When</Table.Th>
                 <Table.Th className={page.number}>Tension [N]</Table.Th>
                 <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
@@ -58,13 +59,14 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                       size="xs"
                       aria-label={`Use run ${row.id}`}
                       checked={chosen.has(row.id)}
-                      disabled={row.G_q === null || row.G_S === null}
+                      disabled={row.kind !== "actuator" || !row.usable}
                       onChange={() => onChoose(row.id)}
                     />
                   </Table.Td>
                   <Table.Td>
                     <Link href={`/identify/${row.id}`}>Run {row.id}</Link>
                   </Table.Td>
+                  <Table.Td>{row.kind}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
                   <Table.Td className={page.number}>{fixed(row.tension_N, 0)}</Table.Td>
                   <Table.Td className={page.number}>{fixed(row.S_nominal, 2)}</Table.Td>

@@ -1,20 +1,25 @@
-/** Launch an actuator identification, watch it, judge it, and build a bank from chosen ones. */
+/** Identify actuator, motors or springs, watch, judge, and build a bank from chosen runs. */
 
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useLocation, useParams } from "wouter";
-import { identificationsQuery } from "../../service/queries";
+import { identificationsQuery, springTablesQuery } from "../../service/queries";
 import styles from "../Page.module.css";
 import { BankBuilder } from "./BankBuilder";
 import { IdentificationForm } from "./IdentificationForm";
 import { IdentificationList } from "./IdentificationList";
 import { IdentificationResult } from "./IdentificationResult";
+import { SpringTableResult } from "./SpringResult";
+import { SpringTableList } from "./SpringTableList";
 
 export default function IdentifyPage() {
   const { id } = useParams();
   const [, go] = useLocation();
   const identifications = useQuery(identificationsQuery);
   const [chosen, setChosen] = useState<ReadonlySet<number>>(new Set());
+  const tables = useQuery(springTablesQuery);
+  const [tableId, setTable] = useState<number | null>(null);
+  const table = tables.data?.find((item) => item.id === tableId);
   const newest = identifications.data?.[0]?.id;
   const selected = id === undefined ? newest : Number(id);
 
@@ -29,17 +34,25 @@ export default function IdentifyPage() {
       <h1 className={styles.title}>Identify</h1>
       <div className={styles.columns}>
         <div className={styles.column}>
-          <IdentificationForm onStarted={(started) => go(`/identify/${started}`)} />
+          <IdentificationForm
+            onStarted={(started) => {
+              setTable(null);
+              go(`/identify/${started}`);
+            }}
+            onTable={setTable}
+          />
           <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
         </div>
         <div className={styles.column}>
-          {selected !== undefined && <IdentificationResult key={selected} id={selected} />}
+          {table && <SpringTableResult key={table.id} table={table} />}
+          {selected !== undefined && !table && <IdentificationResult key={selected} id={selected} />}
           <IdentificationList
             identifications={identifications.data}
             selected={selected}
             chosen={chosen}
             onChoose={choose}
           />
+          <SpringTableList tables={tables.data ?? []} selected={tableId} onSelect={setTable} />
         </div>
       </div>
     </div>

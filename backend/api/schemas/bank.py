@@ -1,0 +1,139 @@
+"""Banks: built from identification runs, compared, taken out and brought in."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.api.schemas.base import Finite, Schema, quantity
+
+
+class BankRequest(Schema):
+    """A new bank, or a new version of the bank of that name, from chosen identification runs."""
+
+    name: str = Field(min_length=1, max_length=60)
+    identifications: list[int] = Field(min_length=1, max_length=20)
+
+
+class BankEntryView(Schema):
+    """One point of a bank and the identification it came from."""
+
+    identification: int | None = Field(description="identification run it came from; null for an imported entry")
+    tension_N: float | None = quantity("N", "tendon tension of the point")
+    S_nominal: float = quantity("N·m/rad", "stiffness of the point")
+    K_q: float
+    T_q: float = quantity("s", "time constant of G_q")
+    K_S: float
+    T_S: float = quantity("s", "time constant of G_S")
+
+
+class BankView(Schema):
+    """One version of a bank."""
+
+    id: int
+    name: str
+    version: int
+    created: datetime
+    who: str
+    note: str
+    active: bool
+    entries: list[BankEntryView]
+
+
+class BankList(Schema):
+    """All versions of all banks, newest first."""
+
+    banks: list[BankView]
+
+
+class LoopFigures(Schema):
+    """One outer loop of an entry at the λ in force."""
+
+    K: float = Field(description="gain of the model")
+    T: float = quantity("s", "time constant of the model")
+    k_p: float = Field(description="proportional gain, through the decoupler")
+    k_i: float = quantity("1/s", "integral gain, through the decoupler")
+    M_s: float | None = Field(description="sensitivity peak on the high-order model; null when unstable")
+
+
+class EntryFigures(Schema):
+    """Models, gains and robustness of one entry."""
+
+    S_nominal: float = quantity("N·m/rad", "stiffness of the point")
+    tension_N: float | None = quantity("N", "tendon tension of the point")
+    identification_id: int | None = Field(description="number of the stored identification; null for an imported one")
+    position: LoopFigures
+    stiffness: LoopFigures
+
+
+class EntryLineage(Schema):
+    """Where the models of an entry came from."""
+
+    identification: int = Field(description="number of the stored identification")
+    method: str
+    verdict: str
+    run: int | None
+    created: datetime
+    who: str
+    plant: str | None
+    parameters: str | None = Field(description="name of the parameter set of that run; its numbers are with the run")
+
+
+class BankEntryDetail(Schema):
+    """An entry in full."""
+
+    figures: EntryFigures
+    lineage: EntryLineage | None = Field(description="null for an imported entry")
+
+
+class BankDetail(Schema):
+    """A bank in full, at the λ in force."""
+
+    lam_q: float = quantity("s", "λ_q that the gains are for")
+    lam_S: float = quantity("s", "λ_S that the gains are for")
+    entries: list[BankEntryDetail]
+
+
+class EntryDifference(Schema):
+    """A point before and after a change; null where it is new or gone."""
+
+    before: EntryFigures | None
+    after: EntryFigures | None
+
+
+class BankDifference(Schema):
+    """What using other entries would change, at the λ in force."""
+
+    lam_q: float = quantity("s", "λ_q that the gains are for")
+    lam_S: float = quantity("s", "λ_S that the gains are for")
+    entries: list[EntryDifference]
+
+
+class BankFileEntry(Schema):
+    """One point in a bank's file."""
+
+    S_nominal: Finite
+    K_q: Finite
+    T_q: Finite
+    K_S: Finite
+    T_S: Finite
+    tension_N: Finite | None = None
+
+
+class BankOrigin(Schema):
+    """Where a bank's file came from."""
+
+    bank: int
+    version: int
+    who: str
+    made: str
+
+
+class BankFile(Schema):
+    """A bank as a file."""
+
+    format: str = "sinew-bank"
+    version: int = 1
+    name: str = Field(min_length=1, max_length=60)
+    exported_from: BankOrigin | None = None
+    units: dict[str, str] = Field(default_factory=dict, max_length=20)
+    entries: list[BankFileEntry] = Field(min_length=1, max_length=20)

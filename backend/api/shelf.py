@@ -1,0 +1,166 @@
+"""Banks on their shelf: built from identifications, compared, taken out and brought in."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+
+from backend.api import stored
+from backend.api.offload import Offload
+from backend.api.schemas.bank import (
+    BankDetail,
+    BankDifference,
+    BankEntryDetail,
+    BankFile,
+    BankView,
+    EntryDifference,
+    EntryFigures,
+    EntryLineage,
+)
+from backend.api.tuning_in_use import TuningInUse
+from backend.experiments import bank_building, bank_files
+from backend.experiments.bank_consistency import MODEL_NAMES
+from backend.experiments.bank_difference import difference, figures_of_all, with_entries
+from backend.storage import Database, Session, banks, identifications, runs
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.identifications import Identification
+from backend.storage.records import UnknownRecordError
+
+
+class Shelf:
+    """Reads and writes banks in threads; what takes long is computed in the process for such work."""
+
+    def __init__(self, database: Database, offload: Offload, tuning: Callable[[], TuningInUse]) -> None:
+        self._database = database
+        self._offload = offload
+        self._tuning = tuning
+
+    async def banks(self) -> list[BankView]:
+        """Return all versions of all banks, newest first."""
+        return await asyncio.to_thread(self._banks)
+
+    async def bank(self, bank_id: int) -> BankView:
+        """Return one version of a bank. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._bank_view, bank_id)
+
+    async def stored_bank(self, bank_id: int) -> Bank:
+        """Return one version of a bank as it is stored. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._bank, bank_id)
+
+    async def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+        """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
+        return await asyncio.to_thread(self._build, name, run_ids, who)
+
+    async def detail(self, bank_id: int) -> BankDetail:
+        """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
+        tuning = self._tuning()
+        bank, lineage = await asyncio.to_thread(self._with_lineage, bank_id)
+        figures = await self._offload.run(figures_of_all, tuning.parameters, tuning.lambdas, bank.entries)
+        return BankDetail(
+            lam_q=tuning.lambdas.lam_q,
+            lam_S=tuning.lambdas.lam_S,
+            entries=[
+                BankEntryDetail(figures=EntryFigures(**asdict(figure)), lineage=line)
+                for figure, line in zip(figures, lineage, strict=True)
+            ],
+        )
+
+    async def difference(self, bank_id: int | None, other: int | None, run_ids: Sequence[int]) -> BankDifference:
+        """Compare a bank, None for gains from geometry, with another one or with itself after identifying again.
+
+        Raises UnknownRecordError, BankError, TuningError.
+        """
+        tuning = self._tuning()
+        before, after = await asyncio.to_thread(self._compared, bank_id, other, run_ids)
+        changes = await self._offload.run(difference, tuning.parameters, tuning.lambdas, before, after)
+        return BankDifference(
+            lam_q=tuning.lambdas.lam_q,
+            lam_S=tuning.lambdas.lam_S,
+            entries=[EntryDifference(**asdict(change)) for change in changes],
+        )
+
+    async def file(self, bank_id: int) -> BankFile:
+        """Return a bank as a file. Raises UnknownRecordError."""
+        return BankFile.model_validate(bank_files.to_document(await self.stored_bank(bank_id)))
+
+    async def bring_in(self, file: BankFile, who: str) -> BankView:
+        """Store a bank from its file as the next version of its name. Raises BankError."""
+        document = file.model_dump(exclude_none=True)
+        parameters = self._tuning().parameters
+        bank = await asyncio.to_thread(bank_files.import_bank, self._database, parameters, document, who)
+        return await self.bank(bank.id)
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def _banks(self) -> list[BankView]:
+        with self._database.reading() as session:
+            runs_of = _runs_of_estimates(session)
+            return [stored.bank_view(bank, runs_of, self._in_use()) for bank in banks.find(session)]
+
+    def _bank(self, bank_id: int) -> Bank:
+        with self._database.reading() as session:
+            return banks.get(session, bank_id)
+
+    def _bank_view(self, bank_id: int) -> BankView:
+        with self._database.reading() as session:
+            return stored.bank_view(banks.get(session, bank_id), _runs_of_estimates(session), self._in_use())
+
+    def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+        with self._database.reading() as session:
+            chosen = [newest_estimate(session, run_id).id for run_id in run_ids]
+        parameters = self._tuning().parameters
+        return self._bank_view(bank_building.build_bank(self._database, parameters, name, chosen, who).id)
+
+    def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
+        with self._database.reading() as session:
+            bank = banks.get(session, bank_id)
+            return bank, [_lineage(session, entry) for entry in bank.entries]
+
+    def _compared(
+        self, bank_id: int | None, other: int | None, run_ids: Sequence[int]
+    ) -> tuple[tuple[BankEntry, ...], tuple[BankEntry, ...]]:
+        with self._database.reading() as session:
+            before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
+            if other is not None:
+                return before, banks.get(session, other).entries
+            again = [bank_building.entry_of(newest_estimate(session, run_id)) for run_id in run_ids]
+            return before, with_entries(before, again)
+
+    def _from_geometry(self) -> tuple[BankEntry, ...]:
+        """Return the models in use without a bank, as entries to compare with."""
+        return tuple(
+            BankEntry(point.S_nominal, {name: getattr(point, name) for name in MODEL_NAMES})
+            for point in self._tuning().previewer.points
+        )
+
+    def _in_use(self) -> int | None:
+        bank = self._tuning().bank
+        return None if bank is None else bank.id
+
+
+def newest_estimate(session: Session, run_id: int) -> Identification:
+    """Return the newest estimate made from a run. Raises UnknownRecordError."""
+    found = identifications.find(session, run_id=run_id)
+    if not found:
+        raise UnknownRecordError(f"there is no identification {run_id} with a model")
+    return found[0]
+
+
+def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
+    if entry.identification_id is None:
+        return None
+    found = identifications.get(session, entry.identification_id)
+    run = None if found.run_id is None else runs.get(session, found.run_id)
+    return EntryLineage(
+        identification=found.id,
+        method=found.method,
+        verdict=found.verdict,
+        run=found.run_id,
+        created=found.created_at,
+        who=found.who,
+        plant=None if run is None else run.plant,
+        parameters=None if run is None else run.parameters_name,
+    )
+
+
+def _runs_of_estimates(session: Session) -> dict[int, int | None]:
+    return {estimate.id: estimate.run_id for estimate in identifications.find(session)}

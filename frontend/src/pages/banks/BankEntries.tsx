@@ -1,0 +1,116 @@
+/** The entries of one bank: models, gains and M_s at the λ in force, and the way back to the raw samples. */
+
+import { Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { Link } from "wouter";
+import { Card } from "../../components/Card";
+import { SignalName } from "../../components/SignalName";
+import { useLive } from "../../live/react";
+import { dateTime, fixed, significant } from "../../samples/format";
+import { bankDetailQuery, lambdaKey } from "../../service/queries";
+import type { Bank, BankDetail, LoopFigures } from "../../wire/types";
+import page from "../Page.module.css";
+import { nameOf } from "./BankTable";
+import { LOOPS } from "./difference";
+
+const FIGURES = ["K", "T", "k_p", "k_i"] as const;
+
+type Lineage = BankDetail["entries"][number]["lineage"];
+
+export function BankEntries({ bank }: { bank: Bank }) {
+  const lambdas = useLive((live) => lambdaKey(live.state?.tuning));
+  const detail = useQuery(bankDetailQuery(bank.id, lambdas));
+  const shownAt = detail.data
+    ? `Gains and M_s at λ_q = ${fixed(detail.data.lam_q, 3)} s, λ_S = ${fixed(detail.data.lam_S, 3)} s`
+    : (detail.error?.message ?? "Computing gains …");
+  return (
+    <Card title={`Entries of ${nameOf(bank)}`} aside={<span className={page.dim}>{shownAt}</span>}>
+      {bank.note !== "" && <p className={page.lead}>{bank.note}</p>}
+      <div className={page.tableScroll}>
+        <Table aria-label="Entries">
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th className={page.number}>Tension [N]</Table.Th>
+              <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
+              <Table.Th>Loop</Table.Th>
+              <Table.Th className={page.number}>K</Table.Th>
+              <Table.Th className={page.number}>T [s]</Table.Th>
+              <Table.Th className={page.number}>
+                <SignalName name="k_p" />
+              </Table.Th>
+              <Table.Th className={page.number}>
+                <SignalName name="k_i" /> [1/s]
+              </Table.Th>
+              <Table.Th className={page.number}>
+                <SignalName name="M_s" />
+              </Table.Th>
+              <Table.Th>Came from</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {bank.entries.flatMap((entry, index) => {
+              const figures = detail.data?.entries[index]?.figures;
+              const models = {
+                position: { K: entry.K_q, T: entry.T_q },
+                stiffness: { K: entry.K_S, T: entry.T_S },
+              };
+              return LOOPS.map((loop) => (
+                <Table.Tr key={`${entry.S_nominal} ${loop}`}>
+                  <Table.Td className={page.number}>
+                    {loop === "position" ? fixed(entry.tension_N, 0) : ""}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {loop === "position" ? fixed(entry.S_nominal, 2) : ""}
+                  </Table.Td>
+                  <Table.Td>
+                    <SignalName name={loop === "position" ? "G_q" : "G_S"} />
+                  </Table.Td>
+                  <Figures figures={{ ...models[loop], ...figures?.[loop] }} />
+                  {loop === "position" && (
+                    <Table.Td rowSpan={2}>
+                      <CameFrom
+                        identification={entry.identification}
+                        lineage={detail.data?.entries[index]?.lineage ?? null}
+                      />
+                    </Table.Td>
+                  )}
+                </Table.Tr>
+              ));
+            })}
+          </Table.Tbody>
+        </Table>
+      </div>
+    </Card>
+  );
+}
+
+function Figures({ figures }: { figures: Partial<LoopFigures> }) {
+  const unstable = figures.M_s === null;
+  return (
+    <>
+      {FIGURES.map((name) => (
+        <Table.Td key={name} className={page.number}>
+          {significant(figures[name], 4)}
+        </Table.Td>
+      ))}
+      <Table.Td className={page.number}>{unstable ? "unstable" : fixed(figures.M_s, 3)}</Table.Td>
+    </>
+  );
+}
+
+/** Entry, identification, run, parameters: each step of the way is there to be followed. */
+function CameFrom({ identification, lineage }: { identification: number | null; lineage: Lineage }) {
+  if (identification === null) return <span className={page.dim}>imported, without lineage</span>;
+  return (
+    <>
+      <Link href={`/identify/${identification}`}>Identification {identification}</Link>
+      {lineage && (
+        <div className={page.dim}>
+          {lineage.method}, {dateTime(lineage.created)} by {lineage.who};{" "}
+          <Link href={`/runs/${lineage.run}`}>samples</Link> on the {lineage.plant}, parameters{" "}
+          {lineage.parameters}
+        </div>
+      )}
+    </>
+  );
+}

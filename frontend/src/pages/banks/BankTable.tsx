@@ -1,0 +1,82 @@
+/** All versions of all banks, and which one is in use. */
+
+import { Button, Table } from "@mantine/core";
+import { Link } from "wouter";
+import { Refusal } from "../../components/Refusal";
+import { dateTime, fixed } from "../../samples/format";
+import { useActivateBank } from "../../service/commands";
+import type { Bank } from "../../wire/types";
+import page from "../Page.module.css";
+
+export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
+  const activate = useActivateBank();
+  if (banks.length === 0) {
+    return (
+      <p className={page.empty}>
+        No bank yet: gains come from geometry. <Link href="/identify">Identify</Link> the actuator at some
+        tensions, then build a bank from the runs.
+      </p>
+    );
+  }
+  return (
+    <>
+      <div className={page.tableScroll} style={{ marginBottom: 0 }}>
+        <Table aria-label="Banks" highlightOnHover>
+          <Table.Thead>
+            <Table.Tr>
+              <Table.Th>Bank</Table.Th>
+              <Table.Th>Built</Table.Th>
+              <Table.Th>By</Table.Th>
+              <Table.Th className={page.number}>Entries</Table.Th>
+              <Table.Th>Stiffness [N·m/rad]</Table.Th>
+              <Table.Th>Use</Table.Th>
+              <Table.Th>File</Table.Th>
+            </Table.Tr>
+          </Table.Thead>
+          <Table.Tbody>
+            {banks.map((bank) => (
+              <Table.Tr key={bank.id} bg={bank.id === selected ? "var(--accent-soft)" : undefined}>
+                <Table.Td>
+                  <Link href={`/banks/${bank.id}`}>{nameOf(bank)}</Link>
+                </Table.Td>
+                <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
+                <Table.Td>{bank.who}</Table.Td>
+                <Table.Td className={page.number}>{bank.entries.length}</Table.Td>
+                <Table.Td>{bank.entries.map((entry) => fixed(entry.S_nominal, 2)).join(" · ")}</Table.Td>
+                <Table.Td>
+                  {bank.active ? (
+                    <strong>active</strong>
+                  ) : (
+                    <Button
+                      size="compact-xs"
+                      variant="default"
+                      aria-label={`Activate ${nameOf(bank)}`}
+                      loading={activate.isPending && activate.variables === bank.id}
+                      onClick={() => activate.mutate(bank.id)}
+                    >
+                      Activate
+                    </Button>
+                  )}
+                </Table.Td>
+                <Table.Td>
+                  <a
+                    href={`./api/banks/${bank.id}/file`}
+                    download={`${bank.name}-v${bank.version}.json`}
+                    aria-label={`Export ${nameOf(bank)}`}
+                  >
+                    Export
+                  </a>
+                </Table.Td>
+              </Table.Tr>
+            ))}
+          </Table.Tbody>
+        </Table>
+      </div>
+      <Refusal text={activate.error?.message} />
+    </>
+  );
+}
+
+export function nameOf(bank: Bank): string {
+  return `${bank.name} v${bank.version}`;
+}

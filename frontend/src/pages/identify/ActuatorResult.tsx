@@ -1,0 +1,195 @@
+/** G_q and G_S: models, responses beside the data, residual tests, candidates, and what would change in the bank. */
+
+import { Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { CurvePlot } from "../../charts/CurvePlot";
+import { Verdict } from "../../components/Verdict";
+import { useLive } from "../../live/react";
+import { fixed, significant } from "../../samples/format";
+import { curvesQuery, differenceInUseQuery, lambdaKey } from "../../service/queries";
+import { HUES } from "../../theme/signals";
+import type { ChannelCurves, Correlation, Identification } from "../../wire/types";
+import { DifferenceTable } from "../banks/DifferenceTable";
+import page from "../Page.module.css";
+import styles from "./Identify.module.css";
+import { ModelView } from "./ModelView";
+
+const COHERENT = 0.9;
+const CHANNELS: Record<string, { hue: string; unit: string; output: string }> = {
+  G_q: { hue: HUES.q, unit: "rad/rad", output: "q [rad]" },
+  G_S: { hue: HUES.S, unit: "N·m/rad per rad", output: "S [N·m/rad]" },
+};
+
+export function ActuatorResult({ identification }: { identification: Identification }) {
+  const { G_q, G_S, run } = identification;
+  const curves = useQuery(curvesQuery(run));
+  return (
+    <>
+      <div className={page.halves}>
+        {G_q && <ModelView name="G_q" path="θ_A,ref → q" unit="" model={G_q} />}
+        {G_S && <ModelView name="G_S" path="θ_A,ref → S" unit="N·m/rad²" model={G_S} />}
+      </div>
+      <div className={page.halves}>
+        {curves.data?.channels.map((channel) => (
+          <Channel key={channel.name} channel={channel} />
+        ))}
+      </div>
+      {curves.error && <p className={page.empty}>{curves.error.message}</p>}
+      {identification.usable && <AgainstBankInUse run={run} />}
+    </>
+  );
+}
+
+function Channel({ channel }: { channel: ChannelCurves }) {
+  const { hue, unit, output } = CHANNELS[channel.name] ?? { hue: "text", unit: "", output: "" };
+  const { model, first_order, measured } = channel;
+  const trusted = (values: readonly number[]) =>
+    measured === null
+      ? []
+      : values.map((value, index) => ((measured.coherence[index] ?? 0) >= COHERENT ? value : null));
+  const data = { label: "data, coherence above 0.9", line: "none", points: true, colour: hue } as const;
+  const reduced = { label: "first order", colour: "limit", line: "dashed" } as const;
+  const omega = "ω [rad/s]";
+  return (
+    <section className={styles.model} aria-label={`Curves of ${channel.name}`}>
+      <CurvePlot
+        title={`Magnitude of ${channel.name}`}
+        xLabel={omega}
+        yLabel={unit}
+        xLog
+        yLog
+        summary={`Static gain ${significant(model.magnitude[0], 3)} ${unit}.`}
+        curves={[
+          { ...data, x: measured?.omega ?? [], y: trusted(measured?.magnitude ?? []) },
+          { label: "model", colour: "text", x: model.omega, y: model.magnitude },
+          { ...reduced, x: first_order.omega, y: first_order.magnitude },
+        ]}
+      />
+      <CurvePlot
+        title={`Phase of ${channel.name}`}
+        xLabel={omega}
+        yLabel="deg"
+        xLog
+        height={150}
+        summary="Phase of model, data and first-order reduction."
+        curves={[
+          { ...data, quiet: true, x: measured?.omega ?? [], y: trusted(measured?.phase_deg ?? []) },
+          { label: "model", quiet: true, colour: "text", x: model.omega, y: model.phase_deg },
+          { ...reduced, quiet: true, x: first_order.omega, y: first_order.phase_deg },
+        ]}
+      />
+      {measured && (
+        <CurvePlot
+          title="Coherence"
+          xLabel={omega}
+          yLabel=""
+          xLog
+          height={110}
+          summary="How much of the output follows the input, by frequency."
+          curves={[
+            { label: "coherence", quiet: true, colour: hue, x: measured.omega, y: measured.coherence },
+          ]}
+        />
+      )}
+      <CurvePlot
+        title="Step of θ_A by 1 rad"
+        xLabel="t [s]"
+        yLabel={output}
+        height={150}
+        summary="Step response of the model and of its first-order reduction."
+        curves={[
+          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model },
+          { ...reduced, x: channel.step_t, y: channel.step_first_order },
+        ]}
+      />
+      <Residuals
+        title="Residual with itself"
+        test={channel.whiteness}
+        hue={hue}
+        good="white"
+        bad="coloured"
+      />
+      <Residuals
+        title="Residual with input"
+        test={channel.input_correlation}
+        hue={hue}
+        good="free of the input"
+        bad="depends on the input"
+      />
+      <Candidates channel={channel} />
+    </section>
+  );
+}
+
+interface ResidualsProps {
+  readonly title: string;
+  readonly test: Correlation;
+  readonly hue: string;
+  readonly good: string;
+  readonly bad: string;
+}
+
+function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
+  const { lags_s, correlation, band } = test;
+  const edge = { colour: "limit", line: "dashed", x: lags_s } as const;
+  return (
+    <div>
+      <CurvePlot
+        title={title}
+        xLabel="lag [s]"
+        yLabel="correlation"
+        height={120}
+        summary={test.passed ? good : bad}
+        curves={[
+          { ...edge, label: "99 % band", y: band },
+          { ...edge, label: "99 % band below", quiet: true, y: band.map((value) => -value) },
+          { label: "correlation", quiet: true, colour: hue, points: true, x: lags_s, y: correlation },
+        ]}
+      />
+      <Verdict good={test.passed}>{test.passed ? good : bad}</Verdict>
+    </div>
+  );
+}
+
+function Candidates({ channel }: { channel: ChannelCurves }) {
+  return (
+    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Candidates for ${channel.name}`}>
+      <Table.Caption>Structures tried on the same record, best first</Table.Caption>
+      <Table.Thead>
+        <Table.Tr>
+          <Table.Th>Structure</Table.Th>
+          <Table.Th className={page.number}>K</Table.Th>
+          <Table.Th className={page.number}>T [s]</Table.Th>
+          <Table.Th className={page.number}>Fit [%]</Table.Th>
+          <Table.Th className={page.number}>BIC</Table.Th>
+          <Table.Th>Grade</Table.Th>
+        </Table.Tr>
+      </Table.Thead>
+      <Table.Tbody>
+        {channel.candidates.map((candidate) => (
+          <Table.Tr key={candidate.structure}>
+            <Table.Td>{candidate.structure}</Table.Td>
+            <Table.Td className={page.number}>{significant(candidate.K, 4)}</Table.Td>
+            <Table.Td className={page.number}>{significant(candidate.T, 3)}</Table.Td>
+            <Table.Td className={page.number}>{fixed(candidate.fit_percent, 1)}</Table.Td>
+            <Table.Td className={page.number}>{fixed(candidate.BIC, 0)}</Table.Td>
+            <Table.Td>{candidate.problem === "" ? candidate.grade : candidate.problem}</Table.Td>
+          </Table.Tr>
+        ))}
+      </Table.Tbody>
+    </Table>
+  );
+}
+
+function AgainstBankInUse({ run }: { run: number }) {
+  const lambdas = useLive((live) => lambdaKey(live.state?.tuning));
+  const difference = useQuery(differenceInUseQuery(run, lambdas));
+  return (
+    <section aria-label="Against the models in use">
+      <h3 className={styles.heading}>What using this model would change</h3>
+      {difference.error && <p className={page.empty}>{difference.error.message}</p>}
+      {difference.isPending && <p className={page.empty}>Comparing …</p>}
+      {difference.data && <DifferenceTable difference={difference.data} />}
+    </section>
+  );
+}

@@ -1,0 +1,71 @@
+/** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
+
+import { Table } from "@mantine/core";
+import { SignalName } from "../../components/SignalName";
+import { Verdict } from "../../components/Verdict";
+import { fixed, significant } from "../../samples/format";
+import type { Model } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./Identify.module.css";
+
+export function ModelView({
+  name,
+  path,
+  unit,
+  model,
+}: {
+  name: string;
+  path: string;
+  unit: string;
+  model: Model;
+}) {
+  const deviation = 100 * (model.K / model.gain_geometry - 1);
+  const sign = deviation > 0 ? "+" : "";
+  return (
+    <section className={styles.model} aria-label={`Model ${name}`}>
+      <h3 className={styles.heading}>
+        <SignalName name={name} /> <span className={page.dim}>{path}</span>
+      </h3>
+      <dl className={styles.figures}>
+        <div>
+          <dt>Gain K {unit !== "" && `[${unit}]`}</dt>
+          <dd>{significant(model.K, 4)}</dd>
+          <small>
+            geometry {significant(model.gain_geometry, 3)}, {sign}
+            {fixed(deviation, 1)} %
+          </small>
+        </div>
+        <div>
+          <dt>Sum of lags T [s]</dt>
+          <dd>{significant(model.T, 3)}</dd>
+          <small>first-order reduction</small>
+        </div>
+        <div>
+          <dt>Fit [%]</dt>
+          <dd>{fixed(model.fit_percent, 1)}</dd>
+          <small>on data not used</small>
+        </div>
+      </dl>
+      <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>
+        <Table.Thead>
+          <Table.Tr>
+            <Table.Th>{model.structure}</Table.Th>
+            <Table.Th className={page.number}>value</Table.Th>
+            <Table.Th className={page.number}>standard error</Table.Th>
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {Object.entries(model.parameters).map(([parameter, value]) => (
+            <Table.Tr key={parameter}>
+              <Table.Td>{parameter}</Table.Td>
+              <Table.Td className={page.number}>{significant(value, 4)}</Table.Td>
+              <Table.Td className={page.number}>{significant(model.std_errors[parameter], 2)}</Table.Td>
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+      <span className={page.dim}>Estimated by {model.method.replaceAll("_", " ")}.</span>
+      <Verdict good={model.usable}>{model.verdict}</Verdict>
+    </section>
+  );
+}

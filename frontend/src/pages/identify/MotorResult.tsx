@@ -1,0 +1,132 @@
+/** Both motors: least squares beside the 63.21 % rule and what was known before, and the steps with the model. */
+
+import { Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { type Curve, CurvePlot } from "../../charts/CurvePlot";
+import { SignalName } from "../../components/SignalName";
+import { Verdict } from "../../components/Verdict";
+import { fixed, significant } from "../../samples/format";
+import { curvesQuery } from "../../service/queries";
+import { HUES } from "../../theme/signals";
+import type { Identification, Motor, MotorCurves } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./Identify.module.css";
+
+const SIDE_HUES = { A: HUES.u_A, B: HUES.u_B };
+
+export function MotorResult({ identification }: { identification: Identification }) {
+  const curves = useQuery(curvesQuery(identification.run));
+  return (
+    <div className={page.halves}>
+      {identification.motors.map((motor) => (
+        <section key={motor.side} className={styles.model} aria-label={`Motor ${motor.side}`}>
+          <h3 className={styles.heading}>Motor {motor.side}</h3>
+          <Estimates motor={motor} />
+          <Verdict good={motor.verdict.startsWith("Usable:")}>{motor.verdict}</Verdict>
+          {motor.refused.map((reason) => (
+            <Verdict key={reason} good={false}>
+              {reason}
+            </Verdict>
+          ))}
+          <Steps curves={curves.data?.motors.find((drawn) => drawn.side === motor.side)} />
+        </section>
+      ))}
+    </div>
+  );
+}
+
+function Estimates({ motor }: { motor: Motor }) {
+  const { fitted, std_errors, rule_mean, rule_spread, before } = motor;
+  const change = (now: number, then: number) =>
+    `${now > then ? "+" : ""}${fixed(100 * (now / then - 1), 1)} %`;
+  return (
+    <Table withRowBorders={false} verticalSpacing={2} aria-label={`Estimates of motor ${motor.side}`}>
+      <Table.Thead>
+        <Table.Tr>
+          <Table.Th />
+          <Table.Th className={page.number}>
+            <SignalName name="K_m" /> [rad/(V·s)]
+          </Table.Th>
+          <Table.Th className={page.number}>
+            <SignalName name="T_m" /> [s]
+          </Table.Th>
+          <Table.Th className={page.number}>
+            <SignalName name="u_c" /> [V]
+          </Table.Th>
+        </Table.Tr>
+      </Table.Thead>
+      <Table.Tbody>
+        <Line
+          title="Least squares"
+          K={significant(fitted.K_m, 4)}
+          T={significant(fitted.T_m, 4)}
+          u={significant(motor.u_c, 3)}
+        />
+        <Line
+          title="standard error"
+          K={significant(std_errors.K_m, 2)}
+          T={significant(std_errors.T_m, 2)}
+          u={significant(motor.u_c_std, 2)}
+        />
+        <Line
+          title="63.21 % rule, mean"
+          K={significant(rule_mean.K_m, 4)}
+          T={significant(rule_mean.T_m, 4)}
+        />
+        <Line title="spread" K={significant(rule_spread.K_m, 2)} T={significant(rule_spread.T_m, 2)} />
+        <Line title="In force" K={significant(before.K_m, 4)} T={significant(before.T_m, 4)} />
+        <Line
+          title="least squares against it"
+          K={change(fitted.K_m, before.K_m)}
+          T={change(fitted.T_m, before.T_m)}
+        />
+      </Table.Tbody>
+    </Table>
+  );
+}
+
+function Line({ title, K, T, u = "" }: { title: string; K: string; T: string; u?: string }) {
+  return (
+    <Table.Tr>
+      <Table.Td>{title}</Table.Td>
+      <Table.Td className={page.number}>{K}</Table.Td>
+      <Table.Td className={page.number}>{T}</Table.Td>
+      <Table.Td className={page.number}>{u}</Table.Td>
+    </Table.Tr>
+  );
+}
+
+function Steps({ curves }: { curves: MotorCurves | undefined }) {
+  if (curves === undefined) return null;
+  const hue = SIDE_HUES[curves.side];
+  const turns = curves.steps.flatMap((step, index): Curve[] => [
+    { label: "measured", quiet: index > 0, colour: hue, x: step.t, y: step.measured },
+    { label: "model", quiet: index > 0, colour: "text", line: "dashed", x: step.t, y: step.model },
+  ]);
+  const left = curves.steps.map((step) => ({
+    label: `${step.voltage} V`,
+    quiet: true,
+    colour: hue,
+    x: step.t,
+    y: step.measured.map((value, index) => 1000 * (value - (step.model[index] ?? Number.NaN))),
+  }));
+  return (
+    <>
+      <CurvePlot
+        title={`Turn of θ_${curves.side} after each step`}
+        xLabel="t from the step [s]"
+        yLabel="rad"
+        summary={`Steps to ${curves.steps.map((step) => `${step.voltage} V`).join(", ")}.`}
+        curves={turns}
+      />
+      <CurvePlot
+        title="Measured minus model"
+        xLabel="t from the step [s]"
+        yLabel="mrad"
+        height={130}
+        summary="Difference between the measured turn and the model."
+        curves={left}
+      />
+    </>
+  );
+}

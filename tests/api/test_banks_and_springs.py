@@ -1,0 +1,114 @@
+"""Motors and springs ordered through the interface; banks compared, taken out and brought in."""
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.api.conftest import problem
+from tests.api.test_orders import finished
+
+SWEEP = {"kind": "spring", "F_high": 30.0, "sweep_s": 3.0, "cycles": 1, "settle_s": 0.5}
+FILE = {
+    "name": "from elsewhere",
+    "entries": [
+        {"S_nominal": 10.55, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 20.0},
+        {"S_nominal": 12.43, "K_q": 0.05, "T_q": 0.36, "K_S": 0.7209, "T_S": 0.342, "tension_N": 30.0},
+    ],
+}
+
+
+def table(count: int = 40) -> str:
+    x = np.linspace(8.0, 60.0, count)
+    F = -2.498 + 0.33149 * x + 8.5438e-3 * x**2
+    return "x [mm],F [N]\n" + "\n".join(f"{a:.4f},{b:.4f}" for a, b in zip(x, F, strict=True))
+
+
+def test_what_motors_and_springs_will_do_is_told_before(operator: httpx.Client) -> None:
+    motor = operator.post("/api/identifications/prediction", json={"kind": "motor"}).json()
+    figures = {figure["name"]: figure["value"] for figure in motor["figures"]}
+    assert motor["enough_motion"]
+    assert figures["omega_max"] == pytest.approx(2.86 * 5.0, rel=0.02)
+    assert motor["duration_s"] == pytest.approx(30.0, abs=5.0)
+    spring = operator.post("/api/identifications/prediction", json={"kind": "spring"}).json()
+    figures = {figure["name"]: figure["value"] for figure in spring["figures"]}
+    assert figures["x_max"] == pytest.approx(0.0577, abs=5e-4)
+    several = operator.post("/api/identifications/prediction", json={"tensions_N": [10, 20, 30, 40]}).json()
+    one = operator.post("/api/identifications/prediction", json={"tension_N": 20}).json()
+    assert several["duration_s"] == pytest.approx(4 * one["duration_s"])
+    assert several["F_min_N"] < one["F_min_N"]
+
+
+@pytest.mark.parametrize(
+    ("order", "said"),
+    [
+        ({"kind": "motor", "u_high": 12.0}, "u_high"),
+        ({"kind": "motor", "u_low": 6.0}, "u_low"),
+        ({"kind": "spring", "F_high": 60.0}, "F_high"),
+        ({"tensions_N": [20.0, 70.0]}, "tension_N"),
+        ({"kind": "gearbox"}, "kind"),
+        ({"kind": "motor", "tension_N": 20.0}, "tension_N"),
+    ],
+)
+def test_orders_out_of_bounds_are_refused(operator: httpx.Client, order: dict[str, object], said: str) -> None:
+    refused = operator.post("/api/identifications", json=order)
+    assert refused.status_code == 422
+    assert said in str(problem(refused))
+
+
+def test_a_sweep_gives_both_springs_and_their_curves(off: httpx.Client) -> None:
+    run = off.post("/api/identifications", json=SWEEP).raise_for_status().json()["id"]
+    view = finished(off, f"/api/identifications/{run}")
+    assert view["status"] == "completed", view["message"]
+    assert (view["kind"], view["usable"], view["G_q"], view["motors"]) == ("spring", True, None, [])
+    springs = view["springs"]
+    assert isinstance(springs, list)
+    assert [spring["name"] for spring in springs] == ["A", "B"]
+    assert springs[0]["fits"][0]["k"][2] == pytest.approx(8543.8, rel=0.01)
+    curves = off.get(f"/api/identifications/{run}/curves").raise_for_status().json()
+    assert [len(curves[name]) for name in ("channels", "motors", "springs")] == [0, 0, 2]
+    drawn = curves["springs"][0]
+    assert len(drawn["x"]) == len(drawn["F"]) == len(drawn["orders"][0]["errors"])
+    assert off.get(f"/api/runs/{run}/report.html").status_code == 200
+
+
+def test_a_table_becomes_a_spring(operator: httpx.Client) -> None:
+    made = operator.post("/api/spring-tables", json={"name": "bench.csv", "table": table()})
+    assert made.status_code == 201, made.text
+    view = made.json()
+    assert (view["file"], view["usable"], view["spring"]["recommended"]) == ("bench.csv", True, 2)
+    assert view in operator.get("/api/spring-tables").json()["tables"]
+    assert operator.get(f"/api/spring-tables/{view['id']}").json() == view
+    curves = operator.get(f"/api/spring-tables/{view['id']}/curves").json()
+    assert len(curves["springs"][0]["x"]) == 40
+    refused = operator.post("/api/spring-tables", json={"name": "bad.csv", "table": table(3)})
+    assert refused.status_code == 422
+    assert "more points" in str(problem(refused)["message"])
+
+
+def test_a_bank_is_brought_in_compared_and_taken_out(operator: httpx.Client, viewer: httpx.Client) -> None:
+    made = operator.post("/api/banks/file", json=FILE)
+    assert made.status_code == 201, made.text
+    bank = made.json()
+    assert [entry["identification"] for entry in bank["entries"]] == [None, None]
+    taken = viewer.get(f"/api/banks/{bank['id']}/file").raise_for_status().json()
+    assert taken["entries"] == FILE["entries"]
+    again = operator.post("/api/banks/file", json={**taken, "name": "again"}).json()
+
+    detail = viewer.get(f"/api/banks/{bank['id']}/detail").raise_for_status().json()
+    first = detail["entries"][0]
+    assert first["lineage"] is None
+    lam = operator.get("/api/tuning").json()["lam_q"]
+    assert first["figures"]["position"]["k_p"] == pytest.approx(max((2 * 0.342 - lam) / lam, 0.0), abs=1e-6)
+    assert 1.0 < first["figures"]["position"]["M_s"] < 1.7
+
+    same = viewer.get(f"/api/banks/{bank['id']}/difference", params={"other": again["id"]}).json()
+    assert all(change["before"] == change["after"] for change in same["entries"])
+    against = viewer.get("/api/banks/in-use/difference", params={"other": bank["id"]}).raise_for_status().json()
+    assert any(change["after"] is not None for change in against["entries"])
+    assert viewer.get(f"/api/banks/{bank['id']}/difference").status_code == 422
+    assert viewer.post("/api/banks/file", json=FILE).status_code == 403
+
+    wrong = {**FILE, "entries": [{**FILE["entries"][0], "K_q": 0.09}]}  # type: ignore[dict-item]
+    refused = operator.post("/api/banks/file", json=wrong)
+    assert refused.status_code == 422
+    assert "geometry" in str(problem(refused)["message"])

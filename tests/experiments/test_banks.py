@@ -1,0 +1,147 @@
+"""What makes a bank, what a change of bank changes, and banks as files."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.experiments.bank_consistency import (
+    BankError,
+    NamedEntry,
+    require_consistent,
+    require_same_parameters,
+)
+from backend.experiments.bank_difference import difference, figures_of, with_entries
+from backend.experiments.bank_files import import_bank, read_file, to_document
+from backend.storage import Database, banks, open_database
+from backend.storage.banks import BankEntry
+from backend.tuning.models import Lambdas
+from plant.parameters import PlantParameters, load_parameters
+
+LAMBDAS = Lambdas()
+
+
+def entry(S: float, tension_N: float | None = None, **model: float) -> BankEntry:
+    values = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342} | model
+    return BankEntry(S, values if tension_N is None else {**values, "tension_N": tension_N})
+
+
+GOOD = (entry(8.24, 10.0), entry(10.55, 20.0), entry(12.43, 30.0), entry(14.06, 40.0))
+
+
+@pytest.fixture(scope="module")
+def ideal() -> PlantParameters:
+    return load_parameters("ideal")
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def named(*entries: BankEntry) -> list[NamedEntry]:
+    return [NamedEntry(f"entry {position}", item) for position, item in enumerate(entries, start=1)]
+
+
+def test_entries_come_out_in_order_of_stiffness(ideal: PlantParameters) -> None:
+    assert require_consistent(ideal, named(*reversed(GOOD))) == GOOD
+
+
+@pytest.mark.parametrize(
+    ("entries", "said"),
+    [
+        ((), "needs at least one"),
+        ((GOOD[0], GOOD[1], entry(10.6, 25.0)), r"entry 2 and entry 3 are 0\.05 N·m/rad apart"),
+        ((entry(10.0, 30.0), entry(12.0, 20.0)), "tension that is not higher"),
+        ((GOOD[0], entry(10.55, 20.0, K_q=0.066)), r"entry 2 has K_q = 0\.066, \+32 % from the 0\.05 of geometry"),
+        ((entry(10.55, 20.0, K_S=1.7),), "K_S = 1.7"),
+        ((entry(10.55, 20.0, T_q=12.0),), "not robust at any λ"),
+        ((entry(10.55, 20.0, T_S=float("nan")),), "T_S = nan"),
+        ((entry(-1.0, 20.0),), "S_nominal = -1"),
+    ],
+)
+def test_entries_that_do_not_fit_make_no_bank(
+    ideal: PlantParameters, entries: tuple[BankEntry, ...], said: str
+) -> None:
+    with pytest.raises(BankError, match=said):
+        require_consistent(ideal, named(*entries))
+
+
+def test_models_of_another_plant_are_refused(ideal: PlantParameters) -> None:
+    require_same_parameters(ideal, "identification 3", json.loads(json.dumps(ideal.document())))
+    with pytest.raises(BankError, match=r"identification 3 .* motor\.K_m was 2\.91, it is 2\.86 now"):
+        require_same_parameters(ideal, "identification 3", load_parameters("lab").document())
+
+
+def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) -> None:
+    slower = entry(10.60, 20.0, T_q=0.45)
+    changes = difference(ideal, LAMBDAS, GOOD, with_entries(GOOD, [slower]))
+    assert len(changes) == 4
+    untouched, changed = changes[0], changes[1]
+    assert untouched.before == untouched.after
+    assert changed.before is not None
+    assert changed.after is not None
+    before, after = changed.before.position, changed.after.position
+    assert (before.T, after.T) == (0.342, 0.45)
+    # Table 2 with erratum E1, loop gain 1: k_p = (2T - lam)/lam, k_i = T/lam².
+    assert before.k_p == pytest.approx((2 * 0.342 - 0.5) / 0.5)
+    assert after.k_i == pytest.approx(0.45 / 0.25)
+    assert before.M_s is not None
+    assert after.M_s is not None
+    assert after.M_s > before.M_s + 0.05
+    assert changed.after.stiffness.M_s == pytest.approx(changed.before.stiffness.M_s, abs=0.01)
+
+
+def test_entries_that_are_new_or_gone_stand_alone(ideal: PlantParameters) -> None:
+    changes = difference(ideal, LAMBDAS, GOOD[:2], GOOD[1:3])
+    assert [(change.before is None, change.after is None) for change in changes] == [
+        (False, True),
+        (False, False),
+        (True, False),
+    ]
+
+
+def test_an_unstable_loop_has_no_peak(ideal: PlantParameters) -> None:
+    assert figures_of(ideal, replace(LAMBDAS, lam_q=0.1), GOOD[1]).position.M_s is None
+
+
+def test_a_bank_survives_the_way_through_a_file(ideal: PlantParameters, database: Database) -> None:
+    with database.session() as session:
+        bank = banks.add(session, "four points", GOOD, "A. Operator")
+    text = json.dumps(to_document(bank))
+    imported = import_bank(database, ideal, read_file(text), "B. Operator")
+    assert (imported.name, imported.version, imported.who) == ("four points", 2, "B. Operator")
+    assert imported.entries == GOOD
+    assert "A. Operator" in imported.note
+    assert import_bank(database, ideal, read_file(text), "B. Operator", "other").name == "other"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"format": "something"}, "format"),
+        ({"entries": []}, "1 to 20 entries"),
+        ({"entries": [{"S_nominal": 10.0, "K_q": "a lot"}]}, "must be a number"),
+        ({"entries": [{"S_nominal": 10.0, "gain": 1.0}]}, "nothing else"),
+        ({"entries": [{"S_nominal": 10.0}]}, "K_q = None"),
+        ({"name": " "}, "needs a name"),
+        ({"name": "n" * 61}, "60 characters"),
+    ],
+)
+def test_files_that_are_no_bank_are_refused(
+    ideal: PlantParameters, database: Database, change: dict[str, object], said: str
+) -> None:
+    with database.session() as session:
+        document = to_document(banks.add(session, "b", GOOD[:1], "A. Operator"))
+    with pytest.raises(BankError, match=said):
+        import_bank(database, ideal, {**document, **change}, "B. Operator")
+
+
+def test_text_that_is_no_json_is_refused() -> None:
+    for text in ("{", "[]", "x" * 200_000):
+        with pytest.raises(BankError):
+            read_file(text)
