@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI
 
 from backend.api.app import create_app
 from backend.api.auth import Gate, signed_in
@@ -26,6 +26,7 @@ from backend.api.library import Library
 from backend.api.live import LiveStream
 from backend.api.offload import Offload
 from backend.api.picture import Picture
+from backend.api.replay import Replay
 from backend.api.schemas.live import MarkKind, StateMessage
 from backend.api.service import Service
 from backend.api.session_runs import SessionRuns
@@ -78,8 +79,8 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
 
     try:
         # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
-        supervisor, recorder, service, scene = _build(settings, parts)
-        app = create_app(lifespan, [scene_router(signed_in, scene.port)], settings.allowed_hosts)
+        supervisor, recorder, service, scenes = _build(settings, parts)
+        app = create_app(lifespan, scenes, settings.allowed_hosts)
         app.state.service, app.state.gate = service, Gate(tokens)
         await _put_routes_together(app)
         await _start_loop(supervisor, recorder, parts)
@@ -113,7 +114,7 @@ class _AnnouncingServer(uvicorn.Server):
             self._announce()
 
 
-def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recorder, Service, SceneMirror]:
+def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
     parameters = load_parameters(settings.params)
     database = open_database(settings.data, settings.database_url)
@@ -159,10 +160,16 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     station = Station(supervisor, database, settings.plant, parameters, computing.run)
     tasks = Tasks(station, bench, shelf, downloads.prepare, SEED, offload)
 
-    scene = SceneMirror(parameters, lambda: supervisor.ring.newest())
-    stack.callback(scene.close)
-    service = Service(bench, control, tasks, library, shelf, Desk(database), history, downloads, live)
-    return supervisor, recorder, service, scene
+    replay = Replay(database)
+    mirrors = {
+        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest()),
+        "/replay": SceneMirror(parameters, replay.row),
+    }
+    for mirror in mirrors.values():
+        stack.callback(mirror.close)
+    scenes = [scene_router(signed_in, mirror.port, path) for path, mirror in mirrors.items()]
+    service = Service(bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live)
+    return supervisor, recorder, service, scenes
 
 
 async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:

@@ -14,6 +14,7 @@ from backend.api.downloads import Downloads
 from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
+from backend.api.replay import Replay
 from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
 
@@ -31,6 +32,7 @@ class Service:
     shelf: Shelf
     desk: Desk
     history: History
+    replay: Replay
     downloads: Downloads
     live: LiveStream
 

@@ -10,14 +10,17 @@ POLICY = (
 
 # Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
 # dashboard's business, and the dashboard's background is to show through, so the client follows its light or dark: it
-# reads that from its address, once. Without a graphics card a picture takes long, and the client would draw one after
-# the other and leave the dashboard no time: after a slow picture it rests three times as long.
+# reads that from its address, once, like the view of the camera that the dashboard asks for. Without a graphics card a
+# picture takes long, and the client would draw one after the other and leave the dashboard no time: after a slow
+# picture it rests three times as long.
 _HEAD = """<head>
 <script>
   document.hasFocus = () => true
   const dashboard = parent.document.documentElement, scheme = "data-mantine-color-scheme"
   const dark = () => dashboard.getAttribute(scheme) === "dark"
-  history.replaceState(null, "", dark() ? "?hideViserLogo&darkMode" : "?hideViserLogo")
+  const camera = [...new URLSearchParams(location.search)].filter(([name]) => name.startsWith("initialCamera"))
+  const asked = camera.map(([name, value]) => `&${name}=${value}`).join("")
+  history.replaceState(null, "", (dark() ? "?hideViserLogo&darkMode" : "?hideViserLogo") + asked)
   const nextFrame = window.requestAnimationFrame.bind(window)
   let restUntil = 0
   window.requestAnimationFrame = (draw) => nextFrame(function look(now) {

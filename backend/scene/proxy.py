@@ -19,23 +19,23 @@ from websockets.typing import Subprotocol
 from backend.scene.page import POLICY, page
 
 
-def router(authorise: Callable[[HTTPConnection], object], port: int) -> APIRouter:
-    """Return the routes. ``authorise`` raises for who is not signed in; ``port`` is viser's."""
+def router(authorise: Callable[[HTTPConnection], object], port: int, path: str = "/scene") -> APIRouter:
+    """Return the routes under ``path``. ``authorise`` raises for who is not signed in; ``port`` is viser's."""
     routes = APIRouter(include_in_schema=False)
     html = page()
 
-    @routes.get("/scene")
+    @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
         query = f"?{request.url.query}" if request.url.query else ""
-        return RedirectResponse(f"/scene/{query}", status_code=307)
+        return RedirectResponse(f"{path}/{query}", status_code=307)
 
-    @routes.get("/scene/")
+    @routes.get(f"{path}/")
     def client(request: Request) -> HTMLResponse:
         authorise(request)
         return HTMLResponse(html, headers={"Content-Security-Policy": POLICY, "Cache-Control": "private, max-age=3600"})
 
-    @routes.websocket("/scene")
-    @routes.websocket("/scene/")
+    @routes.websocket(path)
+    @routes.websocket(f"{path}/")
     async def messages(websocket: WebSocket) -> None:
         authorise(websocket)
         await _forward(websocket, port)

@@ -33,6 +33,8 @@ def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Clien
     lineage = running.get(f"/api/runs/{run}/lineage").raise_for_status().json()
     assert (lineage["bank"], lineage["parameters_as_now"]) == (None, True)
     assert running.get("/api/runs/999999/lineage").status_code == 404
+    assert running.post(f"/api/runs/{run}/replay", json={"t": 0.1}).status_code == 204
+    assert running.post("/api/runs/999999/replay", json={"t": 0.1}).status_code == 404
 
 
 @pytest.fixture

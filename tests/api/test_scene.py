@@ -22,7 +22,7 @@ def test_the_page_comes_with_its_own_policy(operator: httpx.Client) -> None:
     assert "/scene/?darkMode" in operator.get("/scene?darkMode").headers["location"]
 
 
-@pytest.mark.parametrize("path", ["/scene", "/scene/"])
+@pytest.mark.parametrize("path", ["/scene", "/scene/", "/replay", "/replay/"])
 def test_messages_of_the_scene_arrive_in_its_own_protocol(service: Service, operator: httpx.Client, path: str) -> None:
     async def session() -> None:
         headers = {"Authorization": operator.headers["Authorization"], "Origin": service.url}

@@ -1,6 +1,7 @@
 """What a person does at the dashboard, by the names that the page gives to its controls."""
 
 import math
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -49,11 +50,21 @@ class Operator:
         self.go("Operate")
         mode = self.page.get_by_role("status", name="Mode", exact=True)
         expect(mode).not_to_have_text("unknown", timeout=MOTION_TIMEOUT_MS)
+        self.take_control()
+        expect(mode).not_to_have_text("stopping", timeout=MOTION_TIMEOUT_MS)
         if mode.inner_text() == "tripped":
             self.press("Reset")
             self.expect_mode("off")
         if mode.inner_text() != "run":
             self.bring_up()
+
+    def take_control(self) -> None:
+        """Take control, also from a page that is gone and not yet given up for lost."""
+        whose = self.page.get_by_role("button", name=re.compile("^Control: "))
+        if whose.get_attribute("aria-label") != "Control: you":
+            whose.click()
+            self.page.get_by_role("menuitem", name=re.compile("^Take ")).click()
+            expect(whose).to_have_attribute("aria-label", "Control: you")
 
     def expect_mode(self, mode: str, timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
         """Wait for the mode in the header."""

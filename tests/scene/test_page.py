@@ -15,3 +15,7 @@ def test_the_page_is_one_file_that_reconnects_without_the_focus() -> None:
 def test_the_page_may_load_nothing_from_elsewhere(directive: str) -> None:
     assert directive in POLICY
     assert "http" not in POLICY
+
+
+def test_the_view_of_the_camera_stays_in_the_address() -> None:
+    assert 'name.startsWith("initialCamera")' in page()

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Query, Response
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.schemas.base import Finite
-from backend.api.schemas.history import Lineage, RunMarks
+from backend.api.schemas.history import Lineage, ReplayRequest, RunMarks
 from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
 from backend.api.security import DOCUMENT_POLICY
 from backend.api.service import RowId, ServiceInUse
@@ -69,6 +69,12 @@ async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Li
 async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
     """Return what happened during a run, on its own time axis."""
     return await service.history.marks(id)
+
+
+@router.post("/{id}/replay", status_code=204)
+async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _person: SignedIn) -> None:
+    """Let the replay's 3D view at /replay/ show a moment of the run; nothing real moves."""
+    await service.replay.show(id, body.t)
 
 
 @router.get("/{id}/samples")

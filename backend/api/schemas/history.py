@@ -51,6 +51,12 @@ class RunMarks(Schema):
     marks: list[RunMark]
 
 
+class ReplayRequest(Schema):
+    """The moment to show."""
+
+    t: float = quantity("s", "time since the run's first sample", ge=0.0)
+
+
 class StepState(StrEnum):
     """How far a step of the set-up is."""
 

@@ -133,6 +133,11 @@ function queueRequest(command: QueueCommand) {
   }
 }
 
+/** Let the 3D view of the replay show a moment of a run. */
+export function showMoment(run: number, t: number) {
+  return answered(api.POST("/api/runs/{id}/replay", { params: { path: { id: run } }, body: { t } }));
+}
+
 export function useSetNote(id: number) {
   const queries = useQueryClient();
   return useMutation({

@@ -1,26 +1,36 @@
 /** Plays a recording back: the actuator stands where it stood at the cursor of the charts. */
 
-import { ActionIcon, NativeSelect, Slider } from "@mantine/core";
+import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
 import { IconPlayerPauseFilled, IconPlayerPlayFilled } from "@tabler/icons-react";
 import { useCallback, useEffect, useState } from "react";
 import { type Playhead, usePlayhead } from "../../charts/playhead";
 import type { PlotSource } from "../../charts/source";
+import { CameraChoice } from "../../components/CameraChoice";
+import { sceneAddress } from "../../components/cameras";
+import { SceneFrame } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
+import { showMoment } from "../../service/commands";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 
 const SPEEDS = [0.1, 0.25, 1, 4, 10];
 const STEP_S = 0.001;
+/** Shortest time between two moments asked for in 3D. */
+const MOMENT_MS = 60;
 
 interface ReplayProps {
   readonly playhead: Playhead;
+  readonly run: number;
   readonly source: PlotSource;
   readonly duration_s: number;
 }
 
-export function Replay({ playhead, source, duration_s }: ReplayProps) {
+export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
   const { at_s, playing } = usePlayhead(playhead);
   const [speed, setSpeed] = useState(1);
+  const [solid, setSolid] = useState(false);
+  const [camera, setCamera] = useState("Front");
+  useMomentIn3D(solid, run, playhead);
   const read = useCallback((name: string) => source.at(name, playhead.at_s), [source, playhead]);
 
   useEffect(() => {
@@ -43,7 +53,17 @@ export function Replay({ playhead, source, duration_s }: ReplayProps) {
 
   return (
     <section className={styles.replay} aria-label="Replay">
-      <ActuatorDrawing read={read} />
+      {solid ? (
+        <SceneFrame address={sceneAddress("./replay/", camera)} title="3D view of the replay" />
+      ) : (
+        <ActuatorDrawing read={read} />
+      )}
+      <div className={styles.controls}>
+        <Button size="compact-xs" variant="default" onClick={() => setSolid(!solid)}>
+          {solid ? "Show flat" : "Show in 3D"}
+        </Button>
+        {solid && <CameraChoice camera={camera} onChange={setCamera} />}
+      </div>
       <div className={styles.controls}>
         <ActionIcon variant="default" size={30} aria-label={playing ? "Pause" : "Play"} onClick={toggle}>
           {playing ? <IconPlayerPauseFilled size={14} /> : <IconPlayerPlayFilled size={14} />}
@@ -68,4 +88,28 @@ export function Replay({ playhead, source, duration_s }: ReplayProps) {
       />
     </section>
   );
+}
+
+/** Keep the 3D view at the playhead: a moment is asked for once the one before has been answered. */
+function useMomentIn3D(wanted: boolean, run: number, playhead: Playhead): void {
+  useEffect(() => {
+    if (!wanted) return;
+    let shown = Number.NaN;
+    let ended = false;
+    const follow = async () => {
+      while (!ended) {
+        const at_s = playhead.at_s;
+        if (at_s !== shown) {
+          // a service that cannot be reached is told of in the header; the next moment tries again
+          await showMoment(run, at_s).catch(() => undefined);
+          shown = at_s;
+        }
+        await new Promise((resume) => window.setTimeout(resume, MOMENT_MS));
+      }
+    };
+    void follow();
+    return () => {
+      ended = true;
+    };
+  }, [wanted, run, playhead]);
 }

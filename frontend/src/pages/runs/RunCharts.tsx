@@ -53,7 +53,7 @@ function OneRun({ run, duration_s }: { run: number; duration_s: number }) {
   return (
     <div className={replay.beside}>
       <RecordedCharts run={run} source={source} control={control} home={home} playhead={playhead} />
-      <Replay playhead={playhead} source={source} duration_s={duration_s} />
+      <Replay playhead={playhead} run={run} source={source} duration_s={duration_s} />
     </div>
   );
 }

@@ -1,0 +1,89 @@
+"""Own sequences, dry run and queue; then the runs they leave: lineage, marks, replay, two on the same axes; set-up."""
+
+from playwright.sync_api import expect
+
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+DRY_RUN_TIMEOUT_MS = 120_000
+"""The simulator's process starts with the first dry run and gives way to everything else."""
+
+
+def test_somebody_new_is_shown_around_once(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    tour = page.get_by_role("region", name="Tour", exact=True)
+    expect(tour).to_contain_text("1 of 6", timeout=MOTION_TIMEOUT_MS)
+    tour.get_by_role("button", name="Next", exact=True).click()
+    expect(tour).to_contain_text("Pretension")
+    tour.get_by_role("button", name="Skip tour", exact=True).click()
+    expect(tour).to_be_hidden()
+    page.wait_for_load_state("networkidle")
+    page.reload()
+    expect(page.get_by_role("button", name="Live", exact=True)).to_be_visible()
+    page.wait_for_load_state("networkidle")
+    expect(tour).to_be_hidden()
+
+
+def test_a_sequence_is_tried_dry_then_queued_and_run(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    operator.go("Experiments")
+    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("sequence")
+    for _ in range(2):
+        page.get_by_role("button", name="Remove segment 2", exact=True).click()
+    operator.fill("Time [s] of segment 1", 1)
+    operator.fill("q_ref [deg] of segment 1", 12)
+    operator.fill("Time [s] of segment 2", 2)
+    expect(page.get_by_role("group", name="Segments, 3.0 s")).to_be_visible()
+
+    page.get_by_role("button", name="Dry run", exact=True).click()
+    dry = page.get_by_role("region", name="Dry run", exact=True)
+    expect(dry).to_contain_text("completed", timeout=DRY_RUN_TIMEOUT_MS)
+    expect(dry.get_by_role("table", name="Metrics of the dry run")).to_contain_text("Peak voltage")
+    expect(dry.get_by_role("figure", name="Joint position")).to_be_visible()
+    operator.expect_mode("run")
+    page.get_by_role("button", name="Close dry run", exact=True).click()
+
+    for _ in range(2):
+        page.get_by_role("button", name="Add to queue", exact=True).click()
+    waiting = page.get_by_role("list", name="Queue", exact=True).get_by_role("listitem")
+    expect(waiting).to_have_count(2)
+    operator.press("Start queue")
+    expect(page.get_by_text("Nothing waits.")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    table = page.get_by_role("table", name="Earlier experiments", exact=True)
+    expect(table.get_by_text("completed")).to_have_count(2, timeout=MOTION_TIMEOUT_MS)
+
+
+def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Runs")
+    page.get_by_role("combobox", name="Kind", exact=True).select_option("sequence")
+    page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
+    expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("lab, as now")
+
+    replay = page.get_by_role("region", name="Replay", exact=True)
+    replay.get_by_role("button", name="Play", exact=True).click()
+    expect(replay.get_by_role("button", name="Play", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:03.00")
+    assert abs(operator.reading("Joint position", "q_ref")) > 1.0  # the charts' cursor went along
+
+    page.get_by_role("slider", name="Replay position", exact=True).press("Home")
+    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+
+    compare = page.get_by_role("combobox", name="Compare with", exact=True)
+    compare.select_option(index=1)
+    expect(operator.legend("Joint position", "q′")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    operator.wait(lambda: operator.reading("Joint position", "q′") == operator.reading("Joint position", "q′"))
+
+
+def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    page.get_by_role("button", name="Set-up", exact=True).click()
+    steps = page.get_by_role("list", name="Steps of the set-up", exact=True)
+    expect(steps.get_by_role("listitem", name="Pretension: done", exact=True)).to_be_visible()
+    expect(steps.get_by_role("listitem", name="Controller bank: to do", exact=True)).to_be_visible()
+    steps.get_by_role("link", name="Build or activate a bank", exact=True).click()
+    expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
