@@ -88,7 +88,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
 
 
 @pytest.mark.parametrize(
-    ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.3, 4)]
+    ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.2, 4)]
 )
 def test_tracking_keeps_what_it_promises(
     station: Station, overshoot: float, deviation_S: float, tension: float

@@ -19,9 +19,12 @@ def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
             assert setting.unit
             assert setting.symbol
             assert setting.meaning
-            assert setting.minimum is not None
-            assert setting.maximum is not None
-            assert setting.minimum <= setting.default <= setting.maximum  # type: ignore[operator]  # numbers only here
+            if setting.kind == "choice":
+                assert setting.default in setting.choices
+            else:
+                assert setting.minimum is not None
+                assert setting.maximum is not None
+                assert setting.minimum <= setting.default <= setting.maximum  # type: ignore[operator]  # a number here
             json.dumps(asdict(setting))
 
 

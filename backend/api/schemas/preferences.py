@@ -6,7 +6,7 @@ from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
 
-SignalName = Annotated[str, Field(max_length=20)]
+SignalName = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
 SignalColours = dict[SignalName, Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")]]
 
 
