@@ -1,11 +1,17 @@
-"""The binary frame of the websocket /api/live; its one definition.
+"""What goes to the page in binary, little endian; the one definition of both layouts.
 
-Little endian: uint64 first tick, uint32 count, uint32 missed; then for each stored field, in the order of
-``backend.sample.STORED``, ``count`` float32. ``missed`` is how many samples this client was not sent just before this
-frame. The header is 16 bytes long, so that a Float32Array can look at the columns without copying them.
+A frame of the websocket /api/live: uint64 first tick, uint32 count, uint32 missed; then for each stored field, in the
+order of ``backend.sample.STORED``, ``count`` float32. ``missed`` is how many samples this client was not sent just
+before this frame. The header is 16 bytes long, so that a Float32Array can look at the columns without copying them.
+
+Curves of a recording: float64 width of a bucket [s], uint64 number of the first bucket (bucket k begins k widths after
+the run's first sample), uint32 buckets, uint32 values per bucket (1: the sample itself, 2: smallest and largest); then
+for each signal, in the order asked for, its smallest values and, of 2, its largest, float32; nan where samples are
+missing. The header is 24 bytes long for the same reason.
 """
 
 import struct
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +20,7 @@ from numpy.typing import NDArray
 from backend.sample import FIELDS, STORED
 
 _HEADER = struct.Struct("<QII")
+_CURVES_HEADER = struct.Struct("<dQII")
 HEADER_BYTES = _HEADER.size
 _STORED_COLUMNS = [position for position, field in enumerate(FIELDS) if not field.derived]
 
@@ -50,3 +57,10 @@ def unpack(frame: bytes) -> Frame:
         raise ValueError(f"a frame of {count} samples cannot be {len(frame)} bytes long")
     columns = np.frombuffer(frame, dtype="<f4", offset=HEADER_BYTES).reshape(len(STORED), count)
     return Frame(first_tick, missed, columns)
+
+
+def pack_curves(first_bucket: int, width_s: float, signals: Sequence[Sequence[NDArray[np.float32]]]) -> bytes:
+    """Return the curves of ``signals``: of each, one array (samples) or two (smallest, largest), all of one length."""
+    columns = [np.asarray(column, "<f4") for signal in signals for column in signal]
+    header = _CURVES_HEADER.pack(width_s, first_bucket, columns[0].size, len(signals[0]))
+    return header + b"".join(column.tobytes() for column in columns)

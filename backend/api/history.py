@@ -54,15 +54,15 @@ class History:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             try:
-                period_s, extent = recordings.get(session, run_id).period_s, recordings.extent(session, run_id)
+                period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
             except UnknownRecordError:
                 return RunMarks(marks=[])
             found = events.between(session, run.started_at, run.ended_at)
         marks = [
-            RunMark(t=(event.tick - extent.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
+            RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
             for event in found
             # ticks begin anew with each loop process: those of another one do not fit this recording
-            if event.tick is not None and extent.first_tick <= event.tick <= extent.end_tick
+            if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
         ]
         return RunMarks(marks=marks)
 

@@ -2,8 +2,9 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from backend import __version__
+from backend import __version__, wire
 from backend.api import stored
 from backend.api.errors import ApiError
 from backend.api.schemas.curves import IdentificationCurves
@@ -15,18 +16,28 @@ from backend.api.schemas.state import TaskView
 from backend.api.shelf import newest_estimate
 from backend.experiments.identification_curves import curves_of
 from backend.experiments.spring_identification import from_table
-from backend.recording.reader import read_envelope
+from backend.recording.reader import Envelope, read_envelope
 from backend.storage import Database, Session, flights, identifications, recordings, results, runs
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run, RunKind
-from plant.interface import T_s
 
 IDENTIFICATIONS = (
     RunKind.ACTUATOR_IDENTIFICATION,
     RunKind.MOTOR_IDENTIFICATION,
     RunKind.SPRING_IDENTIFICATION,
 )
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """What is asked of a recording: ``signals`` from ``from_s`` to ``to_s``, in about ``points`` buckets at most."""
+
+    run: int
+    from_s: float
+    to_s: float
+    points: int
+    signals: Sequence[str]
 
 
 class Library:
@@ -62,11 +73,13 @@ class Library:
         """Return the newest flight records."""
         return await asyncio.to_thread(self._flights)
 
-    async def samples(
-        self, run_id: int, from_s: float, to_s: float | None, points: int, signals: Sequence[str]
-    ) -> SamplesView:
+    async def samples(self, asked: Excerpt) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
-        return await asyncio.to_thread(self._samples, run_id, from_s, to_s, points, signals)
+        return await asyncio.to_thread(self._samples, asked)
+
+    async def packed_samples(self, asked: Excerpt) -> bytes:
+        """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
+        return await asyncio.to_thread(self._packed_samples, asked)
 
     # Identifications ------------------------------------------------------------------------------------
 
@@ -110,13 +123,12 @@ class Library:
     def _runs(self, kinds: Sequence[RunKind], search: str, limit: int, offset: int) -> RunList:
         with self._database.reading() as session:
             found = runs.find(session, kinds=kinds, search=search, limit=limit, offset=offset)
-            views = [stored.run_view(run, *_recorded(session, run.id)) for run in found]
+            views = [_view(session, run) for run in found]
             return RunList(runs=views, total=runs.count(session, kinds=kinds, search=search))
 
     def _run(self, run_id: int) -> RunView:
         with self._database.reading() as session:
-            run = runs.get(session, run_id)
-            return stored.run_view(run, *_recorded(session, run.id))
+            return _view(session, runs.get(session, run_id))
 
     def _flights(self) -> FlightList:
         with self._database.reading() as session:
@@ -126,14 +138,22 @@ class Library:
         with self._database.session() as session:
             runs.set_note(session, run_id, note)
 
-    def _samples(
-        self, run_id: int, from_s: float, to_s: float | None, points: int, signals: Sequence[str]
-    ) -> SamplesView:
+    def _samples(self, asked: Excerpt) -> SamplesView:
+        envelope, raw = self._envelope(asked)
+        return stored.samples_view(asked.run, envelope, raw=raw)
+
+    def _packed_samples(self, asked: Excerpt) -> bytes:
+        envelope, raw = self._envelope(asked)
+        first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
+        extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
+        return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in asked.signals])
+
+    def _envelope(self, asked: Excerpt) -> tuple[Envelope, bool]:
+        """Return the envelope and whether its buckets are single samples."""
         with self._database.reading() as session:
-            period_s = recordings.get(session, run_id).period_s
-            until_s = float("inf") if to_s is None else to_s
-            envelope = read_envelope(session, run_id, points, signals, from_s, until_s)
-            return stored.samples_view(run_id, envelope, raw=envelope.width_s <= 1.5 * period_s)
+            period_s = recordings.get(session, asked.run).period_s
+            envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
+        return envelope, envelope.width_s <= 1.5 * period_s
 
     def _identifications(self) -> list[IdentificationView]:
         with self._database.reading() as session:
@@ -186,10 +206,11 @@ class Library:
         return min(0.99, task.elapsed_s / task.duration_s) if task.phase == "program" else 0.0
 
 
-def _recorded(session: Session, run_id: int) -> tuple[int, float, int]:
-    """Return samples, period [s] and missing samples of a run; none of a run that was not recorded."""
+def _view(session: Session, run: Run) -> RunView:
+    """Return a run with the extent of what was recorded of it."""
     try:
-        recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+        recording, extent = recordings.get(session, run.id), recordings.extent(session, run.id)
     except UnknownRecordError:
-        return 0, T_s, 0
-    return extent.count, recording.period_s, recording.missed
+        return stored.run_view(run, samples=0, duration_s=0.0, missed=0)
+    duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    return stored.run_view(run, extent.count, duration_s, recording.missed)

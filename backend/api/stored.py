@@ -31,7 +31,7 @@ from plant.interface import T_s
 _UNITS = {field.name: field.unit for field in STORED}
 
 
-def run_view(run: Run, samples: int, period_s: float, missed: int) -> RunView:
+def run_view(run: Run, samples: int, duration_s: float, missed: int) -> RunView:
     """Return a run with the extent of what was recorded of it."""
     return RunView(
         id=run.id,
@@ -43,7 +43,7 @@ def run_view(run: Run, samples: int, period_s: float, missed: int) -> RunView:
         ended=run.ended_at,
         end_state=run.end_state,
         end_reason=run.end_detail,
-        duration_s=samples * period_s,
+        duration_s=duration_s,
         samples=samples,
         missing_samples=missed,
         settings=run.settings,
@@ -56,6 +56,7 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
     return SamplesView(
         run=run_id,
         raw=raw,
+        width_s=envelope.width_s,
         t=envelope.t.tolist(),
         signals={
             name: Envelope(

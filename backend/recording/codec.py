@@ -4,6 +4,7 @@ Neighbouring samples share sign, exponent and leading mantissa bytes; side by si
 """
 
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +32,32 @@ def pack(table: Table) -> bytes:
 
 def unpack(packed: bytes, columns: int) -> Table:
     """Return the table [rows, columns] that was packed. Raises CodecError."""
+    table: Table = unpack_alike([packed], columns, range(columns))[0]
+    return table
+
+
+def unpack_alike(packed: Sequence[bytes], columns: int, chosen: Sequence[int]) -> Table:
+    """Return ``chosen`` columns of packed tables that have as many rows as each other: [tables, rows, chosen].
+
+    At once, as a long recording has thousands of summaries. Raises CodecError.
+    """
+    inflated = [_inflate(one, columns) for one in packed]
+    if len({len(one) for one in inflated}) != 1:
+        raise CodecError("damaged samples: tables that should be of the same length are not")
+    shuffled = np.frombuffer(b"".join(inflated), np.uint8).reshape(len(packed), _WIDTH, columns, -1)
+    picked = np.moveaxis(shuffled[:, :, list(chosen)], 1, -1)
+    values = np.ascontiguousarray(picked).view(_LITTLE_ENDIAN)[..., 0]
+    return values.swapaxes(1, 2)
+
+
+def _inflate(packed: bytes, columns: int) -> bytes:
     try:
-        raw = np.frombuffer(zlib.decompress(packed), np.uint8)
+        raw = zlib.decompress(packed)
     except zlib.error as error:
         raise CodecError(f"damaged samples: {error}") from error
-    if raw.size % (columns * _WIDTH):
-        raise CodecError(f"damaged samples: {raw.size} bytes are no table of {columns} columns")
-    values = np.ascontiguousarray(raw.reshape(_WIDTH, -1).T).view(_LITTLE_ENDIAN)
-    return values.reshape(columns, -1).T
+    if len(raw) % (columns * _WIDTH):
+        raise CodecError(f"damaged samples: {len(raw)} bytes are no table of {columns} columns")
+    return raw
 
 
 def summarise(table: Table) -> Table:

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.recording.codec import BUCKET_TICKS, Table, unpack
+from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
 from backend.storage import Session, recordings
-from backend.storage.recordings import Extent, Recording
+from backend.storage.recordings import Recording, Span
 
 Column = NDArray[np.float32]
 
@@ -51,12 +52,12 @@ def read_samples(
 
     Raises UnknownRecordError when nothing of the run was recorded, UnknownSignalError.
     """
-    recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+    recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     chosen = _columns(recording, names)
-    from_tick, to_tick = _ticks(recording, extent, from_s, to_s)
+    from_tick, to_tick = _ticks(recording, span, from_s, to_s)
     ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
-    t = np.asarray((ticks - extent.first_tick) * recording.period_s, np.float64)
-    return Samples(extent.first_tick, t, {name: tables[:, i] for i, (name, _) in enumerate(chosen)})
+    t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
+    return Samples(span.first_tick, t, {name: tables[:, i] for i, (name, _) in enumerate(chosen)})
 
 
 def read_envelope(
@@ -74,10 +75,10 @@ def read_envelope(
     """
     if points < 1:
         raise ValueError(f"points = {points} is out of range: it must be at least 1")
-    recording, extent = recordings.get(session, run_id), recordings.extent(session, run_id)
+    recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     chosen = _columns(recording, names)
     indices = [index for _, index in chosen]
-    from_tick, to_tick = _ticks(recording, extent, from_s, to_s)
+    from_tick, to_tick = _ticks(recording, span, from_s, to_s)
     width = max(1, -(-(to_tick - from_tick) // points))
     if width < BUCKET_TICKS:
         ticks, tables = _raw(session, recording, from_tick, to_tick, indices)
@@ -85,12 +86,12 @@ def read_envelope(
     else:
         width = -(-width // BUCKET_TICKS) * BUCKET_TICKS
         ticks, low, high = _summarised(session, recording, from_tick, to_tick, indices)
-    first = (from_tick - extent.first_tick) // width
-    last = -(-(to_tick - extent.first_tick) // width)
-    buckets = (ticks - extent.first_tick) // width - first
+    first = (from_tick - span.first_tick) // width
+    last = -(-(to_tick - span.first_tick) // width)
+    buckets = (ticks - span.first_tick) // width - first
     low, high = _gathered(np.fmin, low, buckets, last - first), _gathered(np.fmax, high, buckets, last - first)
     return Envelope(
-        first_tick=extent.first_tick,
+        first_tick=span.first_tick,
         width_s=width * recording.period_s,
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
         minimum={name: low[:, i] for i, (name, _) in enumerate(chosen)},
@@ -107,12 +108,12 @@ def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]
     return [(name, recording.fields.index(name)) for name in names or recording.fields]
 
 
-def _ticks(recording: Recording, extent: Extent, from_s: float, to_s: float) -> tuple[int, int]:
+def _ticks(recording: Recording, span: Span, from_s: float, to_s: float) -> tuple[int, int]:
     """Ticks [from, to) of the slice, within the recording."""
-    last_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    last_s = (span.end_tick - span.first_tick) * recording.period_s
     # Half a period of tolerance: 0.3 s is tick 300, although 0.3 / 0.001 falls just below.
     ticks = [int(np.ceil(np.clip(s, 0.0, last_s) / recording.period_s - 0.5)) for s in (from_s, to_s)]
-    return extent.first_tick + ticks[0], extent.first_tick + max(ticks)
+    return span.first_tick + ticks[0], span.first_tick + max(ticks)
 
 
 def _raw(
@@ -120,10 +121,10 @@ def _raw(
 ) -> tuple[NDArray[np.int64], Table]:
     ticks, tables = [np.empty(0, np.int64)], [np.empty((0, len(indices)), np.float32)]
     for chunk in recordings.chunks(session, recording.run_id, from_tick, to_tick):
-        table = unpack(chunk.samples, len(recording.fields))
+        (table,) = unpack_alike([chunk.samples], len(recording.fields), indices)
         begin, end = max(from_tick - chunk.first_tick, 0), min(to_tick - chunk.first_tick, chunk.count)
         ticks.append(chunk.first_tick + np.arange(begin, end))
-        tables.append(table[begin:end, indices])
+        tables.append(table[begin:end])
     return np.concatenate(ticks), np.concatenate(tables)
 
 
@@ -132,14 +133,16 @@ def _summarised(
 ) -> tuple[NDArray[np.int64], Table, Table]:
     ticks = [np.empty(0, np.int64)]
     lows, highs = [np.empty((0, len(indices)), np.float32)], [np.empty((0, len(indices)), np.float32)]
-    for summary in recordings.summaries(session, recording.run_id, from_tick, to_tick):
-        low, high = np.split(unpack(summary.summary, len(recording.fields))[:, indices], 2)
-        begins = summary.first_tick + np.arange(len(low)) * BUCKET_TICKS
+    stored = recordings.summaries(session, recording.run_id, from_tick, to_tick)
+    for _, alike in groupby(stored, key=lambda summary: summary.count):
+        first_ticks, packed = zip(*((summary.first_tick, summary.summary) for summary in alike), strict=True)
+        low, high = np.split(unpack_alike(packed, len(recording.fields), indices), 2, axis=1)
+        begins = (np.array(first_ticks)[:, None] + np.arange(low.shape[1]) * BUCKET_TICKS).ravel()
         inside = (begins < to_tick) & (begins + BUCKET_TICKS > from_tick)
         # A stored bucket that the slice cuts counts where the slice begins.
         ticks.append(np.maximum(begins, from_tick)[inside])
-        lows.append(low[inside])
-        highs.append(high[inside])
+        lows.append(low.reshape(begins.size, -1)[inside])
+        highs.append(high.reshape(begins.size, -1)[inside])
     return np.concatenate(ticks), np.concatenate(lows), np.concatenate(highs)
 
 

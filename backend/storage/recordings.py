@@ -23,11 +23,17 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Extent:
-    """Ticks ``first_tick`` to ``end_tick`` (exclusive), of which ``count`` are there."""
+class Span:
+    """Ticks ``first_tick`` to ``end_tick`` (exclusive)."""
 
     first_tick: int
     end_tick: int
+
+
+@dataclass(frozen=True)
+class Extent(Span):
+    """A span, and how many of its ticks are there."""
+
     count: int
 
 
@@ -84,15 +90,27 @@ def get(session: Session, run_id: int) -> Recording:
     return to_record(Recording, require(session, RecordingRow, run_id, "recording of run"))
 
 
-def extent(session: Session, run_id: int) -> Extent:
-    """Return the ticks a recording spans. Raises UnknownRecordError when nothing of the run was recorded."""
-    query = select(
-        func.min(ChunkRow.first_tick), func.max(ChunkRow.first_tick + ChunkRow.count), func.sum(ChunkRow.count)
-    ).where(ChunkRow.run_id == run_id)
-    first_tick, end_tick, count = session.execute(query).one()
-    if first_tick is None:
+def span(session: Session, run_id: int) -> Span:
+    """Return the ticks a recording spans, at once however long it is.
+
+    Raises UnknownRecordError when nothing of the run was recorded.
+    """
+    chunks_of_run = select(ChunkRow.first_tick, ChunkRow.count).where(ChunkRow.run_id == run_id)
+    first = session.execute(chunks_of_run.order_by(ChunkRow.first_tick).limit(1)).first()
+    last = session.execute(chunks_of_run.order_by(ChunkRow.first_tick.desc()).limit(1)).first()
+    if first is None or last is None:
         raise UnknownRecordError(f"there is no recording of run {run_id}")
-    return Extent(int(first_tick), int(end_tick), int(count))
+    return Span(first.first_tick, last.first_tick + last.count)
+
+
+def extent(session: Session, run_id: int) -> Extent:
+    """Return the span of a recording and the number of its samples, which takes a look at each chunk.
+
+    Raises UnknownRecordError when nothing of the run was recorded.
+    """
+    spanned = span(session, run_id)
+    count = session.scalar(select(func.sum(ChunkRow.count)).where(ChunkRow.run_id == run_id))
+    return Extent(spanned.first_tick, spanned.end_tick, int(count or 0))
 
 
 def chunks(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Chunk]:
@@ -112,5 +130,13 @@ def summaries(session: Session, run_id: int, from_tick: int, to_tick: int) -> It
 
 
 def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
-    end_tick = ChunkRow.first_tick + ChunkRow.count
-    return and_(ChunkRow.run_id == run_id, ChunkRow.first_tick < to_tick, end_tick > from_tick)
+    begun_before = select(func.max(ChunkRow.first_tick)).where(
+        ChunkRow.run_id == run_id, ChunkRow.first_tick <= from_tick
+    )
+    return and_(
+        ChunkRow.run_id == run_id,
+        # The key alone leads to the first chunk in question; its end has to be looked up only there.
+        ChunkRow.first_tick >= func.coalesce(begun_before.scalar_subquery(), from_tick),
+        ChunkRow.first_tick < to_tick,
+        ChunkRow.first_tick + ChunkRow.count > from_tick,
+    )

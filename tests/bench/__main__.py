@@ -7,13 +7,14 @@ from collections.abc import Callable
 
 from rich.console import Console
 
-from tests.bench import closed_loop_bench, control_laws, identification_bench, page_frames
+from tests.bench import closed_loop_bench, control_laws, identification_bench, page_frames, recording_bench
 
 PARTS: dict[str, Callable[[Console], bool]] = {
     "closed-loop": closed_loop_bench.bench,
     "control-laws": control_laws.bench,
     "identification": identification_bench.bench,
     "page-frames": page_frames.bench,
+    "recording": recording_bench.bench,
 }
 """Each prints its tables and returns whether all its bounds were met."""
 

@@ -51,3 +51,12 @@ def test_a_frame_of_the_wrong_length_is_refused(change: "object") -> None:
     assert callable(change)
     with pytest.raises(ValueError, match="cannot be"):
         wire.unpack(change(wire.pack(0, rows_of(2))))
+
+
+def test_curves_are_a_header_and_the_columns_of_each_signal() -> None:
+    q = [np.array([1.0, 2.0], np.float32), np.array([5.0, np.nan], np.float32)]
+    S = [np.array([-1.0, -2.0], np.float32), np.array([0.0, 0.5], np.float32)]
+    message = wire.pack_curves(7_200, 0.5, [q, S])
+    assert struct.unpack_from("<dQII", message) == (0.5, 7_200, 2, 2)
+    np.testing.assert_array_equal(struct.unpack_from("<8f", message, 24), [1.0, 2.0, 5.0, np.nan, -1.0, -2.0, 0.0, 0.5])
+    assert len(message) == 24 + 4 * 8

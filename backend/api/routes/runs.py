@@ -1,11 +1,13 @@
 """Stored runs: search, notes, samples, reports, downloads."""
 
+import math
 from enum import StrEnum
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 
 from backend.api.auth import Operator, SignedIn
+from backend.api.library import Excerpt
 from backend.api.schemas.base import Finite
 from backend.api.schemas.history import Lineage, ReplayRequest, RunMarks
 from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
@@ -15,6 +17,7 @@ from backend.api.service import RowId, ServiceInUse
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 
 PDF = "application/pdf"
+BINARY = "application/octet-stream"
 
 
 class DataFormat(StrEnum):
@@ -77,18 +80,34 @@ async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _pe
     await service.replay.show(id, body.t)
 
 
-@router.get("/{id}/samples")
-async def get_samples(
+def _excerpt(
     id: RowId,
-    service: ServiceInUse,
-    _person: SignedIn,
     from_s: Annotated[Finite, Query(alias="from", ge=0.0, description="begin, from the run's first sample [s]")] = 0.0,
     to_s: Annotated[Finite | None, Query(alias="to", gt=0.0, description="end [s]; the run's end if left out")] = None,
     points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
     signals: Annotated[str, Query(max_length=400, description="names separated by commas")] = "q,q_ref,S,S_ref",
-) -> SamplesView:
+) -> Excerpt:
+    return Excerpt(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
+
+
+AskedFor = Annotated[Excerpt, Depends(_excerpt)]
+
+
+@router.get("/{id}/samples")
+async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> SamplesView:
     """Return samples of a run: raw where they are few enough, else their min/max envelope."""
-    return await service.library.samples(id, from_s, to_s, points, signals.split(","))
+    return await service.library.samples(asked)
+
+
+@router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
+async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return what ``samples`` returns in binary, a tenth of the size, for drawing.
+
+    Little endian: float64 bucket width [s], uint64 number of the first bucket, uint32 buckets, uint32 values per bucket
+    (1: samples, 2: smallest and largest); then float32 per signal in the order asked for: the smallest values, then, of
+    2, the largest.
+    """
+    return Response(await service.library.packed_samples(asked), media_type=BINARY)
 
 
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})

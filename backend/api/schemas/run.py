@@ -52,5 +52,6 @@ class SamplesView(Schema):
 
     run: int
     raw: bool
+    width_s: float = quantity("s", "length of a bucket; of raw samples, their period")
     t: list[float] = quantity("s", "time since the run's first sample")
     signals: dict[str, Envelope]

@@ -3,13 +3,13 @@
 import { nearest, pointTimes, pointValues } from "../samples/envelope";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
-import type { Samples } from "../wire/types";
+import type { Excerpt } from "../wire/curves";
 import type { Curves, PlotSource } from "./source";
 import type { Stretch } from "./viewport";
 
 interface Sheet {
   readonly stretch: Stretch;
-  readonly samples: Samples;
+  readonly samples: Excerpt;
   readonly times: Float64Array;
 }
 
@@ -20,12 +20,12 @@ export class RecordedSource implements PlotSource {
 
   constructor(private readonly duration_s: number) {}
 
-  setOverview(samples: Samples): void {
+  setOverview(samples: Excerpt): void {
     this.overview = sheet({ from_s: 0, to_s: this.duration_s }, samples);
     this.sheets += 1;
   }
 
-  setDetail(stretch: Stretch, samples: Samples): void {
+  setDetail(stretch: Stretch, samples: Excerpt): void {
     this.detail = sheet(stretch, samples);
     this.sheets += 1;
   }
@@ -84,7 +84,7 @@ export class RecordedSource implements PlotSource {
     if (chosen === null) return { raw: false, t: new Float64Array(0), columns: [] };
     const { t, raw, signals } = chosen.samples;
     const inside = t.map((_, row) => row).filter((row) => within(t[row] as number, seen));
-    const values = (series: readonly (number | null)[] | undefined) =>
+    const values = (series: Float32Array | undefined) =>
       Float64Array.from(inside, (row) => series?.[row] ?? Number.NaN);
     return {
       raw,
@@ -109,6 +109,6 @@ function within(t: number, { from_s, to_s }: Stretch): boolean {
   return t >= from_s && t <= to_s;
 }
 
-function sheet(stretch: Stretch, samples: Samples): Sheet {
+function sheet(stretch: Stretch, samples: Excerpt): Sheet {
   return { stretch, samples, times: pointTimes(samples) };
 }

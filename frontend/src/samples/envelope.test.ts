@@ -1,11 +1,12 @@
 import { describe, expect, it } from "vitest";
 import { nearest, pointTimes, pointValues } from "./envelope";
 
+const floats = (...values: number[]) => Float32Array.from(values);
 const ENVELOPE = {
-  run: 3,
   raw: false,
-  t: [0, 1, 2],
-  signals: { q: { unit: "rad", minimum: [0, -2, 5], maximum: [1, 3, 9] } },
+  width_s: 1,
+  t: Float64Array.of(0, 1, 2),
+  signals: { q: { minimum: floats(0, -2, 5), maximum: floats(1, 3, 9) } },
 };
 
 describe("an envelope", () => {
@@ -19,7 +20,7 @@ describe("an envelope", () => {
   it("has holes where samples are missing and where the signal is unknown", () => {
     const holed = {
       ...ENVELOPE,
-      signals: { q: { unit: "rad", minimum: [0, null, 5], maximum: [1, null, 9] } },
+      signals: { q: { minimum: floats(0, Number.NaN, 5), maximum: floats(1, Number.NaN, 9) } },
     };
     expect(Array.from(pointValues(holed, "q", 1).values.slice(2, 4))).toEqual([Number.NaN, Number.NaN]);
     expect(pointValues(ENVELOPE, "S", 1).values.every(Number.isNaN)).toBe(true);

@@ -1,6 +1,6 @@
 /** Stored samples or their min/max envelope as points of a curve. Pure. */
 
-import type { Samples } from "../wire/types";
+import type { Excerpt } from "../wire/curves";
 import type { Extent } from "./decimate";
 
 export interface Points {
@@ -10,20 +10,19 @@ export interface Points {
 }
 
 /** Times of the points of all signals: one per raw sample, two per bucket of an envelope. */
-export function pointTimes(samples: Samples): Float64Array {
-  if (samples.raw) return Float64Array.from(samples.t);
+export function pointTimes(samples: Excerpt): Float64Array {
+  if (samples.raw) return samples.t;
   const times = new Float64Array(2 * samples.t.length);
   for (const [index, t] of samples.t.entries()) {
-    const next = samples.t[index + 1] ?? 2 * t - (samples.t[index - 1] ?? t);
     times[2 * index] = t;
-    times[2 * index + 1] = (t + next) / 2;
+    times[2 * index + 1] = t + samples.width_s / 2;
   }
   return times;
 }
 
 /** Values of one signal times `factor`; of each bucket, the extreme nearer to the point before comes first. */
 export function pointValues(
-  samples: Samples,
+  samples: Excerpt,
   name: string,
   factor: number,
 ): { values: Float64Array; extent: Extent } {

@@ -3,6 +3,7 @@
 import { queryOptions, skipToken } from "@tanstack/react-query";
 import type { Stretch } from "../charts/viewport";
 import { answered, api } from "../wire/client";
+import { decodeCurves } from "../wire/curves";
 import type { IdentificationRequest, Tuning } from "../wire/types";
 
 const WHILE_RUNNING_MS = 700;
@@ -190,11 +191,17 @@ export const checklistQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/checklist"))).steps,
 });
 
-export function samplesQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
+export function recordingQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
   const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };
   return queryOptions({
     queryKey: ["runs", id, "samples", query],
-    queryFn: () => answered(api.GET("/api/runs/{id}/samples", { params: { path: { id }, query } })),
+    queryFn: async () => {
+      const params = { path: { id }, query };
+      const message = await answered(
+        api.GET("/api/runs/{id}/samples.bin", { params, parseAs: "arrayBuffer" }),
+      );
+      return decodeCurves(message, signals);
+    },
     staleTime: Number.POSITIVE_INFINITY,
     gcTime: 60_000,
   });

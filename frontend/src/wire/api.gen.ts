@@ -1060,6 +1060,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/runs/{id}/samples.bin": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Packed Samples
+         * @description Return what ``samples`` returns in binary, a tenth of the size, for drawing.
+         *
+         *     Little endian: float64 bucket width [s], uint64 number of the first bucket, uint32 buckets, uint32 values per bucket
+         *     (1: samples, 2: smallest and largest); then float32 per signal in the order asked for: the smallest values, then, of
+         *     2, the largest.
+         */
+        get: operations["get_packed_samples"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/runs/{id}/report.html": {
         parameters: {
             query?: never;
@@ -2855,6 +2879,11 @@ export interface components {
             run: number;
             /** Raw */
             raw: boolean;
+            /**
+             * Width S
+             * @description length of a bucket; of raw samples, their period [s]
+             */
+            width_s: number;
             /**
              * T
              * @description time since the run's first sample [s]
@@ -10675,6 +10704,128 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["SamplesView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_packed_samples: {
+        parameters: {
+            query?: {
+                /** @description begin, from the run's first sample [s] */
+                from?: number;
+                /** @description end [s]; the run's end if left out */
+                to?: number | null;
+                /** @description most points; beyond it the envelope is sent */
+                points?: number;
+                /** @description names separated by commas */
+                signals?: string;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
                 };
             };
             /** @description the body cannot be parsed */

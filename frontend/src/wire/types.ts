@@ -40,7 +40,6 @@ export type ExperimentKind = Schemas["ExperimentKind"];
 export type Experiment = Schemas["ExperimentView"];
 export type Setting = Schemas["SettingView"];
 export type Run = Schemas["RunView"];
-export type Samples = Schemas["SamplesView"];
 export type Problem = Schemas["Problem"];
 export type LiveMessage = Schemas["LiveMessage"];
 export type Layout = Schemas["LayoutMessage"];

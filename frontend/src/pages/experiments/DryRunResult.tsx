@@ -8,6 +8,7 @@ import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
 import { usePanels } from "../../theme/usePanels";
+import { excerptOf } from "../../wire/curves";
 import type { DryRun } from "../../wire/types";
 import page from "../Page.module.css";
 import { Figures } from "./Figures";
@@ -35,7 +36,7 @@ interface CurvesProps {
 function Curves({ samples, duration_s }: CurvesProps) {
   const source = useMemo(() => {
     const recorded = new RecordedSource(duration_s);
-    recorded.setOverview(samples);
+    recorded.setOverview(excerptOf(samples));
     return recorded;
   }, [samples, duration_s]);
   const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);

@@ -48,11 +48,18 @@ export function RunCharts({ run, other }: { run: number; other?: number | undefi
 function OneRun({ run, duration_s }: { run: number; duration_s: number }) {
   const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
   const control = useViewport(home);
-  const source = useRecording(run, duration_s, control.view);
+  const { source, resolution } = useRecording(run, duration_s, control.view);
   const [playhead] = useState(() => new Playhead());
   return (
     <div className={replay.beside}>
-      <RecordedCharts run={run} source={source} control={control} home={home} playhead={playhead} />
+      <RecordedCharts
+        run={run}
+        source={source}
+        control={control}
+        home={home}
+        playhead={playhead}
+        resolution={resolution}
+      />
       <Replay playhead={playhead} run={run} source={source} duration_s={duration_s} />
     </div>
   );
@@ -69,10 +76,19 @@ function TwoRuns({ run, duration_s, other, other_s }: TwoRunsProps) {
   const longest_s = Math.max(duration_s, other_s);
   const home = useMemo(() => ({ span_s: longest_s, end_s: longest_s }), [longest_s]);
   const control = useViewport(home);
-  const first = useRecording(run, duration_s, control.view);
-  const second = useRecording(other, other_s, control.view);
+  const { source: first, resolution } = useRecording(run, duration_s, control.view);
+  const { source: second } = useRecording(other, other_s, control.view);
   const source = useMemo(() => new ComparedSource(first, second), [first, second]);
-  return <RecordedCharts run={run} other={other} source={source} control={control} home={home} />;
+  return (
+    <RecordedCharts
+      run={run}
+      other={other}
+      source={source}
+      control={control}
+      home={home}
+      resolution={resolution}
+    />
+  );
 }
 
 interface RecordedChartsProps {
@@ -82,9 +98,10 @@ interface RecordedChartsProps {
   readonly control: ViewControl;
   readonly home: Viewport;
   readonly playhead?: Playhead;
+  readonly resolution: string;
 }
 
-function RecordedCharts({ run, other, source, control, home, playhead }: RecordedChartsProps) {
+function RecordedCharts({ run, other, source, control, home, playhead, resolution }: RecordedChartsProps) {
   const panels = usePanels();
   const limits = useLive((live) => live.state?.limits);
   const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
@@ -100,7 +117,12 @@ function RecordedCharts({ run, other, source, control, home, playhead }: Recorde
       stale={false}
       {...(playhead === undefined ? {} : { playhead })}
       name={`sinew-run-${run}`}
-      remark={other === undefined ? undefined : `dotted: run ${other}`}
+      remark={
+        <>
+          {other !== undefined && `dotted: run ${other} · `}
+          <output aria-label="Resolution">{resolution}</output>
+        </>
+      }
     />
   );
 }

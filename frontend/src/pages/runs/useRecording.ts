@@ -5,20 +5,31 @@ import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo } from "react";
 import { RecordedSource } from "../../charts/recordedSource";
 import { type Stretch, stretch, type Viewport } from "../../charts/viewport";
-import { samplesQuery } from "../../service/queries";
+import { significant } from "../../samples/format";
+import { recordingQuery } from "../../service/queries";
 import { PANELS } from "../../theme/signals";
+import type { Excerpt } from "../../wire/curves";
 
 /** What the charts show, and what the drawing of the actuator needs beside. */
 const SIGNALS = [...PANELS.flatMap((panel) => panel.traces.map((trace) => trace.name)), "theta_A", "theta_B"];
 const POINTS = 2000;
 const RESTED_MS = 80;
 
-export function useRecording(run: number, duration_s: number, view: Viewport): RecordedSource {
+export interface Recording {
+  readonly source: RecordedSource;
+  /** What a point of the curves stands for at present. */
+  readonly resolution: string;
+}
+
+export function useRecording(run: number, duration_s: number, view: Viewport): Recording {
   const source = useMemo(() => new RecordedSource(duration_s), [duration_s]);
-  const overview = useQuery(samplesQuery(run, { from_s: 0, to_s: duration_s }, POINTS, SIGNALS));
-  const [rested] = useDebouncedValue(widened(stretch(view, duration_s), duration_s), RESTED_MS);
+  const overview = useQuery(recordingQuery(run, { from_s: 0, to_s: duration_s }, POINTS, SIGNALS));
+  const seen = stretch(view, duration_s);
+  // the first turn of the wheel is followed at once, those after it when they have come to rest
+  const wanted = useSteady(widened(seen, duration_s));
+  const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
   const zoomed = rested.to_s - rested.from_s < duration_s;
-  const detail = useQuery({ ...samplesQuery(run, rested, 2 * POINTS, SIGNALS), enabled: zoomed });
+  const detail = useQuery({ ...recordingQuery(run, rested, 2 * POINTS, SIGNALS), enabled: zoomed });
 
   useEffect(() => {
     if (overview.data) source.setOverview(overview.data);
@@ -28,7 +39,19 @@ export function useRecording(run: number, duration_s: number, view: Viewport): R
     if (detail.data && zoomed && !detail.isPlaceholderData) source.setDetail(rested, detail.data);
   }, [detail.data, source]);
 
-  return source;
+  const fits =
+    zoomed && rested.from_s <= Math.max(0, seen.from_s) && rested.to_s >= Math.min(seen.to_s, duration_s);
+  return { source, resolution: resolution(fits ? detail.data : overview.data) };
+}
+
+/** The same object as long as it says the same: a new one would begin the wait for rest anew. */
+function useSteady({ from_s, to_s }: Stretch): Stretch {
+  return useMemo(() => ({ from_s, to_s }), [from_s, to_s]);
+}
+
+function resolution(shown: Excerpt | undefined): string {
+  if (shown === undefined) return "loading";
+  return shown.raw ? "every sample" : `smallest and largest per ${significant(1000 * shown.width_s, 3)} ms`;
 }
 
 /** A third more on either side, so that a small pan needs no new data. */
