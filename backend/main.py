@@ -152,11 +152,11 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
     offload = Offload()
     stack.callback(offload.close)
-    shelf = Shelf(database, offload, lambda: picture.tuning)
     downloads = Downloads(database, offload)
     # In a process of its own: a fit keeps Python's lock for longer than the loop waits for a heartbeat.
     computing = Offload(niceness=0)
     stack.callback(computing.close)
+    shelf = Shelf(database, computing, lambda: picture.tuning)
     station = Station(supervisor, database, settings.plant, parameters, computing.run)
     tasks = Tasks(station, bench, shelf, downloads.prepare, SEED, offload)
 
