@@ -35,7 +35,8 @@ class Shelf:
         self._tuning = tuning
 
     async def banks(self) -> list[BankView]:
-        """Return all versions of all banks, newest first."""
+        """Return all versions of all banks, newest first; what looks at them is loaded meanwhile."""
+        self._offload.prepare(figures_of_all)
         return await asyncio.to_thread(self._banks)
 
     async def bank(self, bank_id: int) -> BankView:

@@ -63,7 +63,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                       onChange={() => onChoose(row.id)}
                     />
                   </Table.Td>
-                  <Table.Td>
+                  <Table.Td style={{ whiteSpace: "nowrap" }}>
                     <Link href={`/identify/${row.id}`}>Run {row.id}</Link>
                   </Table.Td>
                   <Table.Td>{row.kind}</Table.Td>
