@@ -34,6 +34,7 @@ from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
 from backend.api.tokens import Tokens, load_tokens
 from backend.api.tuning_in_use import TuningInUse
+from backend.api.upkeep import Upkeep
 from backend.experiments.runner import Station
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
@@ -63,7 +64,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
 
     Raises AlreadyRunningError, CannotListenError, and what keeps a part from starting.
     """
-    with _only_service_on(settings.data), _listening(settings) as listening:
+    with only_service_on(settings.data), _listening(settings) as listening:
         _ask_for_priority()
         asyncio.run(_serve(settings, listening, ready))
 
@@ -168,7 +169,8 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     for mirror in mirrors.values():
         stack.callback(mirror.close)
     scenes = [scene_router(signed_in, mirror.port, path) for path, mirror in mirrors.items()]
-    service = Service(bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live)
+    upkeep = Upkeep(database, settings.data, supervisor)
+    service = Service(bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep)
     return supervisor, recorder, service, scenes
 
 
@@ -242,7 +244,7 @@ def _listening(settings: Settings) -> Iterator[socket.socket]:
 
 
 @contextmanager
-def _only_service_on(data: Path) -> Iterator[None]:
+def only_service_on(data: Path) -> Iterator[None]:
     """Hold the data folder, so that no second service takes its open runs for interrupted ones."""
     data.mkdir(parents=True, exist_ok=True)
     with (data / "service.lock").open("w") as lock:

@@ -21,6 +21,7 @@ from backend.api.routes import (
     session,
     site,
     stream,
+    system,
     tuning,
 )
 from backend.api.security import Guard
@@ -64,6 +65,7 @@ def create_app(
         banks,
         experiments,
         runs,
+        system,
     ):
         app.include_router(part.router, responses=errors.RESPONSES)
     for router in (stream.router, *further_routes, site.router):

@@ -20,6 +20,7 @@ from backend.loop.mode import LEGAL
 from backend.recording.reader import UnknownSignalError
 from backend.refusal import OutOfRangeError
 from backend.storage import StorageError
+from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 
@@ -59,6 +60,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 
 _STATUS: dict[type[Exception], int] = {
     UnknownRecordError: 404,
+    BackupError: 503,
     BankError: 422,
     IdentificationError: 422,
     TuningError: 422,

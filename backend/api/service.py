@@ -17,6 +17,7 @@ from backend.api.live import LiveStream
 from backend.api.replay import Replay
 from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
+from backend.api.upkeep import Upkeep
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -35,6 +36,7 @@ class Service:
     replay: Replay
     downloads: Downloads
     live: LiveStream
+    upkeep: Upkeep
 
 
 def service_of(connection: HTTPConnection) -> Service:

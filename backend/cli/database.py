@@ -39,6 +39,25 @@ def backup(
 
 
 @app.command()
+def restore(
+    file: Annotated[Path, typer.Argument(help="Backup to bring back.")],
+    data: DataFolder = None,
+) -> None:
+    """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
+    from backend.main import only_service_on
+    from backend.storage.database import FILE_NAME
+    from backend.storage.maintenance import BackupError
+    from backend.storage.maintenance import restore as bring_back
+
+    settings = settings_with(data=data)
+    if settings.database_url is not None:
+        raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
+    with only_service_on(settings.data):
+        bring_back(file, settings.data / FILE_NAME)
+    out.print(f"restored {file}", highlight=False, markup=False)
+
+
+@app.command()
 def check(data: DataFolder = None) -> None:
     """Check that the database is whole; exit 1 when it is not."""
     from backend.storage.maintenance import check as problems_of

@@ -35,3 +35,15 @@ def timing(ring: Ring) -> Timing:
     periods = len(rows) - 1 + overruns[-1] - overruns[0]
     p50, p99 = np.percentile(rows[:, INDEX["lateness_s"]], [50.0, 99.0])
     return Timing(float((len(rows) - 1) / (periods * T_s)), float(p50), float(p99), int(overruns[-1]))
+
+
+LATENESS_EDGES_S = (0.0, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, np.inf)
+"""Bounds of the histogram's classes [s]; the last class has no upper one."""
+
+
+def lateness_histogram(ring: Ring) -> list[int]:
+    """Count the ticks that the ring still holds by how late they began, one number per class."""
+    end = ring.count
+    _, rows, _ = ring.read(max(0, end - ring.capacity), ring.capacity)
+    counts, _ = np.histogram(np.maximum(rows[:, INDEX["lateness_s"]], 0.0), LATENESS_EDGES_S)
+    return [int(count) for count in counts]

@@ -25,7 +25,8 @@ const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
 const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
-const SystemPage = lazy(() => import("./pages/SystemPage"));
+const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
+const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
 export function App() {
   const session = useQuery(sessionQuery);
@@ -75,6 +76,7 @@ function Shell() {
               <Route path="/banks/:id?" component={BanksPage} />
               <Route path="/experiments/:id?" component={ExperimentsPage} />
               <Route path="/runs/:id?/:other?" component={RunsPage} />
+              <Route path="/system/developer" component={DeveloperPage} />
               <Route path="/system" component={SystemPage} />
               <Route>
                 <Redirect to="/operate" replace />

@@ -55,3 +55,6 @@ export type DryRun = Schemas["DryRunView"];
 export type Queue = Schemas["QueueView"];
 export type Metric = Schemas["Metric"];
 export type Criterion = Schemas["Criterion"];
+export type ChainLink = Schemas["ChainLinkView"];
+export type Injection = Schemas["Injection"];
+export type SystemState = Schemas["SystemView"];

@@ -2,13 +2,19 @@
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import type { ReactNode } from "react";
-import { Card } from "../components/Card";
-import { Verdict } from "../components/Verdict";
-import { useLive } from "../live/react";
-import { age, duration, fixed, kilohertz } from "../samples/format";
-import { healthQuery, sessionQuery } from "../service/queries";
-import page from "./Page.module.css";
+import { Link } from "wouter";
+import { Card } from "../../components/Card";
+import { Verdict } from "../../components/Verdict";
+import { useLive } from "../../live/react";
+import { age, duration, fixed, kilohertz } from "../../samples/format";
+import { healthQuery, sessionQuery } from "../../service/queries";
+import { systemQuery } from "../../service/system";
+import page from "../Page.module.css";
+import { DatabaseCard } from "./DatabaseCard";
+import { Facts } from "./Facts";
+import { FlightRecords } from "./FlightRecords";
+import { Lateness } from "./Lateness";
+import { SafetyChain } from "./SafetyChain";
 
 export default function SystemPage() {
   const state = useLive((live) => live.state);
@@ -17,6 +23,7 @@ export default function SystemPage() {
   const missed = useLive((live) => live.missed);
   const health = useQuery({ ...healthQuery, refetchInterval: 5000 });
   const session = useQuery(sessionQuery);
+  const system = useQuery(systemQuery).data;
   const timing = state?.timing;
   return (
     <div className={page.page}>
@@ -44,6 +51,7 @@ export default function SystemPage() {
           title="Service and this page"
           facts={[
             ["Version", health.data?.version],
+            ["Made with", system && versions(system.versions)],
             ["Plant", state && `${state.plant}, parameters ${state.parameters}`],
             ["Signed in as", session.data && `${session.data.name} (${session.data.role})`],
             ["Control held by", state && (state.holder?.name ?? "nobody")],
@@ -56,9 +64,19 @@ export default function SystemPage() {
                 /api/docs
               </a>,
             ],
+            [
+              "Faults",
+              <Link key="developer" href="/system/developer">
+                Developer page
+              </Link>,
+            ],
           ]}
         />
+        <SafetyChain />
+        <DatabaseCard system={system} />
+        <Lateness system={system} />
       </div>
+      <FlightRecords />
       <Card title="Signals">
         <div className={page.tableScroll}>
           <Table aria-label="Signals" verticalSpacing={3}>
@@ -89,17 +107,9 @@ export default function SystemPage() {
   );
 }
 
-function Facts({ title, facts }: { title: string; facts: readonly (readonly [string, ReactNode])[] }) {
-  return (
-    <Card title={title}>
-      <dl className={page.facts}>
-        {facts.map(([name, value]) => (
-          <div key={name} style={{ display: "contents" }}>
-            <dt>{name}</dt>
-            <dd>{value ?? "–"}</dd>
-          </div>
-        ))}
-      </dl>
-    </Card>
-  );
+function versions(all: Record<string, string>): string {
+  return Object.entries(all)
+    .filter(([name]) => name !== "Sinew")
+    .map(([name, version]) => `${name} ${version}`)
+    .join(", ");
 }

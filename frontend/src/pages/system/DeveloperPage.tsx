@@ -1,0 +1,83 @@
+/** Break the simulator on purpose: each fault with what brings it about, to see the reaction. */
+
+import { Button, Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { useLive } from "../../live/react";
+import { faultsQuery, useInject, useMend } from "../../service/system";
+import type { Injection } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./System.module.css";
+
+export default function DeveloperPage() {
+  const faults = useQuery(faultsQuery).data ?? [];
+  const latched = useLive((live) => live.state?.fault?.code);
+  const isRig = useLive((live) => live.state?.plant === "rig");
+  const inject = useInject();
+  const mend = useMend();
+  return (
+    <div className={page.page}>
+      <h1 className={page.title}>Developer page</h1>
+      <p className={page.lead}>
+        {isRig
+          ? "This is a rig: nothing is broken on purpose here."
+          : "Break the simulator while the joint moves, then mend it and reset the fault."}
+      </p>
+      <Card title="Faults">
+        <div className={styles.actions}>
+          <Button variant="default" disabled={isRig} loading={mend.isPending} onClick={() => mend.mutate()}>
+            Mend everything
+          </Button>
+          <Refusal text={(inject.error ?? mend.error)?.message} />
+        </div>
+        <div className={page.tableScroll}>
+          <Table aria-label="Faults" verticalSpacing={4}>
+            <Table.Thead>
+              <Table.Tr>
+                <Table.Th>Fault</Table.Th>
+                <Table.Th>Meaning</Table.Th>
+                <Table.Th>Brought about by</Table.Th>
+                <Table.Th>
+                  <span className={styles.hidden}>Action</span>
+                </Table.Th>
+              </Table.Tr>
+            </Table.Thead>
+            <Table.Tbody>
+              {faults.map(({ code, message, injection }) => (
+                <Table.Tr key={code}>
+                  <Table.Td>
+                    <code>{code}</code>
+                    {latched === code && <strong> latched</strong>}
+                  </Table.Td>
+                  <Table.Td>{message}</Table.Td>
+                  <Table.Td>{injection === null ? "STOP" : described(injection)}</Table.Td>
+                  <Table.Td>
+                    {injection !== null && (
+                      <Button
+                        size="compact-xs"
+                        variant="default"
+                        disabled={isRig}
+                        aria-label={`Inject ${code}`}
+                        onClick={() => inject.mutate(injection)}
+                      >
+                        Inject
+                      </Button>
+                    )}
+                  </Table.Td>
+                </Table.Tr>
+              ))}
+            </Table.Tbody>
+          </Table>
+        </div>
+      </Card>
+    </div>
+  );
+}
+
+const ABOUT_A_SENSOR = new Set(["no_number", "stuck", "jump", "drift_up", "drift_down"]);
+
+function described({ kind, sensor }: Injection): string {
+  const words = kind.replaceAll("_", " ");
+  return ABOUT_A_SENSOR.has(kind) ? `${words} of ${sensor}` : words;
+}

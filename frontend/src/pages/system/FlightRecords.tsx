@@ -1,0 +1,59 @@
+/** The flight records: ten seconds before and five after each trip, to take home. */
+
+import { Table } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { Card } from "../../components/Card";
+import { dateTime, fixed } from "../../samples/format";
+import { flightsQuery } from "../../service/system";
+import page from "../Page.module.css";
+import styles from "./System.module.css";
+
+const FORMATS = ["csv", "parquet", "mat"] as const;
+
+export function FlightRecords() {
+  const flights = useQuery(flightsQuery).data ?? [];
+  return (
+    <Card title="Flight records of trips">
+      {flights.length === 0 ? (
+        <p className={page.empty}>No trip yet.</p>
+      ) : (
+        <div className={page.tableScroll}>
+          <Table aria-label="Flight records" verticalSpacing={3}>
+            <Table.Thead>
+              <Table.Tr>
+                <Table.Th>When</Table.Th>
+                <Table.Th>What happened</Table.Th>
+                <Table.Th>Run</Table.Th>
+                <Table.Th className={styles.number}>Kept [s]</Table.Th>
+                <Table.Th>Data</Table.Th>
+              </Table.Tr>
+            </Table.Thead>
+            <Table.Tbody>
+              {flights.map((flight) => (
+                <Table.Tr key={flight.id}>
+                  <Table.Td>{dateTime(flight.at)}</Table.Td>
+                  <Table.Td>{flight.text}</Table.Td>
+                  <Table.Td>
+                    {flight.run === null ? "–" : <a href={`#/runs/${flight.run}`}>Run {flight.run}</a>}
+                  </Table.Td>
+                  <Table.Td className={styles.number}>
+                    −{fixed(flight.before_s, 1)} … {fixed(flight.after_s, 1)}
+                  </Table.Td>
+                  <Table.Td>
+                    <span className={styles.links}>
+                      {FORMATS.map((format) => (
+                        <a key={format} href={`./api/flights/${flight.id}/data.${format}`} download>
+                          {format.toUpperCase()}
+                        </a>
+                      ))}
+                    </span>
+                  </Table.Td>
+                </Table.Tr>
+              ))}
+            </Table.Tbody>
+          </Table>
+        </div>
+      )}
+    </Card>
+  );
+}

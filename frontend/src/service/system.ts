@@ -1,0 +1,47 @@
+/** Machine, database, safety: what the System and Developer pages read and do. */
+
+import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { answered, api } from "../wire/client";
+import type { Injection } from "../wire/types";
+
+export const systemQuery = queryOptions({
+  queryKey: ["system"],
+  queryFn: () => answered(api.GET("/api/system")),
+  refetchInterval: 5000,
+});
+
+export const flightsQuery = queryOptions({
+  queryKey: ["flights"],
+  queryFn: async () => (await answered(api.GET("/api/flights"))).flights,
+  refetchInterval: 5000,
+});
+
+export const faultsQuery = queryOptions({
+  queryKey: ["faults"],
+  queryFn: async () => (await answered(api.GET("/api/faults"))).faults,
+  staleTime: Number.POSITIVE_INFINITY,
+});
+
+export function useBackup() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.POST("/api/system/backups")),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["system"] }),
+  });
+}
+
+export function useCheck() {
+  return useMutation({
+    mutationFn: async () => (await answered(api.POST("/api/system/check"))).problems,
+  });
+}
+
+export function useInject() {
+  return useMutation({
+    mutationFn: (body: Injection) => answered(api.POST("/api/faults/injection", { body })),
+  });
+}
+
+export function useMend() {
+  return useMutation({ mutationFn: () => answered(api.DELETE("/api/faults/injection")) });
+}
