@@ -35,6 +35,7 @@ from backend.api.tasks import Tasks
 from backend.api.tokens import Tokens, load_tokens
 from backend.api.tuning_in_use import TuningInUse
 from backend.api.upkeep import Upkeep
+from backend.experiments.evaluation import evaluate
 from backend.experiments.runner import Station
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
@@ -159,7 +160,13 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     stack.callback(computing.close)
     shelf = Shelf(database, computing, lambda: picture.tuning)
     station = Station(supervisor, database, settings.plant, parameters, computing.run)
-    tasks = Tasks(station, bench, shelf, downloads.prepare, SEED, offload)
+
+    def prepare() -> None:
+        """Load what evaluation and report need while the program still plays."""
+        computing.prepare(evaluate)
+        downloads.prepare()
+
+    tasks = Tasks(station, bench, shelf, prepare, SEED, offload)
 
     replay = Replay(database)
     mirrors = {

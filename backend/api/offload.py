@@ -34,7 +34,9 @@ class Offload:
         self._pool.submit(_load, work)
 
     def close(self) -> None:
-        """End the process once its present work is done."""
+        """End this and all other such processes of the service, whatever they work on: they store whole or nothing."""
+        for process in multiprocessing.active_children():
+            process.terminate()
         self._pool.shutdown(cancel_futures=True)
 
 

@@ -81,9 +81,15 @@ class Upkeep:
         return DatabaseView(
             kind=engine.dialect.name,
             schema_revision=revision(engine),
-            size_bytes=Path(file).stat().st_size if file else None,
+            size_bytes=_size_with_log(Path(file)) if file else None,
             disk_free_bytes=shutil.disk_usage(self._data).free,
         )
+
+
+def _size_with_log(file: Path) -> int:
+    """Size of an SQLite file with what still stands in its write-ahead log."""
+    log = file.with_name(f"{file.name}-wal")
+    return file.stat().st_size + (log.stat().st_size if log.is_file() else 0)
 
 
 def _backup_view(copy: Path) -> BackupView:

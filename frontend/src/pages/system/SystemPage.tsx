@@ -15,6 +15,7 @@ import { Facts } from "./Facts";
 import { FlightRecords } from "./FlightRecords";
 import { Lateness } from "./Lateness";
 import { SafetyChain } from "./SafetyChain";
+import styles from "./System.module.css";
 
 export default function SystemPage() {
   const state = useLive((live) => live.state);
@@ -28,7 +29,7 @@ export default function SystemPage() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>System</h1>
-      <div className={page.halves}>
+      <div className={styles.grid}>
         <Facts
           title="Loop"
           facts={[
