@@ -109,7 +109,7 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
         expect(link).to_have_attribute("data-health", "live", timeout=MOTION_TIMEOUT_MS)
     assert sent == []
     tuning.expect_mode("run")
-    assert tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01)
+    tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
     assert cells(tuning, "λq")[2] == "0.660"
     assert len(links) == DISCONNECTIONS + 1
     assert data_from(tuning) - oldest < 30.0

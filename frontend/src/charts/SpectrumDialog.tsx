@@ -9,6 +9,7 @@ import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { readColours } from "./colours";
+import { decadeRange } from "./range";
 import styles from "./Spectrum.module.css";
 
 type Quantity = "density" | "amplitude";
@@ -115,7 +116,10 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
         width: element.clientWidth,
         height: 340,
         legend: { show: false },
-        scales: { x: { time: false, distr: 3 }, y: { distr: 3 } },
+        scales: {
+          x: { time: false, distr: 3 },
+          y: { distr: 3, range: (_plot, min, max) => decadeRange(min, max) },
+        },
         axes: [axis, { ...axis, size: 64, values: (_plot, splits) => splits.map(powerOfTen) }],
         series: [
           {},

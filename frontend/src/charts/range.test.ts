@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { roundStep, steadyRange } from "./range";
+import { decadeRange, roundStep, steadyRange } from "./range";
 
 const BEFORE = { min: -10, max: 10 };
 
@@ -29,4 +29,26 @@ describe("steadyRange", () => {
 
 it("rounds steps up to 1, 2, 5 times a power of ten", () => {
   expect([0.9, 1, 1.1, 2.4, 7, 0.03].map(roundStep)).toEqual([1, 1, 2, 5, 10, 0.05]);
+});
+
+describe("the decades of a logarithmic axis", () => {
+  it("take in all values, in whole powers of ten", () => {
+    const [low, high] = decadeRange(0.02, 3);
+    expect([low, high]).toEqual([0.01, 10]);
+  });
+
+  it("leave out what is rounding, and are there when nothing is", () => {
+    const [low, high] = decadeRange(1e-40, 1);
+    expect(high / low).toBeCloseTo(1e12, -3);
+    for (const [min, max] of [
+      [null, null],
+      [0, 0],
+      [5, 5],
+      [1, 1],
+    ] as const) {
+      const range = decadeRange(min, max);
+      expect(range[1] / range[0]).toBeGreaterThan(9);
+      expect(Number.isFinite(range[1])).toBe(true);
+    }
+  });
 });

@@ -36,3 +36,15 @@ export function roundStep(raw: number): number {
   const digit = [1, 2, 5, 10].find((candidate) => candidate * power >= raw * (1 - 1e-9)) ?? 10;
   return digit * power;
 }
+
+/** Powers of ten below the greatest value that are worth an axis; what lies lower is rounding. */
+const DECADES = 12;
+
+/** Whole decades around positive values for a logarithmic axis; one decade when there is nothing to show. */
+export function decadeRange(min: number | null, max: number | null): [number, number] {
+  if (max === null || !(max > 0) || !Number.isFinite(max)) return [0.1, 1];
+  const top = Math.ceil(Math.log10(max));
+  const lowest = min === null || !(min > 0) ? max : min;
+  const bottom = Math.min(Math.max(Math.floor(Math.log10(lowest)), top - DECADES), top - 1);
+  return [10 ** bottom, 10 ** top];
+}
