@@ -35,10 +35,12 @@ format: install-dev
 	$(NPM) types
 	$(NPM) format
 
-bench: install-dev
+bench: install-dev frontend
+	.ci/provide browser
 	$(BIN)/python -m tests.bench
 
-soak: install-dev
+soak: install-dev frontend
+	.ci/provide browser
 	$(BIN)/python -m tests.soak $(ARGS)
 
 screenshots: install-dev frontend

@@ -64,6 +64,8 @@ def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
     expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("lab, as now")
 
     replay = page.get_by_role("region", name="Replay", exact=True)
+    expect(replay).to_contain_text("REPLAY")
+    expect(replay).to_contain_text("not live")
     replay.get_by_role("button", name="Play", exact=True).click()
     expect(replay.get_by_role("button", name="Play", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:03.00")

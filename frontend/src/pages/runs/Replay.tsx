@@ -53,6 +53,10 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
 
   return (
     <section className={styles.replay} aria-label="Replay">
+      <p className={styles.origin}>
+        <strong className={styles.badge}>REPLAY</strong>
+        run {run}, not live
+      </p>
       {solid ? (
         <SceneFrame address={sceneAddress("./replay/", camera)} title="3D view of the replay" />
       ) : (
