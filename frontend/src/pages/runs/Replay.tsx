@@ -12,6 +12,7 @@ import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
+import { useMoments } from "./useMoments";
 
 const SPEEDS = [0.1, 0.25, 1, 4, 10];
 const STEP_S = 0.001;
@@ -31,7 +32,8 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
   const [solid, setSolid] = useState(false);
   const [camera, setCamera] = useState("Front");
   useMomentIn3D(solid, run, playhead);
-  const read = useCallback((name: string) => source.at(name, playhead.at_s), [source, playhead]);
+  const moment = useMoments(run, at_s, duration_s, source);
+  const read = useCallback((name: string) => moment(name, playhead.at_s), [moment, playhead]);
 
   useEffect(() => {
     if (!playing) return;

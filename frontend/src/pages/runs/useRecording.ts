@@ -51,7 +51,7 @@ function useSteady({ from_s, to_s }: Stretch): Stretch {
 
 function resolution(shown: Excerpt | undefined): string {
   if (shown === undefined) return "loading";
-  return shown.raw ? "every sample" : `smallest and largest per ${significant(1000 * shown.width_s, 3)} ms`;
+  return shown.raw ? "every sample" : `smallest and largest per ${significant(shown.width_s, 3)} s`;
 }
 
 /** A third more on either side, so that a small pan needs no new data. */
