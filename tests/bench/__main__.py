@@ -7,12 +7,20 @@ from collections.abc import Callable
 
 from rich.console import Console
 
-from tests.bench import closed_loop_bench, control_laws, identification_bench, page_frames, recording_bench
+from tests.bench import (
+    closed_loop_bench,
+    control_laws,
+    identification_bench,
+    live_bench,
+    page_frames,
+    recording_bench,
+)
 
 PARTS: dict[str, Callable[[Console], bool]] = {
     "closed-loop": closed_loop_bench.bench,
     "control-laws": control_laws.bench,
     "identification": identification_bench.bench,
+    "live": live_bench.bench,
     "page-frames": page_frames.bench,
     "recording": recording_bench.bench,
 }
