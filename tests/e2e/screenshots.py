@@ -39,6 +39,7 @@ def prepare(browser: Browser, service: Service) -> None:
     context = browser.new_context(viewport=DESKTOP)
     operator = Operator(context.new_page(), service)
     operator.sign_in()
+    operator.page.get_by_role("button", name="Skip tour", exact=True).click(timeout=MOTION_TIMEOUT_MS)
     operator.bring_up()
     run = identify(operator)
     build_and_activate_a_bank(operator, run)
@@ -51,8 +52,7 @@ def take(browser: Browser, service: Service, look: str, scheme: str, size: Viewp
     context = browser.new_context(viewport=size, color_scheme="dark" if scheme == "dark" else "light")
     operator = Operator(context.new_page(), service)
     operator.sign_in()
-    if look == LOOKS[0][0]:
-        operator.bring_up()
+    operator.be_in_run()
     for target, name in ((25.0, "Operate"), (-25.0, "Operate")):
         operator.go(name)
         operator.enter("q_ref value [deg]", target)
