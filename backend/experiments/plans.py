@@ -43,8 +43,7 @@ class TrackingPlan:
         Law.CASCADE,
         (Law.CASCADE, *BASELINES),
         "controller",
-        "the cascade, or a baseline for comparison at the same λ: a single loop without cascade, or feedback "
-        "linearization with the plant's own model",
+        "control law; the two without cascade are for comparison",
     )
     q_duration_s: float = number(8.0, 0.5, 60.0, "s", "t_q", "time each position reference is held")
     S_duration_s: float = number(6.0, 0.5, 60.0, "s", "t_S", "time each stiffness reference is held")

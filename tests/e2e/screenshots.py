@@ -61,6 +61,8 @@ def take(browser: Browser, service: Service, look: str, scheme: str, size: Viewp
         operator.go(name)
         expect(operator.page.get_by_role("main")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
         operator.page.wait_for_load_state("networkidle")
+        for waiting in ("Loading …", "Comparing …"):
+            expect(operator.page.get_by_text(waiting, exact=True)).to_have_count(0, timeout=MOTION_TIMEOUT_MS)
         operator.page.screenshot(path=FOLDER / f"{name.lower()}-{look}.png")
         print(f"{name.lower()}-{look}.png")
     context.close()
