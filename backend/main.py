@@ -16,17 +16,21 @@ from fastapi import APIRouter, FastAPI
 from backend.api.app import create_app
 from backend.api.auth import Gate, signed_in
 from backend.api.bench import Bench
+from backend.api.control import PART as CONTROL
 from backend.api.control import Control
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.history import History
+from backend.api.journal import PART as JOURNAL
 from backend.api.journal import Journal
 from backend.api.kept_tuning import KeptTuning
 from backend.api.library import Library
+from backend.api.live import PART as LIVE
 from backend.api.live import LiveStream
 from backend.api.offload import Offload
 from backend.api.picture import Picture
 from backend.api.replay import Replay
+from backend.api.safe_stop import SafeStop
 from backend.api.schemas.live import MarkKind, StateMessage
 from backend.api.service import Service
 from backend.api.session_runs import SessionRuns
@@ -37,14 +41,19 @@ from backend.api.tuning_in_use import TuningInUse
 from backend.api.upkeep import Upkeep
 from backend.experiments.evaluation import evaluate
 from backend.experiments.runner import Station
+from backend.faults import Fault
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
+from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder
+from backend.recording.recorder import PART as RECORDER
 from backend.recording.recorder import Recorder
+from backend.scene.mirror import PART as SCENE
 from backend.scene.mirror import SceneMirror
 from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage import Database, open_database, runs
+from backend.supervision import Part, Supervision
 from plant.parameters import load_parameters
 
 SEED = 0
@@ -81,11 +90,13 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
 
     try:
         # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
-        supervisor, recorder, service, scenes = _build(settings, parts)
+        supervision = Supervision()
+        parts.callback(supervision.close)
+        supervisor, recorder, service, scenes = _build(settings, supervision, parts)
         app = create_app(lifespan, scenes, settings.allowed_hosts)
         app.state.service, app.state.gate = service, Gate(tokens)
         await _put_routes_together(app)
-        await _start_loop(supervisor, recorder, parts)
+        await _start_loop(supervisor, recorder, supervision, parts)
         parts.push_async_callback(service.tasks.close)
     except BaseException:
         await parts.aclose()
@@ -116,39 +127,52 @@ class _AnnouncingServer(uvicorn.Server):
             self._announce()
 
 
-def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
+def _build(
+    settings: Settings, supervision: Supervision, stack: AsyncExitStack
+) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
+
+    def keep(
+        part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
+    ) -> None:
+        stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
+
     parameters = load_parameters(settings.params)
     database = open_database(settings.data, settings.database_url)
     stack.callback(database.close)
     _close_interrupted(database)
     kept = KeptTuning(database)
     tuning, said = kept.restore(parameters)
-    supervisor = Supervisor(Setup(settings.plant, settings.params, SEED, tuning.command()))
+    supervisor = Supervisor(Setup(settings.plant, settings.params, SEED, tuning.command()), supervision)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
 
     flights = FlightRecorder(database, lambda: supervisor.ring)
     supervisor.listen(flights.hear)
-    _run_until_closed(flights.run(), stack)
+    stack.callback(flights.close)
+    keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        return [problem for problem in (recorder.problem, flights.problem, journal.problem) if problem]
+        of_parts = (recorder.problem, flights.problem, journal.problem)
+        return [*filter(None, of_parts), *supervision.problems]
 
     journal = Journal(database)
-    _run_until_closed(journal.run(), stack)
+    stack.callback(journal.close)
+    keep(JOURNAL, journal.run)
     if said:
         journal.note(MarkKind.TUNING, said, tick=0)
     picture = Picture(supervisor, parameters, tuning, problems)
+    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, picture.tick))
+    safe_stop = SafeStop(supervisor, picture, supervision)
     sessions = SessionRuns(database, settings.plant, parameters)
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow)
     control = Control(bench.operator_lost, bench.note_control)
     picture.holder = control.view
-    _run_until_closed(control.run(), stack)
+    keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(picture.state())))
     journal.on_mark(live.announce)
     bench.on_change(live.state_changed)
-    _run_until_closed(live.run(), stack)
+    keep(LIVE, live.run)
 
     library = Library(database, lambda: picture.task)
     history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
@@ -175,18 +199,21 @@ def _build(settings: Settings, stack: AsyncExitStack) -> tuple[Supervisor, Recor
     }
     for mirror in mirrors.values():
         stack.callback(mirror.close)
+        stack.callback(supervision.keep_thread(SCENE, mirror.run, mirror.end).end, 2.0)
     scenes = [scene_router(signed_in, mirror.port, path) for path, mirror in mirrors.items()]
     upkeep = Upkeep(database, settings.data, supervisor)
     service = Service(bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep)
     return supervisor, recorder, service, scenes
 
 
-async def _start_loop(supervisor: Supervisor, recorder: Recorder, stack: AsyncExitStack) -> None:
+async def _start_loop(
+    supervisor: Supervisor, recorder: Recorder, supervision: Supervision, stack: AsyncExitStack
+) -> None:
     """Start the loop process and record it; both end before the other parts do."""
     await supervisor.start()
     recorder.follow(supervisor.ring)
-    recorder.start()
     stack.push_async_callback(asyncio.to_thread, recorder.close)
+    stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
     stack.push_async_callback(supervisor.stop)
 
 
@@ -207,16 +234,6 @@ async def _put_routes_together(app: FastAPI) -> None:
         return None
 
     await app(request, receive, send)
-
-
-def _run_until_closed(coroutine: Coroutine[Any, Any, None], stack: AsyncExitStack) -> None:
-    task = asyncio.create_task(coroutine)
-
-    async def end() -> None:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-    stack.push_async_callback(end)
 
 
 def _close_interrupted(database: Database) -> None:

@@ -15,8 +15,13 @@ from typing import NamedTuple
 from backend.api.auth import BEARER, OPEN, Person
 from backend.api.errors import ApiError
 from backend.api.schemas.control import HolderView
+from backend.supervision import Part
 
 HEADER = "Sinew-Control"
+
+PART = Part(
+    "The watch over lost pages", "What moved was stopped softly: reset, take control, and look into the service's log."
+)
 
 LOST_S = 2.0
 """A page that says nothing for so long [s] is lost; it pings every second."""

@@ -1,7 +1,6 @@
 """What happened and who asked for it: marks on the time axis at once, rows in the database as they can be written."""
 
 import asyncio
-import contextlib
 import logging
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,6 +8,9 @@ from typing import NamedTuple
 from backend.api.schemas.live import EventMessage, MarkKind
 from backend.storage import events
 from backend.storage.database import Database
+from backend.supervision import Part
+
+PART = Part("The journal", "Events wait in memory meanwhile.")
 
 _log = logging.getLogger(__name__)
 
@@ -43,15 +45,15 @@ class Journal:
         self._waiting.put_nowait(_Entry(mark.model_copy(update={"text": text}), who, run))
 
     async def run(self) -> None:
-        """Write until cancelled; what still waits then is written first."""
-        try:
-            while True:
-                entry = await self._waiting.get()
-                await asyncio.to_thread(self._write, entry)
-        finally:
-            while not self._waiting.empty():
-                with contextlib.suppress(asyncio.QueueEmpty):
-                    self._write(self._waiting.get_nowait())
+        """Write until cancelled."""
+        while True:
+            entry = await self._waiting.get()
+            await asyncio.to_thread(self._write, entry)
+
+    def close(self) -> None:
+        """Write what still waits."""
+        while not self._waiting.empty():
+            self._write(self._waiting.get_nowait())
 
     def _write(self, entry: _Entry) -> None:
         try:

@@ -20,7 +20,10 @@ from backend.api.schemas.live import EventMessage, FieldView, LayoutMessage, Pin
 from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
 from backend.sample import STORED
+from backend.supervision import Part
 from plant.interface import T_s
+
+PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
 
 RATE_HZ = 30.0
 STATE_PERIOD_S = 0.5

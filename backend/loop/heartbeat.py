@@ -9,7 +9,6 @@ silent once the event loop has not shown itself for STALE_S. A process that is k
 import ctypes
 import os
 import socket
-import threading
 import time
 from contextlib import suppress
 
@@ -61,15 +60,23 @@ def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
 
 
 class Heart:
-    """Beats on a channel from construction to ``stop``; ``shown`` is called by the event loop while it lives."""
+    """Beats on a channel: ``run`` is the work of a thread. ``shown`` is called by the event loop while it lives."""
 
     def __init__(self, channel: Channel) -> None:
         self._words = np.zeros(4, np.int64)
         self._words[_SHOWN] = self._words[_BEATEN] = time.monotonic_ns()
-        packet = np.frombuffer(encode(Heartbeat()), np.uint8).copy()
-        arguments = (channel.fileno(), packet, self._words)
-        self._thread = threading.Thread(target=_run, args=arguments, name="heartbeat", daemon=True)
-        self._thread.start()
+        self._packet = np.frombuffer(encode(Heartbeat()), np.uint8).copy()
+        self._fd = channel.fileno()
+        self._told = False
+
+    def run(self) -> None:
+        """Beat until ``stop``, after which the channel may be closed; may be run anew when it has failed."""
+        self._words[_STOPPED] = int(self._told)
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
+        _beat(self._fd, self._packet, self._words)
+        if not self._told:
+            raise RuntimeError("the heartbeat ended without being told to")
 
     def shown(self) -> None:
         """Take note that the event loop lives."""
@@ -85,18 +92,12 @@ class Heart:
         self._words[_SILENT_UNTIL] = time.monotonic_ns() + round(duration_s * _NS)
 
     def stop(self) -> None:
-        """End the thread; the channel may be closed afterwards."""
+        """Let ``run`` return."""
+        self._told = True
         self._words[_STOPPED] = 1
-        self._thread.join()
 
 
 def prepare() -> None:
     """Compile the heartbeat, which takes a second, before there is a loop that waits for it."""
     stopped = np.array([1, 0, 0, 0])
     _beat(-1, np.zeros(1, np.uint8), stopped)
-
-
-def _run(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-    _beat(fd, packet, words)

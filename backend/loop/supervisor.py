@@ -7,6 +7,7 @@ import sys
 from asyncio.subprocess import DEVNULL, Process
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from backend.loop import heartbeat
 from backend.loop.access import Listener, LoopDied, LoopDiedError
@@ -26,6 +27,7 @@ from backend.loop.commands import Accepted, Command, Event, Refused, Shutdown, S
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
+from backend.supervision import KeptTask, KeptThread, Part, Supervision
 from plant.card import Card
 from plant.interface import T_s
 
@@ -37,6 +39,10 @@ STOP_TIMEOUT_S = 3.0
 HUNG_BEATS = 16
 """A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
 
+_WATCH = Part("The watch over the loop process", "A loop process that ends now is told late.")
+_SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
+_HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
+
 _POLL_S = 0.02
 _LOG = logging.getLogger(__name__)
 
@@ -45,17 +51,20 @@ class Supervisor:
     """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop.
 
     ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote.
+    ``supervision`` keeps what watches over the process running.
     """
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, supervision: Supervision | None = None) -> None:
         self.setup = setup
         self.ring = Ring.create()
         self.card = Card.create()
         self.granted: Granted | None = None
         self._process: Process | None = None
+        self._supervision = supervision or Supervision()
         self._heart: Heart | None = None
+        self._beating: KeptThread | None = None
         self._channel: Channel | None = None
-        self._tasks: list[asyncio.Task[None]] = []
+        self._kept: list[KeptTask] = []
         self._ready: asyncio.Future[Granted] | None = None
         self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}
         self._listeners: list[Listener] = []
@@ -120,7 +129,13 @@ class Supervisor:
         self._channel = channel
         channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
-        self._tasks = [asyncio.create_task(self._watch(self._process)), asyncio.create_task(self._beat(channel))]
+        self._heart = Heart(channel)
+        self._beating = self._supervision.keep_thread(_HEARTBEAT, self._heart.run, self._heart.stop)
+        keep = self._supervision.keep_task
+        self._kept = [
+            keep(_WATCH, partial(self._watch, self._process)),
+            keep(_SHOWING, partial(self._show_alive, channel, self._heart)),
+        ]
         try:
             return await asyncio.wait_for(asyncio.shield(self._ready), START_TIMEOUT_S)
         except TimeoutError:
@@ -141,7 +156,8 @@ class Supervisor:
             await asyncio.wait_for(process.wait(), STOP_TIMEOUT_S)
         except (LoopDiedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        for kept in self._kept:
+            await kept.ended()
 
     async def send(self, command: Command) -> Accepted | Refused:
         """Hand over a command and wait for the loop's answer. Raises LoopDiedError, ChannelError when too long."""
@@ -237,9 +253,8 @@ class Supervisor:
             except Exception:
                 _LOG.exception("a listener failed on %s", event)
 
-    async def _beat(self, channel: Channel) -> None:
+    async def _show_alive(self, channel: Channel, heart: Heart) -> None:
         counted, beats_without_tick = -1, 0
-        heart = self._heart = Heart(channel)
         while self._channel is channel:
             heart.shown()
             if self.alive:
@@ -254,9 +269,9 @@ class Supervisor:
         status = await process.wait()
         self._receive()
         channel, self._channel = self._channel, None
-        if self._heart is not None:
-            self._heart.stop()
-            self._heart = None
+        if self._beating is not None:
+            self._beating.end()
+            self._heart = self._beating = None
         if channel is not None:
             asyncio.get_running_loop().remove_reader(channel.fileno())
             channel.close()

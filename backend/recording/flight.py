@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ from backend.sample import INDEX, STORED_NAMES
 from backend.storage import Database, StorageError, events, flights, runs
 from backend.storage.flights import NewFlight
 from backend.storage.records import UnknownRecordError
+from backend.supervision import Part
 from plant.interface import T_s
 
 BEFORE_S = 10.0
@@ -25,12 +27,16 @@ LOOK_S = 0.25
 DIED = "loop_died"
 """What stands in place of the fault when the loop process died."""
 
+PART = Part("The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds.")
+
 _STORED = [INDEX[name] for name in STORED_NAMES]
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class _Trip:
+    """One that waits for its record: an identity of its own, as the thread that stores it takes it from the list."""
+
     ring: Ring
     fault: str
     tick: int
@@ -54,6 +60,7 @@ class FlightRecorder:
         self._database = database
         self._ring = ring
         self._waiting: list[_Trip] = []
+        self._storing = threading.Lock()
 
     def hear(self, event: Event | LoopDied) -> None:
         """Take note of a trip; a listener for ``LoopAccess.listen``."""
@@ -67,30 +74,34 @@ class FlightRecorder:
                 self._waiting.append(_Trip(ring, DIED, ring.count, f"The control loop died: {reason}", True))
 
     async def run(self) -> None:
-        """Store what is due until cancelled; what still waits then is stored as it is."""
-        try:
-            while True:
-                await asyncio.sleep(LOOK_S)
-                if any(trip.due for trip in self._waiting):
-                    await asyncio.to_thread(self.drain)
-        finally:
-            self._end_of_ring()
-            self.drain()
+        """Store what is due until cancelled."""
+        while True:
+            await asyncio.sleep(LOOK_S)
+            if any(trip.due for trip in self._waiting):
+                await asyncio.to_thread(self.drain)
+
+    def close(self) -> None:
+        """Store what still waits, as it is."""
+        self._end_of_ring()
+        self.drain()
 
     def drain(self) -> None:
         """Store what is due. Never raises for the database's sake: see ``problem``."""
-        for trip in [trip for trip in self._waiting if trip.due]:
-            try:
-                self._store(trip)
-            except StorageError as error:
-                self.problem = f"the flight record of a trip cannot be stored: {error}"
-                _LOG.error(self.problem)
-                return
-            self._waiting.remove(trip)
-        self.problem = ""
+        with self._storing:
+            for trip in [trip for trip in self._waiting if trip.due]:
+                try:
+                    self._store(trip)
+                except StorageError as error:
+                    self.problem = f"the flight record of a trip cannot be stored: {error}"
+                    _LOG.error(self.problem)
+                    return
+                self._waiting.remove(trip)
+            self.problem = ""
 
     def _end_of_ring(self) -> None:
-        self._waiting = [_Trip(trip.ring, trip.fault, trip.tick, trip.text, True) for trip in self._waiting]
+        # Changed one by one, in place: a thread may be storing from the list.
+        for trip in tuple(self._waiting):
+            trip.is_last = True
 
     def _store(self, trip: _Trip) -> None:
         since = max(0, trip.tick - round(BEFORE_S / T_s))

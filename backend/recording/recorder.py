@@ -22,10 +22,13 @@ from backend.storage import Database, Session, StorageError, events, recordings,
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState
+from backend.supervision import Part
 from plant.interface import T_s
 
 CHUNK_TICKS = 1000
 DRAIN_PERIOD_S = 0.25
+
+PART = Part("The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time.")
 
 _STORED = [INDEX[name] for name in STORED_NAMES]
 _TICK, _RUN, _FAULT = INDEX["tick"], INDEX["run"], INDEX["fault"]
@@ -57,7 +60,7 @@ class Recorder:
         self._cut_short: set[int] = set()
         self._notes: deque[_Note] = deque()
         self._closing = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._one_at_a_time = threading.Lock()
 
     @property
     def run(self) -> int:
@@ -73,16 +76,18 @@ class Recorder:
         """Record from another ring, that of a new loop process, once the present one has been emptied."""
         self._notes.append(ring)
 
-    def start(self) -> None:
-        """Record in a thread until ``close``."""
-        self._thread = threading.Thread(target=self._keep_draining, name="recorder", daemon=True)
-        self._thread.start()
+    def keep_recording(self) -> None:
+        """Record until told to end; the work of a thread, which may be started anew should it die."""
+        while not self._closing.wait(DRAIN_PERIOD_S):
+            self.drain()
+
+    def end(self) -> None:
+        """Let ``keep_recording`` return."""
+        self._closing.set()
 
     def close(self) -> None:
         """Store what is left; a run that is still open ends as stopped. Raises RecordingError when that fails."""
         self._closing.set()
-        if self._thread is not None:
-            self._thread.join()
         self.drain()
         self._attempt(lambda: self._finish(EndState.STOPPED, "the recorder was closed while the run went on"))
         if self.problem:
@@ -92,13 +97,10 @@ class Recorder:
         """Store all whole seconds and all ended runs. Never raises for the database's sake: see ``problem``."""
         self._attempt(self._drain)
 
-    def _keep_draining(self) -> None:
-        while not self._closing.wait(DRAIN_PERIOD_S):
-            self.drain()
-
     def _attempt(self, step: Callable[[], None]) -> None:
         try:
-            step()
+            with self._one_at_a_time:
+                step()
         except StorageError as error:
             self._report(f"samples cannot be stored: {error}; free space on the disk or make the database writable")
         except Exception as error:

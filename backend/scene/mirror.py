@@ -13,13 +13,15 @@ from numpy.typing import NDArray
 from backend.sample import NAMES
 from backend.scene.pose import can_be_drawn, pose
 from backend.scene.stage import Stage
+from backend.supervision import Part
 from plant.parameters import PlantParameters
 
 RATE_HZ = 30.0
+PART = Part("A 3D view", "It stood still meanwhile.")
 
 
 class SceneMirror:
-    """A viser server on a loopback port and the thread that moves its nodes while somebody looks.
+    """A viser server on a loopback port, and ``run``, the work of a thread that moves its nodes while somebody looks.
 
     ``newest`` returns the newest sample, one value per field, None before the first.
     """
@@ -32,8 +34,6 @@ class SceneMirror:
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._stage = Stage(self._server, self._geometry.r_j, self._geometry.r_m)
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
-        self._thread.start()
 
     @property
     def port(self) -> int:
@@ -41,9 +41,7 @@ class SceneMirror:
         return self._server.get_port()
 
     def close(self) -> None:
-        """Stop the thread and the server."""
-        self._ending.set()
-        self._thread.join(timeout=2.0)
+        """Stop the server."""
         with redirect_stdout(StringIO()):
             self._server.stop()
 
@@ -54,7 +52,12 @@ class SceneMirror:
         if sample is not None and can_be_drawn(sample):
             self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
-    def _run(self) -> None:
+    def end(self) -> None:
+        """Let ``run`` return."""
+        self._ending.set()
+
+    def run(self) -> None:
+        """Keep the view at the newest sample until ``end``."""
         due = time.monotonic()
         while not self._ending.wait(max(0.0, due - time.monotonic())):
             due = max(due + 1.0 / RATE_HZ, time.monotonic())

@@ -2,8 +2,10 @@
 
 import select
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -29,6 +31,15 @@ def beats(channel: Channel) -> int:
     return count
 
 
+@contextmanager
+def beating(heart: Heart) -> Iterator[Heart]:
+    thread = threading.Thread(target=heart.run)
+    thread.start()
+    yield heart
+    heart.stop()
+    thread.join()
+
+
 def wait_for_a_beat(channel: Channel) -> None:
     assert select.select([channel], [], [], 20.0)[0]
     assert beats(channel) >= 1
@@ -36,30 +47,28 @@ def wait_for_a_beat(channel: Channel) -> None:
 
 def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
-    heart = Heart(service)
-    wait_for_a_beat(loop)
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(60.0)  # from here on nothing but waiting gives the lock away
-    try:
-        end = time.monotonic() + 20 * HEARTBEAT_S
-        while time.monotonic() < end:
-            pass
-        assert beats(loop) >= 2
-    finally:
-        sys.setswitchinterval(before)
-        heart.stop()
+    with beating(Heart(service)):
+        wait_for_a_beat(loop)
+        before = sys.getswitchinterval()
+        sys.setswitchinterval(60.0)  # from here on nothing but waiting gives the lock away
+        try:
+            end = time.monotonic() + 20 * HEARTBEAT_S
+            while time.monotonic() < end:
+                pass
+            assert beats(loop) >= 2
+        finally:
+            sys.setswitchinterval(before)
 
 
 def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
-    heart = Heart(service)
-    wait_for_a_beat(loop)
-    heart.pause(3600.0)
-    while heart.age_s < 4 * HEARTBEAT_S:
-        time.sleep(HEARTBEAT_S)
-    beats(loop)
-    assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
-    heart.stop()
+    with beating(Heart(service)) as heart:
+        wait_for_a_beat(loop)
+        heart.pause(3600.0)
+        while heart.age_s < 4 * HEARTBEAT_S:
+            time.sleep(HEARTBEAT_S)
+        beats(loop)
+        assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
 
 
 def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
@@ -70,7 +79,7 @@ def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
     with monkeypatch.context() as past:
         past.setattr(time, "monotonic_ns", lambda: hours_ago)
         heart = Heart(service)
-    assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
-    heart.shown()
-    wait_for_a_beat(loop)
-    heart.stop()
+    with beating(heart):
+        assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
+        heart.shown()
+        wait_for_a_beat(loop)

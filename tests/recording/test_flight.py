@@ -1,6 +1,9 @@
 """Around each trip ten seconds before and five after are kept, every tick of them."""
 
 import asyncio
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop.access import LoopDied
 from backend.loop.commands import Stopped
 from backend.loop.ring import Ring
-from backend.recording.flight import DIED, FlightRecorder, flight_columns
+from backend.recording.flight import DIED, LOOK_S, FlightRecorder, flight_columns
 from backend.sample import INDEX
 from backend.storage import Database, StorageError, flights
 from backend.storage.records import UnknownRecordError
@@ -95,17 +98,45 @@ def _disk_full(*_: object) -> None:
     raise StorageError("database or disk is full")
 
 
-def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
+def test_a_loop_that_dies_while_a_trip_is_written(database: Database, writer: Writer, tmp_path: Path) -> None:
+    """The list that waits is changed by the event loop while a thread stores from it."""
+
     async def session() -> None:
         recorder = FlightRecorder(database, lambda: writer.ring)
         running = asyncio.create_task(recorder.run())
-        await asyncio.sleep(0)
-        writer.write(2_000)
-        recorder.hear(trip(1_500))
+        other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        writer.write(6_000)
+        recorder.hear(trip(1_000))
+        await asyncio.sleep(2 * LOOK_S)  # the thread waits for the database by now
+        recorder.hear(LoopDied("killed by SIGKILL"))
+        other.execute("COMMIT")
+        other.close()
+        await _until(lambda: len(stored(database)) >= 2)
+        await asyncio.sleep(2 * LOOK_S)
+        recorder.hear(trip(900))
+        await _until(lambda: any(flight.trip_tick == 900 for flight in stored(database)))
+        assert not running.done()
         running.cancel()
-        await asyncio.gather(running, return_exceptions=True)
 
-    asyncio.run(session())
+    asyncio.run(asyncio.wait_for(session(), 30.0))
+    assert sorted((flight.fault, flight.trip_tick) for flight in stored(database)) == [
+        (DIED, 6_000),
+        ("slack", 900),
+        ("slack", 1_000),
+    ]
+
+
+async def _until(reached: Callable[[], bool]) -> None:
+    while not reached():
+        await asyncio.sleep(0.01)
+
+
+def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring)
+    writer.write(2_000)
+    recorder.hear(trip(1_500))
+    recorder.close()
     assert [flight.count for flight in stored(database)] == [2_000]
 
 

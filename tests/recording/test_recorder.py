@@ -189,10 +189,12 @@ def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Datab
 def test_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
-    recorder.start()
+    recording = threading.Thread(target=recorder.keep_recording)
+    recording.start()
     rows = np.concatenate([writer.write(100, run.id) for _ in range(30)])
     writer.write(1)
     recorder.close()
+    recording.join()
     assert_stored(database, run.id, rows)
     assert stored_run(database, run.id).end_state == EndState.COMPLETED
 

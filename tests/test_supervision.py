@@ -1,0 +1,129 @@
+"""Tasks and threads that die in every way there is: told, started anew, later each time."""
+
+import asyncio
+import ctypes
+import threading
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from backend.supervision import FIRST_PAUSE_S, LONGEST_PAUSE_S, WELL_S, Part, Supervision
+
+PART = Part("The clerk", "Letters wait.")
+TIMEOUT_S = 20.0
+
+
+def run(session: Callable[[Supervision], Awaitable[None]]) -> None:
+    async def whole() -> None:
+        supervision = Supervision()
+        await asyncio.wait_for(session(supervision), TIMEOUT_S)
+        supervision.close()
+
+    asyncio.run(whole())
+
+
+async def until(reached: Callable[[], bool]) -> None:
+    while not reached():
+        await asyncio.sleep(0.005)
+
+
+async def _raise() -> None:
+    raise ValueError("ink is out")
+
+
+async def _be_cancelled() -> None:
+    current = asyncio.current_task()
+    assert current is not None
+    current.cancel()
+    await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize(("die", "cause"), [(_raise, "ValueError: ink is out"), (_be_cancelled, "it was cancelled")])
+def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[None]], cause: str) -> None:
+    async def session(supervision: Supervision) -> None:
+        told: list[str] = []
+        supervision.listen(told.append)
+        lives = 0
+
+        async def work() -> None:
+            nonlocal lives
+            lives += 1
+            if lives == 1:
+                await die()
+            await asyncio.Event().wait()
+
+        deaths: list[int] = []
+        kept = supervision.keep_task(PART, work, on_death=lambda: deaths.append(lives))
+        assert supervision.problems == []
+        await until(lambda: lives == 2)
+        assert deaths == [1]
+        assert told == [f"The clerk died ({cause}) and is started anew."]
+        (shown,) = supervision.problems
+        assert shown == f"The clerk died ({cause}) and was started anew. Letters wait."
+        await kept.end()
+        assert lives == 2
+        assert not [task for task in asyncio.all_tasks() if task.get_name() == PART.name]
+
+    run(session)
+
+
+def test_a_task_that_is_ended_or_returns_is_not_started_anew() -> None:
+    async def session(supervision: Supervision) -> None:
+        lives = 0
+
+        async def work() -> None:
+            nonlocal lives
+            lives += 1
+
+        await supervision.keep_task(PART, work).ended()
+        waiting = supervision.keep_task(PART, asyncio.Event().wait)  # type: ignore[arg-type] # returns True, never seen
+        await waiting.end()
+        dead = supervision.keep_task(PART, _raise)
+        await until(lambda: supervision.problems != [])
+        await dead.end()
+        await asyncio.sleep(2 * FIRST_PAUSE_S)
+        assert lives == 1
+        assert "in a row" not in supervision.problems[0]
+
+    run(session)
+
+
+def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
+    async def session(supervision: Supervision) -> None:
+        ending, lives = threading.Event(), []
+
+        def work() -> None:
+            lives.append(threading.get_ident())
+            while not ending.wait(0.01):
+                pass
+
+        kept = supervision.keep_thread(PART, work, ending.set)
+        await until(lambda: len(lives) == 1)
+        kill = ctypes.pythonapi.PyThreadState_SetAsyncExc
+        kill(ctypes.c_ulong(lives[0]), ctypes.py_object(SystemExit))
+        await until(lambda: len(lives) == 2)
+        assert supervision.problems == ["The clerk died (SystemExit) and was started anew. Letters wait."]
+        kept.end()
+        assert PART.name not in {thread.name for thread in threading.enumerate()}
+        await asyncio.sleep(3 * FIRST_PAUSE_S)
+        assert len(lives) == 2
+
+    run(session)
+
+
+def test_the_pauses_grow_and_a_part_that_lives_long_is_well_again() -> None:
+    now = 0.0
+    supervision = Supervision(clock=lambda: now)
+    told: list[str] = []
+    supervision.listen(told.append)
+    pauses = [supervision.died(PART, "no paper") for _ in range(12)]
+    assert pauses[:3] == [FIRST_PAUSE_S, 2 * FIRST_PAUSE_S, 4 * FIRST_PAUSE_S]
+    assert pauses[-1] == LONGEST_PAUSE_S
+    assert supervision.problems == [
+        "The clerk died (no paper) and is being started anew, 12 times in a row. Letters wait."
+    ]
+    assert len(told) == 1
+    now = LONGEST_PAUSE_S + WELL_S
+    assert supervision.problems == []
+    assert supervision.died(PART, "no paper") == FIRST_PAUSE_S
+    assert len(told) == 2
