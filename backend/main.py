@@ -14,12 +14,14 @@ import uvicorn
 from fastapi import APIRouter, FastAPI
 
 from backend.api.app import create_app
-from backend.api.auth import Gate, signed_in
+from backend.api.auth import signed_in
 from backend.api.bench import Bench
 from backend.api.control import PART as CONTROL
 from backend.api.control import Control
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
+from backend.api.gate import PART as GATE
+from backend.api.gate import Gate
 from backend.api.history import History
 from backend.api.journal import PART as JOURNAL
 from backend.api.journal import Journal
@@ -34,9 +36,10 @@ from backend.api.safe_stop import SafeStop
 from backend.api.schemas.live import MarkKind, StateMessage
 from backend.api.service import Service
 from backend.api.session_runs import SessionRuns
+from backend.api.sessions import Sessions
 from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
-from backend.api.tokens import Tokens, load_tokens
+from backend.api.tokens import TokenFiles, Tokens
 from backend.api.tuning_in_use import TuningInUse
 from backend.api.upkeep import Upkeep
 from backend.experiments.evaluation import evaluate
@@ -44,6 +47,7 @@ from backend.experiments.runner import Station
 from backend.faults import Fault
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
+from backend.private import UMASK, make_private
 from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder
 from backend.recording.recorder import PART as RECORDER
@@ -74,13 +78,16 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
 
     Raises AlreadyRunningError, CannotListenError, and what keeps a part from starting.
     """
+    os.umask(UMASK)
     with only_service_on(settings.data), _listening(settings) as listening:
+        make_private(settings.data)
         _ask_for_priority()
         asyncio.run(_serve(settings, listening, ready))
 
 
 async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[str, Tokens | None], None]) -> None:
-    tokens = load_tokens(settings.data) if settings.require_token else None
+    files = TokenFiles(settings.data) if settings.require_token else None
+    gate = Gate(files, Sessions(settings.data))
     parts = AsyncExitStack()
 
     @asynccontextmanager
@@ -92,9 +99,9 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
         # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
         supervision = Supervision()
         parts.callback(supervision.close)
-        supervisor, recorder, service, scenes = _build(settings, supervision, parts)
+        supervisor, recorder, service, scenes = _build(settings, gate, supervision, parts)
         app = create_app(lifespan, scenes, settings.allowed_hosts)
-        app.state.service, app.state.gate = service, Gate(tokens)
+        app.state.service, app.state.gate = service, gate
         await _put_routes_together(app)
         await _start_loop(supervisor, recorder, supervision, parts)
         parts.push_async_callback(service.tasks.close)
@@ -111,7 +118,7 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
         timeout_graceful_shutdown=3,
     )
     address = f"http://{settings.host}:{listening.getsockname()[1]}"
-    await _AnnouncingServer(config, lambda: ready(address, tokens)).serve([listening])
+    await _AnnouncingServer(config, lambda: ready(address, files.tokens if files else None)).serve([listening])
 
 
 class _AnnouncingServer(uvicorn.Server):
@@ -128,7 +135,7 @@ class _AnnouncingServer(uvicorn.Server):
 
 
 def _build(
-    settings: Settings, supervision: Supervision, stack: AsyncExitStack
+    settings: Settings, gate: Gate, supervision: Supervision, stack: AsyncExitStack
 ) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
 
@@ -153,7 +160,7 @@ def _build(
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        of_parts = (recorder.problem, flights.problem, journal.problem)
+        of_parts = (recorder.problem, flights.problem, journal.problem, gate.sessions.problem)
         return [*filter(None, of_parts), *supervision.problems]
 
     journal = Journal(database)
@@ -167,7 +174,9 @@ def _build(
     sessions = SessionRuns(database, settings.plant, parameters)
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow)
     control = Control(bench.operator_lost, bench.note_control)
-    picture.holder = control.view
+    picture.holder, picture.people = control.view, gate.people
+    keep(GATE, gate.run)
+    stack.push_async_callback(gate.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(picture.state())))
     journal.on_mark(live.announce)
@@ -270,7 +279,7 @@ def _listening(settings: Settings) -> Iterator[socket.socket]:
 @contextmanager
 def only_service_on(data: Path) -> Iterator[None]:
     """Hold the data folder, so that no second service takes its open runs for interrupted ones."""
-    data.mkdir(parents=True, exist_ok=True)
+    data.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (data / "service.lock").open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

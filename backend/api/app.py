@@ -8,6 +8,7 @@ from fastapi.routing import APIRoute
 
 from backend import __version__
 from backend.api import errors
+from backend.api.attendance import Attendance
 from backend.api.routes import (
     banks,
     control,
@@ -72,6 +73,7 @@ def create_app(
         app.include_router(router)
     site.mount_static(app)
     errors.install(app)
+    app.add_middleware(Attendance)
     app.add_middleware(Guard, allowed_hosts=tuple(allowed_hosts))
     return app
 

@@ -3,7 +3,9 @@
 import asyncio
 from typing import Any
 
+from backend.api.gate import Person
 from backend.api.schemas.preferences import NEW_HERE, Preferences
+from backend.api.schemas.session import Role
 from backend.api.schemas.tuning import SavedTuning
 from backend.api.tuning_in_use import LAMBDAS, TuningInUse
 from backend.storage import Database, settings
@@ -16,14 +18,14 @@ class Desk:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def preferences(self, person: str) -> Preferences:
+    async def preferences(self, person: Person) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         stored = await asyncio.to_thread(self._newest, _preferences_of(person))
         return NEW_HERE if stored is None else Preferences.model_validate(stored.value)
 
-    async def set_preferences(self, person: str, preferences: Preferences) -> Preferences:
+    async def set_preferences(self, person: Person, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page."""
-        await asyncio.to_thread(self._put, _preferences_of(person), preferences.model_dump(), person)
+        await asyncio.to_thread(self._put, _preferences_of(person), preferences.model_dump(), person.name)
         return preferences
 
     async def saved_tuning(self, tuning: TuningInUse) -> SavedTuning:
@@ -50,8 +52,10 @@ class Desk:
             return settings.put(session, name, value, who)
 
 
-def _preferences_of(person: str) -> str:
-    return f"preferences/{person}"
+def _preferences_of(person: Person) -> str:
+    # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
+    name = person.called or person.name
+    return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
 
 
 def _tuning_of(tuning: TuningInUse) -> str:

@@ -26,8 +26,8 @@ F_PUSH_MAX = 30.0
 class Picture:
     """The present state.
 
-    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``; the rest is seen and heard. ``problems``
-    tells what is wrong with the service without being a fault of the loop.
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
+    ``problems`` tells what is wrong with the service without being a fault of the loop.
     """
 
     def __init__(
@@ -41,6 +41,7 @@ class Picture:
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
+        self.people: Callable[[], list[str]] = list
         self.starts = 1
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
@@ -132,6 +133,7 @@ class Picture:
             pretension_done=self._pretension_done,
             stop_proof=None if self._stop is None else proof_of(self._stop),
             holder=holder,
+            people=self.people(),
             chain=chain(self._supervisor, holder, link, fault_of(sample)),
             task=self.task,
             trial=self.trial(),

@@ -2,34 +2,64 @@
 
 import os
 import secrets
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from backend.api.schemas.session import Role
+from backend.private import write_private
 
 FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
+SHORTEST = 20
 
 
 @dataclass(frozen=True, repr=False)
 class Tokens:
-    """The tokens by role; never printed, logged or sent."""
+    """The tokens by role; never printed or logged."""
 
     operator: str
     viewer: str
 
     def role_of(self, token: str) -> Role | None:
         """Return the role that ``token`` opens, None for a wrong one; takes the same time for each."""
-        offered = token.encode()
+        offered = token.encode(errors="surrogatepass")
         is_operator = secrets.compare_digest(offered, self.operator.encode())
         is_viewer = secrets.compare_digest(offered, self.viewer.encode())
         if is_operator:
             return Role.OPERATOR
         return Role.VIEWER if is_viewer else None
 
-    @property
-    def signing_key(self) -> str:
-        """Key for session cookies: deleting the token files and restarting ends every session."""
-        return self.operator + self.viewer
+    def of(self, role: Role) -> str:
+        """Return the token of a role: its holders' cookies are signed with it, so that a new one ends them."""
+        return self.operator if role is Role.OPERATOR else self.viewer
+
+
+class TokenFiles:
+    """The tokens of a running service, and whether their files say something else by now."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self.tokens = load_tokens(data)
+        self._seen = self._stamps()
+
+    def refresh(self) -> set[Role]:
+        """Read files that were changed; return the roles that have another token now.
+
+        A file that is gone or holds no usable token changes nothing: nobody is locked out by that.
+        """
+        stamps = self._stamps()
+        if stamps == self._seen:
+            return set()
+        before, self._seen = self.tokens, stamps
+        self.tokens = Tokens(*(_usable(self._data / FILES[role]) or before.of(role) for role in FILES))
+        return {role for role in FILES if self.tokens.of(role) != before.of(role)}
+
+    def rotate(self, roles: Iterable[Role]) -> None:
+        """Write new tokens for ``roles``; ``refresh`` puts them in force. Raises OSError."""
+        rotate(self._data, roles)
+
+    def _stamps(self) -> list[tuple[int, int, int] | None]:
+        return [_stamp(self._data / name) for name in FILES.values()]
 
 
 def load_tokens(data: Path) -> Tokens:
@@ -38,16 +68,38 @@ def load_tokens(data: Path) -> Tokens:
     return Tokens(*(_read_or_create(data / FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))
 
 
+def rotate(data: Path, roles: Iterable[Role]) -> None:
+    """Give the folder new tokens for ``roles``; a service that runs on it notices within a second. Raises OSError."""
+    for role in roles:
+        write_private(data / FILES[role], secrets.token_urlsafe(32) + "\n")
+
+
 def _read_or_create(path: Path) -> str:
     try:
         descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     except FileExistsError:
         path.chmod(0o600)
         token = path.read_text().strip()
-        if len(token) < 20:
+        if len(token) < SHORTEST:
             raise ValueError(f"{path} holds no usable token; delete the file and start again") from None
         return token
     token = secrets.token_urlsafe(32)
     with os.fdopen(descriptor, "w") as file:
         file.write(token + "\n")
     return token
+
+
+def _usable(path: Path) -> str | None:
+    try:
+        token = path.read_text().strip()
+    except (OSError, UnicodeDecodeError):
+        return None
+    return token if len(token) >= SHORTEST else None
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    try:
+        known = path.stat()
+    except OSError:
+        return None
+    return known.st_mtime_ns, known.st_ino, known.st_size

@@ -1,6 +1,7 @@
 """One database: SQLite in the data folder, or whatever SQLAlchemy URL is given."""
 
 import json
+import logging
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,12 +14,14 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from backend.private import make_private
 from backend.storage.maintenance import backup
 from backend.storage.migrate import is_outdated, revision, upgrade
 
 __all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
 
 FILE_NAME = "sinew.db"
+_log = logging.getLogger(__name__)
 
 
 class StorageError(Exception):
@@ -66,13 +69,15 @@ def open_database(data_dir: Path, url: str | None = None) -> Database:
     ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``. Raises ``SchemaError`` when the database was
     written by a newer version, ``StorageError`` when it cannot be reached, ``BackupError``.
     """
-    data_dir.mkdir(parents=True, exist_ok=True)
+    make_private(data_dir)
     engine = connect(url or sqlite_url(data_dir))
     try:
         with _told():
             if is_outdated(engine) and engine.dialect.name == "sqlite":
                 backup(engine, data_dir / "backups" / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
             upgrade(engine)
+        for sentence in make_private(data_dir):  # the file that was made just now
+            _log.warning("%s", sentence)
     except BaseException:
         engine.dispose()
         raise

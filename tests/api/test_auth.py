@@ -1,19 +1,21 @@
 """The gate and the tokens, on their own."""
 
+import asyncio
 import stat
+import time
 from pathlib import Path
 
 import pytest
 from fastapi import Response
 from starlette.requests import HTTPConnection
 
-from backend.api.auth import ATTEMPTS, ATTEMPTS_WINDOW_S, COOKIE, Gate, Person
+from backend.api.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S
 from backend.api.errors import ApiError
+from backend.api.gate import COOKIE, GRACE_S, Gate, Person
 from backend.api.schemas.session import Role
-from backend.api.tokens import Tokens, load_tokens
+from backend.api.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
+from backend.api.tokens import TokenFiles, load_tokens, rotate
 from backend.settings import Settings
-
-TOKENS = Tokens(operator="o" * 43, viewer="v" * 43)
 
 
 class Clock:
@@ -24,78 +26,273 @@ class Clock:
         return self.now
 
 
+class Door:
+    """A gate on a data folder, its clock, and what browsers do at it."""
+
+    def __init__(self, data: Path) -> None:
+        self.clock = Clock()
+        self.sessions = Sessions(data, self.clock)
+        self.files = TokenFiles(data)
+        self.gate = Gate(self.files, self.sessions, self.clock)
+
+    def token(self, role: Role = Role.OPERATOR) -> str:
+        return self.files.tokens.of(role)
+
+    def cookie(self, name: str = "Ana", role: Role = Role.OPERATOR, **headers: str) -> str:
+        """Sign in; return the pair that the browser sends from then on."""
+        asks = connection(headers)
+        return self.granted(asks, self.gate.sign_in(asks, self.token(role), name))
+
+    def granted(self, asks: HTTPConnection, person: Person) -> str:
+        response = Response()
+        self.gate.grant(asks, response, person)
+        return response.headers["set-cookie"].partition(";")[0]
+
+    def who(self, cookie: str) -> Person | None:
+        return self.gate.recognise(connection({"cookie": cookie}))
+
+    def who_stops(self, cookie: str) -> Person | None:
+        return self.gate.recognise_for_stop(connection({"cookie": cookie}))
+
+    def sign_out(self, cookie: str) -> None:
+        self.gate.sign_out(connection({"cookie": cookie}), Response())
+
+
+@pytest.fixture
+def door(tmp_path: Path) -> Door:
+    return Door(tmp_path)
+
+
 def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnection:
-    raw = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
+    every = {"host": "localhost:8000", **headers}
+    raw = [(name.lower().encode(), value.encode()) for name, value in every.items()]
     return HTTPConnection({"type": "http", "headers": raw, "client": (address, 1)})
-
-
-def cookie_of(gate: Gate, person: Person) -> str:
-    response = Response()
-    gate.grant(response, person)
-    return response.headers["set-cookie"]
 
 
 def status(error: pytest.ExceptionInfo[ApiError]) -> int:
     return error.value.status
 
 
-def test_each_token_opens_its_role_and_others_none() -> None:
-    gate = Gate(TOKENS)
-    assert gate.sign_in(TOKENS.operator, "Ana", "a").role is Role.OPERATOR
-    viewer = gate.sign_in(TOKENS.viewer, "", "a")
+def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:
+    with pytest.raises(ApiError) as error:
+        door.gate.sign_in(
+            connection({name.replace("_", "-"): value for name, value in headers.items()}, address), token
+        )
+    return status(error)
+
+
+def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
+    assert door.gate.sign_in(connection({}), door.token(), "Ana").role is Role.OPERATOR
+    viewer = door.gate.sign_in(connection({}), door.token(Role.VIEWER))
     assert (viewer.role, viewer.name) == (Role.VIEWER, "viewer")
     assert len(viewer.session) >= 16
-    with pytest.raises(ApiError) as error:
-        gate.sign_in("o" * 42, "", "a")
-    assert status(error) == 401
+    assert refused(door, door.token()[:-1]) == 401
+    assert refused(door, "\ud800") == 401
 
 
-def test_the_cookie_is_recognised_by_another_gate_with_the_same_tokens_only() -> None:
-    header = cookie_of(Gate(TOKENS), Person("Ana", Role.OPERATOR, "s"))
+def test_the_cookie_is_recognised_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
+    response = Response()
+    asks = connection({})
+    ana = door.gate.sign_in(asks, door.token(), "Ana")
+    door.gate.grant(asks, response, ana)
+    header = response.headers["set-cookie"]
     assert "HttpOnly" in header
     assert "SameSite=strict" in header
-    value = header.partition("=")[2].partition(";")[0]
-    asks = connection({"cookie": f"{COOKIE}={value}"})
-    assert Gate(TOKENS).recognise(asks) == Person("Ana", Role.OPERATOR, "s")
-    assert Gate(Tokens("n" * 43, TOKENS.viewer)).recognise(asks) is None
+    pair = header.partition(";")[0]
+    assert door.who(pair) == ana
+    other = Door(tmp_path / "other")
+    assert other.who(pair) is None
+    assert other.who_stops(pair) is None
 
 
-def test_a_forged_cookie_is_nobody() -> None:
-    gate = Gate(TOKENS)
-    value = cookie_of(gate, Person("Vera", Role.VIEWER, "s")).partition("=")[2].partition(";")[0]
+def test_a_forged_cookie_is_nobody(door: Door) -> None:
+    name, _, value = door.cookie("Vera", Role.VIEWER).partition("=")
     content, rest = value.split(".", 1)
     forged = content[:-3] + ("AAA" if content[-3:] != "AAA" else "BBB")
-    assert gate.recognise(connection({"cookie": f"{COOKIE}={forged}.{rest}"})) is None
+    for wrong in (f"{forged}.{rest}", "", "x" * 100_000, value + "A", "."):
+        assert door.who(f"{name}={wrong}") is None
+        assert door.who_stops(f"{name}={wrong}") is None
 
 
-def test_wrong_tokens_lock_sign_in_for_a_while_and_for_that_address_only() -> None:
-    clock = Clock()
-    gate = Gate(TOKENS, clock)
-    for _ in range(ATTEMPTS):
-        with pytest.raises(ApiError):
-            gate.sign_in("wrong", "", "here")
+@pytest.mark.parametrize("moved_s", [-3600.0, 40 * 86400.0])
+def test_a_clock_that_was_set_signs_nobody_out(door: Door, monkeypatch: pytest.MonkeyPatch, moved_s: float) -> None:
+    pair = door.cookie()
+    moved = time.time() + moved_s
+    monkeypatch.setattr("time.time", lambda: moved)
+    assert door.who(pair) is not None
+    assert door.who_stops(pair) is not None
+
+
+def test_a_session_that_fell_asleep_may_still_stop(door: Door) -> None:
+    pair = door.cookie()
+    door.clock.now += IDLE_S - 10.0
+    assert door.who(pair) is not None
+    door.clock.now += IDLE_S + 10.0
+    assert door.who(pair) is None
+    stops = door.who_stops(pair)
+    assert stops is not None
+    assert stops.name == "Ana"
+
+
+def test_a_cookie_whose_session_was_forgotten_may_still_stop(door: Door, tmp_path: Path) -> None:
+    pair = door.cookie()
+    again = Door(tmp_path)  # the file of sessions was never written
+    assert again.who(pair) is None
+    assert again.who_stops(pair) is not None
+
+
+def test_many_viewers_push_out_no_operator(door: Door) -> None:
+    ana = door.cookie()
+    first = door.cookie("Vic", Role.VIEWER)
+    for _ in range(LIVE_OF_A_ROLE):
+        door.clock.now += 1.0
+        door.cookie("Vic", Role.VIEWER)
+    assert door.who(first) is None
+    assert door.who_stops(first) is not None
+    assert door.who(ana) is not None
+
+
+def test_signing_out_ends_the_cookie_wherever_it_is(door: Door) -> None:
+    pair, other = door.cookie(), door.cookie()
+    door.sign_out(pair)
+    assert door.who(pair) is None
+    assert door.who_stops(pair) is None
+    assert door.who(other) is not None
+
+
+def test_two_services_on_one_host_leave_each_other_their_cookies(tmp_path: Path) -> None:
+    here, there = Door(tmp_path / "here"), Door(tmp_path / "there")
+    ours = here.cookie()
+    theirs = there.cookie(host="localhost:8001")
+    assert ours.partition("=")[0] == f"{COOKIE}8000"
+    jar = dict(pair.split("=", 1) for pair in (ours, theirs))  # as a browser keeps them: by name, for all ports
+    sent = "; ".join(f"{name}={value}" for name, value in jar.items())
+    assert here.who(sent) is not None
+    assert there.gate.recognise(connection({"cookie": sent, "host": "localhost:8001"})) is not None
+
+
+def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door) -> None:
+    assert door.who(f"{COOKIE}8000=planted; {door.cookie()}; {COOKIE}8000=") is not None
+
+
+@pytest.mark.parametrize("host", ["lab", "lab:99999999", "[::1]", "", "lab:\u0663"])
+def test_any_host_header_has_a_cookie_name(host: str) -> None:
+    raw = [(b"host", host.encode())]
+    door_less = Gate(None)
+    assert door_less.recognise(HTTPConnection({"type": "http", "headers": raw})) is not None
+
+
+def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:
+    assert [refused(door, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
     with pytest.raises(ApiError) as error:
-        gate.sign_in(TOKENS.operator, "", "here")
+        door.gate.sign_in(connection({}, "here"), "wrong")
     assert status(error) == 429
     assert int(error.value.headers["Retry-After"]) <= ATTEMPTS_WINDOW_S + 1
-    assert gate.sign_in(TOKENS.operator, "", "elsewhere").role is Role.OPERATOR
-    clock.now += ATTEMPTS_WINDOW_S + 1
-    assert gate.sign_in(TOKENS.operator, "", "here").role is Role.OPERATOR
+    assert door.gate.sign_in(connection({}, "here"), door.token()).role is Role.OPERATOR
+    assert refused(door, "wrong", "elsewhere") == 401
+    door.clock.now += ATTEMPTS_WINDOW_S + 1
+    assert refused(door, "wrong") == 401
 
 
-def test_a_script_with_the_right_token_is_never_locked_out() -> None:
-    gate = Gate(TOKENS, Clock())
-    wrong = connection({"authorization": "Bearer nonsense"})
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_what_a_foreign_page_makes_a_browser_send_counts_for_nobody(door: Door, site: str) -> None:
+    assert [refused(door, "wrong", sec_fetch_site=site) for _ in range(3 * ATTEMPTS)] == [401] * 3 * ATTEMPTS
+    assert refused(door, "wrong") == 401
+
+
+def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
     for _ in range(ATTEMPTS):
-        with pytest.raises(ApiError) as error:
-            gate.recognise(wrong)
-        assert status(error) == 401
+        asks = connection({"authorization": "Bearer nonsense"})
+        for _ in range(3):
+            with pytest.raises(ApiError) as error:
+                door.gate.recognise(asks)
+            assert status(error) == 401
     with pytest.raises(ApiError) as error:
-        gate.recognise(wrong)
+        door.gate.recognise(connection({"authorization": "Bearer nonsense"}))
     assert status(error) == 429
-    person = gate.recognise(connection({"authorization": f"Bearer {TOKENS.operator}"}))
+    person = door.gate.recognise(connection({"authorization": f"Bearer {door.token()}"}))
     assert person is not None
     assert person.role is Role.OPERATOR
+
+
+def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
+    pair = door.cookie("Ana")
+    ana = door.who(pair)
+    again = door.gate.sign_in(connection({"cookie": pair}), door.token())
+    assert again == ana
+    vera = door.gate.sign_in(connection({"cookie": pair}), door.token(), "Vera")
+    assert vera.session != again.session
+    assert door.who(pair) is None
+
+
+def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
+    ana = door.gate.sign_in(connection({}), door.token(), "Ana")
+    with door.gate.attending(ana):
+        second = door.gate.sign_in(connection({}), door.token(), "Ana")
+        viewer = door.gate.sign_in(connection({}), door.token(Role.VIEWER), "Ana")
+        with door.gate.attending(second), door.gate.attending(viewer):
+            assert door.gate.people() == ["Ana", "Ana (2)", "Ana (viewer)"]
+        pretender = door.gate.sign_in(connection({}), door.token(Role.VIEWER), " Ana (2)\n\u202e")
+        assert pretender.name == "Ana 2 (viewer)"
+    assert door.gate.people() == []
+    assert door.gate.sign_in(connection({}), door.token(), "Ana").name == "Ana"
+
+
+def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
+    ana, vera, vic = door.cookie("Ana"), door.cookie("Vera"), door.cookie("Vic", Role.VIEWER)
+    asks = connection({"cookie": ana})
+    rotating = door.gate.recognise(asks)
+    assert rotating is not None
+    before = door.token()
+    tokens = asyncio.run(door.gate.rotate([Role.OPERATOR], rotating))
+    assert refused(door, before) == 401
+    assert door.gate.sign_in(connection({}), tokens.operator).role is Role.OPERATOR
+    assert door.who(vera) is None
+    assert door.who_stops(vera) is None
+    assert door.who(vic) is not None
+    assert door.who(door.granted(asks, rotating)) == rotating
+    assert door.who_stops(ana) is not None  # until the browser has the new one
+    door.clock.now += GRACE_S + 1
+    assert door.who_stops(ana) is None
+
+
+def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(door: Door, tmp_path: Path) -> None:
+    async def notice() -> None:
+        task = asyncio.create_task(door.gate.run())
+        await asyncio.sleep(1.2)
+        task.cancel()
+
+    ana, before = door.cookie(), door.token()
+    person = door.who(ana)
+    assert person is not None
+    (tmp_path / "viewer-token").unlink()
+    with door.gate.attending(person) as over:
+        rotate(tmp_path, [Role.OPERATOR])
+        asyncio.run(notice())
+        assert over.is_set()
+    assert door.token() != before
+    assert door.who(ana) is None
+    assert door.gate.sign_in(connection({}), door.token(Role.VIEWER)).role is Role.VIEWER
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"ran_s": 1, "live": {"a": 3}, "ended": []}', "\x00"])
+def test_a_damaged_file_of_sessions_leaves_stop_and_nothing_else(door: Door, tmp_path: Path, content: str) -> None:
+    pair = door.cookie()
+    asyncio.run(door.sessions.save())
+    assert Door(tmp_path).who(pair) is not None
+    (tmp_path / "sessions.json").write_text(content)
+    again = Door(tmp_path)
+    assert again.who(pair) is None
+    assert again.who_stops(pair) is not None
+
+
+def test_a_session_file_that_cannot_be_written_is_told(door: Door, tmp_path: Path) -> None:
+    (tmp_path / "sessions.json.new").mkdir()
+    asyncio.run(door.sessions.save())
+    assert door.sessions.problem is not None
+    (tmp_path / "sessions.json.new").rmdir()
+    asyncio.run(door.sessions.save())
+    assert door.sessions.problem is None
 
 
 def test_tokens_are_made_once_and_readable_by_their_owner_only(tmp_path: Path) -> None:

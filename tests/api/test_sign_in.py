@@ -5,7 +5,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from backend.api.auth import COOKIE
+from backend.api.gate import COOKIE
 from tests.api.conftest import problem
 from tests.e2e.service import Service
 
@@ -31,7 +31,7 @@ def test_a_name_given_at_sign_in_is_shown(service: Service) -> None:
     token = urlsplit(service.link).query.partition("=")[2]
     with httpx.Client(base_url=service.url) as browser:
         assert browser.post("/api/session", json={"token": token, "name": "Ana"}).json()["name"] == "Ana"
-        assert COOKIE in browser.cookies
+        assert COOKIE + service.url.rpartition(":")[2] in browser.cookies
         assert browser.get("/api/session").json() == {"name": "Ana", "role": "operator"}
 
 
@@ -40,7 +40,7 @@ def test_nobody_gets_in_without_a_token_or_with_a_wrong_one(service: Service, pa
     assert httpx.get(service.url + path).status_code == 401
     wrong = httpx.get(service.url + path, headers={"Authorization": "Bearer wrong"})
     assert wrong.status_code in (401, 429)
-    assert httpx.get(service.url + path, cookies={COOKIE: "forged"}).status_code == 401
+    assert httpx.get(service.url + path, cookies={COOKIE + service.url.rpartition(":")[2]: "forged"}).status_code == 401
 
 
 def test_a_wrong_link_is_refused_and_the_log_keeps_no_token(service: Service) -> None:

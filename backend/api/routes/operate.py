@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter
 
-from backend.api.auth import SignedIn
+from backend.api.auth import MayStop, SignedIn
 from backend.api.schemas.state import ModeRequest, Push, References, State, StopProof
 from backend.api.service import InControl, ServiceInUse
 
@@ -16,8 +16,11 @@ async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
 
 
 @router.post("/stop")
-async def stop(service: ServiceInUse, person: SignedIn) -> StopProof:
-    """Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode."""
+async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
+    """Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode.
+
+    Also to one whose session has lapsed; only who signed out, or whose token was replaced, is refused.
+    """
     return await service.bench.stop(person.name)
 
 

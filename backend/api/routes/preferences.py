@@ -12,10 +12,10 @@ router = APIRouter(prefix="/api/preferences", tags=["session"])
 @router.get("")
 async def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
     """Return how the signed-in person likes the page; defaults for somebody new."""
-    return await service.desk.preferences(person.name)
+    return await service.desk.preferences(person)
 
 
 @router.put("")
 async def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
     """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
-    return await service.desk.set_preferences(person.name, body)
+    return await service.desk.set_preferences(person, body)

@@ -80,7 +80,7 @@ async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _pe
     await service.replay.show(id, body.t)
 
 
-def _excerpt(
+async def _excerpt(
     id: RowId,
     from_s: Annotated[Finite, Query(alias="from", ge=0.0, description="begin, from the run's first sample [s]")] = 0.0,
     to_s: Annotated[Finite | None, Query(alias="to", gt=0.0, description="end [s]; the run's end if left out")] = None,

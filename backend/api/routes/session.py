@@ -1,10 +1,10 @@
-"""Sign-in, sign-out, health."""
+"""Sign-in, sign-out, new tokens, health."""
 
 from fastapi import APIRouter, Request, Response
 
-from backend.api.auth import COOKIE, SignedIn, address_of, gate_of
+from backend.api.auth import Operator, SignedIn, gate_of
 from backend.api.schemas.history import Checklist
-from backend.api.schemas.session import Health, SessionView, SignIn
+from backend.api.schemas.session import FreshTokens, Health, Role, Rotation, SessionView, SignIn
 from backend.api.service import ServiceInUse
 
 router = APIRouter(prefix="/api", tags=["session"])
@@ -17,8 +17,9 @@ async def get_health(service: ServiceInUse) -> Health:
 
 
 @router.get("/session")
-async def get_session(person: SignedIn) -> SessionView:
-    """Tell who is signed in."""
+async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
+    """Tell who is signed in; the browser keeps its cookie for longer by that."""
+    gate_of(request).grant(request, response, person)
     return SessionView(name=person.name, role=person.role)
 
 
@@ -26,15 +27,28 @@ async def get_session(person: SignedIn) -> SessionView:
 async def sign_in(body: SignIn, request: Request, response: Response) -> SessionView:
     """Exchange a token for a session cookie."""
     gate = gate_of(request)
-    person = gate.sign_in(body.token, body.name, address_of(request))
-    gate.grant(response, person)
+    person = gate.sign_in(request, body.token, body.name)
+    gate.grant(request, response, person)
+    await gate.sessions.save()
     return SessionView(name=person.name, role=person.role)
 
 
 @router.delete("/session", status_code=204)
-async def sign_out(response: Response) -> None:
-    """Forget the session cookie."""
-    response.delete_cookie(COOKIE, httponly=True, samesite="strict", path="/")
+async def sign_out(request: Request, response: Response) -> None:
+    """End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed."""
+    gate = gate_of(request)
+    gate.sign_out(request, response)
+    await gate.sessions.save()
+
+
+@router.post("/session/tokens/rotate")
+async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> FreshTokens:
+    """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
+    roles = list(Role) if body.role is None else [body.role]
+    gate = gate_of(request)
+    tokens = await gate.rotate(roles, person)
+    gate.grant(request, response, person)
+    return FreshTokens(tokens={role: tokens.of(role) for role in roles})
 
 
 @router.get("/checklist")

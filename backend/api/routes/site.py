@@ -8,7 +8,7 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 
-from backend.api.auth import SignedIn, address_of, gate_of
+from backend.api.auth import SignedIn, gate_of
 from backend.api.errors import ApiError
 from backend.api.security import DOCUMENT_POLICY
 
@@ -24,11 +24,12 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
         return _dashboard()
     gate = gate_of(request)
     try:
-        person = gate.sign_in(token, name[:40], address_of(request))
+        person = gate.sign_in(request, token, name)
     except ApiError as error:
         return _message(error.status, str(error))
     answer = RedirectResponse("/", status_code=303)
-    gate.grant(answer, person)
+    gate.grant(request, answer, person)
+    await gate.sessions.save()
     return answer
 
 

@@ -22,6 +22,18 @@ class SignIn(Schema):
     name: str = Field(default="", max_length=40, description="name shown to others; the role when left out")
 
 
+class Rotation(Schema):
+    """Which token to replace."""
+
+    role: Role | None = Field(default=None, description="operator or viewer; both when left out")
+
+
+class FreshTokens(Schema):
+    """The new tokens: shown once, kept in the data folder."""
+
+    tokens: dict[Role, str]
+
+
 class SessionView(Schema):
     """The signed-in person."""
 

@@ -135,6 +135,7 @@ class State(Schema):
     pretension_done: bool
     stop_proof: StopProof | None
     holder: HolderView | None
+    people: list[str] = Field(description="who has a page open; a number tells persons of one name apart")
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
