@@ -1,20 +1,25 @@
 """Who holds control: one named person at one page, until it is taken over, given up, or lost.
 
-A page takes control and gets an epoch. Its commands carry the stamp "epoch.sequence": one of an earlier epoch comes
-from a page that has lost control, one with a sequence that was used already is an old command on its way for the second
-time; both are refused. Scripts, which send the bearer token, need no stamp while nobody else holds control. STOP asks
-for nothing of this.
+A page takes control and gets a key that it keeps in its own memory, so that a copy of the page has none. Its commands
+carry the stamp "key.sequence": one with another key comes from a page that has lost control, one with a sequence that
+was used already is an old command on its way for the second time; both are refused. What is in order is obeyed in
+order, however it arrived (``turns``). A page that is loaded again shows the key it had and gets another one. Scripts,
+which send the bearer token, need no stamp while nobody else holds control. STOP asks for nothing of this.
 """
 
 import asyncio
+import re
+import secrets
 import time
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from backend.api.auth import BEARER, OPEN, Person
 from backend.api.errors import ApiError
-from backend.api.schemas.control import HolderView
+from backend.api.gate import BEARER, OPEN, Person
+from backend.api.schemas.control import HolderView, Lease
+from backend.api.turns import Turns
 from backend.supervision import Part
 
 HEADER = "Sinew-Control"
@@ -34,23 +39,25 @@ SCRIPT_S = 10.0
 
 LOOK_S = 0.1
 _LATE_LOOK_S = 2.0 * LOOK_S
+_STAMP = re.compile(r"([A-Za-z0-9_-]{16})\.([0-9]{1,15})")
 
 
 class Stamp(NamedTuple):
     """What a page's command carries."""
 
-    epoch: int
+    page: str
     sequence: int
 
 
 @dataclass
 class Holder:
-    """Who holds control, at a page or by a script; ``sequence`` is the last command's, ``silent_s`` its age."""
+    """Who holds control, at a page or by a script; ``page`` is the page's key, ``epoch`` what others know it by."""
 
     person: Person
     epoch: int
     is_page: bool
-    sequence: int = 0
+    page: str = field(default_factory=lambda: secrets.token_urlsafe(12))
+    turns: Turns = field(default_factory=Turns)
     silent_s: float = 0.0
 
     @property
@@ -58,15 +65,25 @@ class Holder:
         """Whether the page is not heard any more."""
         return self.is_page and self.silent_s > LOST_S
 
+    def is_at(self, person: Person, page: str | None) -> bool:
+        """Return whether this is the page that holds control."""
+        if page is None or not self.is_page or person.session != self.person.session:
+            return False
+        return secrets.compare_digest(page.encode(), self.page.encode())
+
+    def lease(self) -> Lease:
+        """Return what the page is told."""
+        return Lease(epoch=self.epoch, page=self.page, name=self.person.name)
+
 
 def read_stamp(text: str | None) -> Stamp | None:
     """Read the header, None where there is none. Raises ApiError 400."""
     if text is None:
         return None
-    epoch, _, sequence = text.partition(".")
-    if not (epoch.isascii() and epoch.isdigit() and sequence.isascii() and sequence.isdigit() and len(text) <= 40):
-        raise ApiError(400, f"{HEADER} has to be epoch.sequence, two whole numbers", code="bad_stamp")
-    return Stamp(int(epoch), int(sequence))
+    found = _STAMP.fullmatch(text)
+    if found is None:
+        raise ApiError(400, f"{HEADER} has to be the key of the page, a dot and a whole number", code="bad_stamp")
+    return Stamp(found[1], int(found[2]))
 
 
 class Control:
@@ -104,36 +121,37 @@ class Control:
             )
         return self.holder
 
-    def give_up(self, person: Person, stamp: Stamp | None) -> None:
+    def resume(self, person: Person, page: str) -> Holder:
+        """Go on after a page was loaded again: its key is replaced. Raises ApiError 409 where it has lost control."""
+        self._holder_at(person, page)
+        self._epoch += 1
+        # What the page sent before it was loaded again and still waits carries a key that is gone.
+        self.holder = Holder(person, self._epoch, is_page=True)
+        return self.holder
+
+    async def give_up(self, person: Person, stamp: Stamp | None) -> None:
         """Hold control no longer. Raises ApiError 409 for those who do not hold it."""
-        self.require(person, stamp)
-        self.holder = None
-        self._told("control given up", person.name)
+        async with self.turn(person, stamp):
+            self.holder = None
+            self._told("control given up", person.name)
 
-    def require(self, person: Person, stamp: Stamp | None) -> None:
-        """Let a command of the holder pass. Raises ApiError 409 for all others."""
-        holder = self.holder
+    @asynccontextmanager
+    async def turn(self, person: Person, stamp: Stamp | None) -> AsyncIterator[None]:
+        """Let a command of the holder pass when it is its turn. Raises ApiError 409 for all others."""
         if stamp is None:
-            self._require_script(person, holder)
+            self._require_script(person)
+            yield
             return
-        if holder is None:
-            raise ApiError(409, "nobody holds control: take it to command", code="control_lost")
-        if holder.epoch != stamp.epoch or holder.person.session != person.session:
-            who = _whose(holder, person)
-            raise ApiError(
-                409, f"this page does not hold control any more, {who} does: nothing done", code="control_lost"
-            )
-        if stamp.sequence <= holder.sequence:
-            raise ApiError(
-                409, "this command is older than one that was obeyed already: nothing done", code="stale_command"
-            )
-        holder.sequence = stamp.sequence
-        holder.silent_s = 0.0
+        turns = self._holder_at(person, stamp.page).turns
+        async with turns.turn(stamp.sequence):
+            # Somebody may have taken over while this command waited.
+            self._holder_at(person, stamp.page).silent_s = 0.0
+            yield
 
-    def heard(self, person: Person, epoch: int | None) -> None:
-        """Take note that a page is there; ``epoch`` is that of the control it believes to hold."""
+    def heard(self, person: Person, page: str | None) -> None:
+        """Take note that a page is there; ``page`` is the key of the control it believes to hold."""
         holder = self.holder
-        if holder is not None and not self._muted and epoch == holder.epoch and holder.person.session == person.session:
+        if holder is not None and not self._muted and holder.is_at(person, page):
             holder.silent_s = 0.0
 
     def view(self) -> HolderView | None:
@@ -170,7 +188,19 @@ class Control:
             if holder.is_page:
                 await self._lost(holder.person.name)
 
-    def _require_script(self, person: Person, holder: Holder | None) -> None:
+    def _holder_at(self, person: Person, page: str) -> Holder:
+        holder = self.holder
+        if holder is None:
+            raise ApiError(409, "nobody holds control: take it to command", code="control_lost")
+        if not holder.is_at(person, page):
+            who = _whose(holder, person)
+            raise ApiError(
+                409, f"this page does not hold control any more, {who} does: nothing done", code="control_lost"
+            )
+        return holder
+
+    def _require_script(self, person: Person) -> None:
+        holder = self.holder
         if person.session not in (BEARER, OPEN):
             raise ApiError(409, f"a page takes control first and stamps its commands ({HEADER})", code="control_needed")
         if holder is None:

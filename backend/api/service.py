@@ -1,16 +1,18 @@
 """The parts of a running service that routes call."""
 
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated
 
-from fastapi import Depends, Header, Path
+from fastapi import Depends, Header, Path, Request
 from starlette.requests import HTTPConnection
 
-from backend.api.auth import Operator, Person
+from backend.api.auth import Operator
 from backend.api.bench import Bench
 from backend.api.control import HEADER, Control, read_stamp
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
+from backend.api.gate import Person
 from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
@@ -45,19 +47,22 @@ def service_of(connection: HTTPConnection) -> Service:
     return service
 
 
-ServiceInUse = Annotated[Service, Depends(service_of)]
+async def _service_in_use(request: Request) -> Service:
+    return service_of(request)
 
 
-def _in_control(
-    service: ServiceInUse,
-    person: Operator,
-    stamp: Annotated[
-        str | None, Header(alias=HEADER, max_length=40, description="epoch.sequence of the page that holds control")
-    ] = None,
-) -> Person:
-    service.control.require(person, read_stamp(stamp))
-    return person
+ServiceInUse = Annotated[Service, Depends(_service_in_use)]
 
 
-InControl = Annotated[Person, Depends(_in_control)]
+Stamped = Annotated[
+    str | None, Header(alias=HEADER, max_length=40, description="page.sequence of the page that holds control")
+]
+
+
+async def _in_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> AsyncIterator[Person]:
+    async with service.control.turn(person, read_stamp(stamp)):
+        yield person
+
+
+InControl = Annotated[Person, Depends(_in_control, scope="function")]
 """An operator who holds control: only their commands move the actuator."""

@@ -31,12 +31,15 @@ const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 export function App() {
   const session = useQuery(sessionQuery);
   const signedOut = session.error instanceof RequestError && session.error.status === 401;
-  if (signedOut) return <SignInPage />;
   return (
     <StopProvider>
-      <LiveProvider>
-        <Shell />
-      </LiveProvider>
+      {signedOut ? (
+        <SignInPage />
+      ) : (
+        <LiveProvider>
+          <Shell />
+        </LiveProvider>
+      )}
     </StopProvider>
   );
 }

@@ -2,17 +2,29 @@ import "@mantine/core/styles.css";
 import "uplot/dist/uPlot.min.css";
 import "./theme/base.css";
 import { MantineProvider } from "@mantine/core";
-import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { MutationCache, QueryCache, QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
 import { Router } from "wouter";
 import { useHashLocation } from "wouter/use-hash-location";
 import { App } from "./App";
+import { sessionQuery } from "./service/queries";
 import { theme } from "./theme/theme";
+import { RequestError } from "./wire/client";
 
-const queries = new QueryClient({
+const queries: QueryClient = new QueryClient({
+  queryCache: new QueryCache({ onError: askWhoIsSignedIn }),
+  mutationCache: new MutationCache({ onError: askWhoIsSignedIn }),
   defaultOptions: { queries: { staleTime: 2000, refetchOnWindowFocus: false }, mutations: { retry: false } },
 });
+
+/** Whatever the service refuses for want of a session, the session has ended: the page says so, and what to do. */
+function askWhoIsSignedIn(error: Error): void {
+  const asked = queries.getQueryState(sessionQuery.queryKey);
+  if (error instanceof RequestError && error.status === 401 && asked?.status === "success") {
+    void queries.invalidateQueries(sessionQuery);
+  }
+}
 
 createRoot(document.getElementById("root") as HTMLElement).render(
   <StrictMode>

@@ -5,14 +5,15 @@ import itertools
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.client import HTTPConnection
 
 import httpx
 import pytest
 from websockets.asyncio.client import connect
 
-from backend.api.auth import BEARER, Person
-from backend.api.control import HEADER, HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Stamp, read_stamp
+from backend.api.control import HEADER, HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
 from backend.api.errors import ApiError
+from backend.api.gate import BEARER, Person
 from backend.api.schemas.session import Role
 from backend.faults import Fault
 from tests.api.conftest import problem, wait_for
@@ -21,6 +22,10 @@ from tests.e2e.service import Service
 
 ANA, VERA = Person("Ana", Role.OPERATOR, "a"), Person("Vera", Role.OPERATOR, "v")
 SCRIPT = Person("operator", Role.OPERATOR, BEARER)
+
+
+KEY = "a" * 16
+JSON = {"Content-Type": "application/json"}
 
 
 class Desk:
@@ -41,51 +46,79 @@ class Desk:
 
         asyncio.run(look())
 
+    def take(self, person: Person, take_over: bool = False) -> Holder:
+        return self.control.take(person, is_page=True, take_over=take_over)
+
+    def command(self, person: Person, stamp: Stamp | None) -> None:
+        async def command() -> None:
+            async with self.control.turn(person, stamp):
+                pass
+
+        asyncio.run(command())
+
     def refusal(self, person: Person, stamp: Stamp | None) -> str:
         with pytest.raises(ApiError) as error:
-            self.control.require(person, stamp)
+            self.command(person, stamp)
         assert error.value.status == 409
         return error.value.problem.code
 
 
 def test_commands_of_the_holder_pass_once_and_in_order() -> None:
     desk = Desk()
-    epoch = desk.control.take(ANA, is_page=True).epoch
-    desk.control.require(ANA, Stamp(epoch, 1))
-    desk.control.require(ANA, Stamp(epoch, 5))
-    assert desk.refusal(ANA, Stamp(epoch, 5)) == "stale_command"
-    assert desk.refusal(ANA, Stamp(epoch, 2)) == "stale_command"
-    assert desk.refusal(VERA, Stamp(epoch, 6)) == "control_lost"
+    page = desk.take(ANA).page
+    desk.command(ANA, Stamp(page, 1))
+    desk.command(ANA, Stamp(page, 3))  # the second was lost on its way
+    assert desk.refusal(ANA, Stamp(page, 3)) == "stale_command"
+    assert desk.refusal(ANA, Stamp(page, 2)) == "stale_command"
+    assert desk.refusal(VERA, Stamp(page, 4)) == "control_lost"
     assert desk.refusal(VERA, None) == "control_needed"
 
 
 def test_control_is_taken_over_only_when_that_is_said() -> None:
     desk = Desk()
-    first = desk.control.take(ANA, is_page=True).epoch
+    first = desk.take(ANA).lease()
     with pytest.raises(ApiError, match="Ana holds control"):
-        desk.control.take(VERA, is_page=True)
-    second = desk.control.take(VERA, is_page=True, take_over=True).epoch
-    assert second > first
-    assert desk.refusal(ANA, Stamp(first, 9)) == "control_lost"
-    desk.control.require(VERA, Stamp(second, 1))
+        desk.take(VERA)
+    second = desk.take(VERA, take_over=True).lease()
+    assert second.epoch > first.epoch
+    assert desk.refusal(ANA, Stamp(first.page, 9)) == "control_lost"
+    desk.command(VERA, Stamp(second.page, 1))
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
-    first = desk.control.take(ANA, is_page=True).epoch
+    first = desk.take(ANA).page
     with pytest.raises(ApiError, match="another page of yours"):
-        desk.control.take(ANA, is_page=True)
-    desk.control.take(ANA, is_page=True, take_over=True)
+        desk.take(ANA)
+    desk.take(ANA, take_over=True)
     assert desk.refusal(ANA, Stamp(first, 1)) == "control_lost"
+
+
+def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -> None:
+    desk = Desk()
+    first = desk.take(ANA).lease()
+    desk.command(ANA, Stamp(first.page, 1))
+    with pytest.raises(ApiError):
+        desk.control.resume(VERA, first.page)
+    second = desk.control.resume(ANA, first.page).lease()
+    assert (second.page == first.page, second.epoch > first.epoch) == (False, True)
+    desk.command(ANA, Stamp(second.page, 1))
+    assert desk.refusal(ANA, Stamp(first.page, 2)) == "control_lost"
+    with pytest.raises(ApiError):
+        desk.control.resume(ANA, first.page)
+    desk.take(VERA, take_over=True)
+    with pytest.raises(ApiError):
+        desk.control.resume(ANA, second.page)
+    assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
 def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing() -> None:
     desk = Desk()
-    epoch = desk.control.take(ANA, is_page=True).epoch
+    page = desk.take(ANA).page
     for _ in range(20):
         desk.wait(1.0)
-        desk.control.heard(ANA, epoch)
+        desk.control.heard(ANA, page)
     assert not desk.lost
     desk.wait(LOST_S + 0.2)
     view = desk.control.view()
@@ -96,26 +129,27 @@ def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing
     desk.wait(0.4)
     assert desk.lost == ["Ana"]
     assert documented_ms(Fault.OPERATOR_LOST) >= 1000 * (LOST_S + HOLD_S + 2 * LOOK_S)
-    assert desk.refusal(ANA, Stamp(epoch, 1)) == "control_lost"
+    assert desk.refusal(ANA, Stamp(page, 1)) == "control_lost"
 
 
 def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
     desk = Desk()
-    epoch = desk.control.take(ANA, is_page=True).epoch
+    page = desk.take(ANA).page
     desk.wait(LOST_S + HOLD_S - 0.3)
-    desk.control.heard(VERA, epoch)
-    desk.control.heard(ANA, epoch - 1)
+    desk.control.heard(VERA, page)
+    desk.control.heard(ANA, "x" * 16)
+    desk.control.heard(ANA, None)
     assert desk.control.holder is not None
     assert desk.control.holder.lost
-    desk.control.heard(ANA, epoch)
+    desk.control.heard(ANA, page)
     desk.wait(1.0)
-    desk.control.require(ANA, Stamp(epoch, 1))
+    desk.command(ANA, Stamp(page, 1))
     assert not desk.lost
 
 
 def test_a_service_that_stood_still_blames_no_page() -> None:
     desk = Desk()
-    desk.control.take(ANA, is_page=True)
+    desk.take(ANA)
     for _ in range(5):
         desk.now += 30.0
         asyncio.run(desk.control.look())
@@ -124,16 +158,18 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
 
 def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     desk = Desk()
-    desk.control.require(SCRIPT, None)
+    desk.command(SCRIPT, None)
     with pytest.raises(ApiError, match="operator holds control"):
-        desk.control.take(ANA, is_page=True)
+        desk.take(ANA)
     desk.wait(SCRIPT_S + 0.2)
-    desk.control.take(ANA, is_page=True)
+    desk.take(ANA)
     assert desk.refusal(SCRIPT, None) == "control_held"
     assert not desk.lost
 
 
-@pytest.mark.parametrize("text", ["", "1", "1.", ".1", "a.1", "1.-1", "1.1.1", "٣.١", "9" * 30 + "." + "9" * 30])
+@pytest.mark.parametrize(
+    "text", ["", "1.1", KEY, KEY + ".", ".1", KEY + ".-1", KEY + ".1.1", KEY + ".1\n", KEY + ".١", KEY + "." + "9" * 30]
+)
 def test_a_stamp_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ApiError) as error:
         read_stamp(text)
@@ -141,7 +177,7 @@ def test_a_stamp_that_is_none_is_refused(text: str) -> None:
 
 
 class Page:
-    """A signed-in page of the running service, as the browser's is: cookie, epoch, sequence."""
+    """A signed-in page of the running service, as the browser's is: cookie, key, sequence."""
 
     def __init__(self, service: Service, name: str, role: str = "token") -> None:
         self.browser = httpx.Client(base_url=service.url, timeout=60.0)
@@ -149,23 +185,25 @@ class Page:
         self.browser.post("/api/session", json={"token": token, "name": name}).raise_for_status()
         self.socket_url = service.url.replace("http", "ws") + "/api/live"
         self._numbers = itertools.count(1)
-        self.epoch = 0
+        self.key = KEY
 
     def take(self, take_over: bool = False) -> httpx.Response:
         answer = self.browser.post("/api/control", json={"take_over": take_over})
         if answer.is_success:
-            self.epoch = answer.json()["epoch"]
+            self.key, self._numbers = answer.json()["page"], itertools.count(1)
         return answer
 
     def command(self, method: str, path: str, body: object = None) -> httpx.Response:
-        stamp = {HEADER: f"{self.epoch}.{next(self._numbers)}"}
-        return self.browser.request(method, path, json=body, headers=stamp)
+        return self.browser.request(method, path, json=body, headers=self.stamp())
+
+    def stamp(self) -> dict[str, str]:
+        return {HEADER: f"{self.key}.{next(self._numbers)}"}
 
     def ping(self) -> dict[str, object]:
         async def once() -> dict[str, object]:
             cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
             async with connect(self.socket_url, additional_headers={"Cookie": cookies}, max_size=None) as socket:
-                await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.epoch}))
+                await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.key}))
                 while True:
                     message = await asyncio.wait_for(socket.recv(), 20.0)
                     if isinstance(message, str) and '"pong"' in message:
@@ -236,3 +274,31 @@ def test_a_viewer_takes_no_control(service: Service) -> None:
     assert watcher.take().status_code == 403
     assert watcher.take(take_over=True).status_code == 403
     watcher.browser.close()
+
+
+def test_commands_on_two_connections_are_obeyed_in_the_order_they_were_given(service: Service) -> None:
+    """As browsers send them: the second leaves before the first is answered, by another connection."""
+    with pages(service, "Ana") as (ana,):
+        assert ana.take(take_over=True).is_success
+        cookie = "; ".join(f"{name}={value}" for name, value in ana.browser.cookies.items())
+        doors = [HTTPConnection(service.url.removeprefix("http://")) for _ in range(2)]
+        refused = 0
+        for _ in range(200):
+            for door in doors:
+                door.request("POST", "/api/push", '{"F_push": 999}', {"Cookie": cookie, **ana.stamp()} | JSON)
+            answers = [json.loads(door.getresponse().read())["error"]["code"] for door in doors]
+            refused += answers != ["out_of_range"] * 2  # past the order, then refused for its value: nothing moves
+        assert refused == 0
+
+
+def test_a_reload_keeps_control_and_a_copy_of_the_page_gets_none(service: Service, off: httpx.Client) -> None:
+    with pages(service, "Ana") as (ana,):
+        assert ana.take(take_over=True).is_success
+        before = ana.key
+        resumed = ana.browser.post("/api/control", json={"resume": before}).raise_for_status().json()
+        assert off.get("/api/state").json()["holder"]["epoch"] == resumed["epoch"]
+        assert problem(ana.browser.post("/api/control", json={"resume": before}))["code"] == "control_lost"
+        assert problem(ana.command("POST", "/api/reset"))["code"] == "control_lost"
+        assert "another page of yours" in str(problem(ana.take())["message"])
+        assert ana.take(take_over=True).is_success
+        assert ana.key not in off.get("/api/state").text

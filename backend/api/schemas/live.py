@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.control import PageKey
 from backend.api.schemas.state import State
 
 
@@ -56,11 +57,11 @@ class EventMessage(Schema):
 
 
 class Ping(Schema):
-    """Asked by the page to measure the link; ``control`` is the epoch of the control it holds, if it does."""
+    """Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does."""
 
     type: Literal["ping"] = "ping"
     id: int
-    control: int | None = None
+    control: PageKey | None = None
 
 
 class Pong(Schema):

@@ -3,15 +3,20 @@
 import { Button, Menu } from "@mantine/core";
 import { IconDeviceGamepad2 } from "@tabler/icons-react";
 import { useMutation } from "@tanstack/react-query";
+import { useSyncExternalStore } from "react";
 import { useLive } from "../live/react";
 import { answeredBy } from "../wire/client";
-import { giveUpControl, heldEpoch, takeControl } from "../wire/control";
+import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
+
+const NOBODY: readonly string[] = [];
 
 export function ControlMenu() {
   const holder = useLive((live) => live.state?.holder ?? null);
   const take = useMutation({ mutationFn: (takeOver: boolean) => answeredBy(takeControl(takeOver)) });
   const giveUp = useMutation({ mutationFn: () => answeredBy(giveUpControl()) });
-  const mine = holder !== null && holder.epoch === heldEpoch();
+  const people = useLive((live) => live.state?.people ?? NOBODY);
+  const epoch = useSyncExternalStore(watchHeld, heldEpoch);
+  const mine = holder !== null && holder.epoch === epoch;
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
   const refusal = take.error?.message ?? giveUp.error?.message;
   return (
@@ -38,6 +43,7 @@ export function ControlMenu() {
           </Menu.Item>
         )}
         <Menu.Label>Anyone may press STOP</Menu.Label>
+        {people.length > 0 && <Menu.Label>Connected: {people.join(", ")}</Menu.Label>}
       </Menu.Dropdown>
     </Menu>
   );

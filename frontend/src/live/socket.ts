@@ -1,6 +1,6 @@
 /** Drives the link machine with a real websocket and feeds the store. */
 
-import { heldEpoch } from "../wire/control";
+import { heldKey } from "../wire/control";
 import { decodeFrame } from "../wire/frame";
 import { parseMessage } from "../wire/message";
 import { type LinkEvent, step } from "./link";
@@ -23,7 +23,7 @@ export function keepConnected(store: LiveStore, url: string): () => void {
     if (action === "ping" && socket?.readyState === WebSocket.OPEN) {
       pings += 1;
       sent.set(pings, now_ms);
-      socket.send(JSON.stringify({ type: "ping", id: pings, control: heldEpoch() }));
+      socket.send(JSON.stringify({ type: "ping", id: pings, control: heldKey() }));
     }
   }
 

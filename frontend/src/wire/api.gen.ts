@@ -33,7 +33,7 @@ export interface paths {
         };
         /**
          * Get Session
-         * @description Tell who is signed in.
+         * @description Tell who is signed in; the browser keeps its cookie for longer by that.
          */
         get: operations["get_session"];
         put?: never;
@@ -44,9 +44,29 @@ export interface paths {
         post: operations["sign_in"];
         /**
          * Sign Out
-         * @description Forget the session cookie.
+         * @description End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed.
          */
         delete: operations["sign_out"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/session/tokens/rotate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Rotate Tokens
+         * @description Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks.
+         */
+        post: operations["rotate_tokens"];
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -107,7 +127,7 @@ export interface paths {
         put?: never;
         /**
          * Take Control
-         * @description Take control for a page, which keeps it as long as its pings on `/api/live` carry the epoch.
+         * @description Take control for a page, which keeps it as long as its pings on `/api/live` carry the key it gets.
          */
         post: operations["take_control"];
         /**
@@ -152,6 +172,8 @@ export interface paths {
         /**
          * Stop
          * @description Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode.
+         *
+         *     Also to one whose session has lapsed; only who signed out, or whose token was replaced, is refused.
          */
         post: operations["stop"];
         delete?: never;
@@ -1594,6 +1616,11 @@ export interface components {
              * @default false
              */
             take_over: boolean;
+            /**
+             * Resume
+             * @description the key of this page before it was loaded again: goes on, or is refused
+             */
+            resume?: string | null;
         };
         /**
          * Correlation
@@ -1939,6 +1966,16 @@ export interface components {
             after_s: number;
         };
         /**
+         * FreshTokens
+         * @description The new tokens: shown once, kept in the data folder.
+         */
+        FreshTokens: {
+            /** Tokens */
+            tokens: {
+                [key: string]: string;
+            };
+        };
+        /**
          * GrantedView
          * @description What the machine granted to the loop process.
          */
@@ -2170,11 +2207,16 @@ export interface components {
         };
         /**
          * Lease
-         * @description Control was given: commands carry ``Sinew-Control: epoch.sequence`` with a sequence that grows.
+         * @description Control was given: commands carry ``Sinew-Control: page.sequence``, the sequence counting 1, 2, 3 ...
          */
         Lease: {
             /** Epoch */
             epoch: number;
+            /**
+             * Page
+             * @description known to this page alone, told to nobody else
+             */
+            page: string;
             /** Name */
             name: string;
         };
@@ -2656,7 +2698,7 @@ export interface components {
         };
         /**
          * Ping
-         * @description Asked by the page to measure the link; ``control`` is the epoch of the control it holds, if it does.
+         * @description Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does.
          */
         Ping: {
             /**
@@ -2671,7 +2713,7 @@ export interface components {
              * Control
              * @default null
              */
-            control: number | null;
+            control: string | null;
         };
         /**
          * Pong
@@ -2928,6 +2970,14 @@ export interface components {
          * @enum {string}
          */
         Role: "operator" | "viewer";
+        /**
+         * Rotation
+         * @description Which token to replace.
+         */
+        Rotation: {
+            /** @description operator or viewer; both when left out */
+            role?: components["schemas"]["Role"] | null;
+        };
         /**
          * RunList
          * @description Runs, newest first, one page of them.
@@ -3322,6 +3372,11 @@ export interface components {
             stop_proof: components["schemas"]["StopProof"] | null;
             holder: components["schemas"]["HolderView"] | null;
             /**
+             * People
+             * @description who has a page open; a number tells persons of one name apart
+             */
+            people: string[];
+            /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
              */
@@ -3367,6 +3422,11 @@ export interface components {
             pretension_done: boolean;
             stop_proof: components["schemas"]["StopProof"] | null;
             holder: components["schemas"]["HolderView"] | null;
+            /**
+             * People
+             * @description who has a page open; a number tells persons of one name apart
+             */
+            people: string[];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -4157,6 +4217,120 @@ export interface operations {
             };
         };
     };
+    rotate_tokens: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Rotation"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FreshTokens"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
     get_checklist: {
         parameters: {
             query?: never;
@@ -4609,6 +4783,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -4939,7 +5114,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -5052,7 +5227,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -5169,7 +5344,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -5286,7 +5461,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -5513,7 +5688,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -5628,7 +5803,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -6075,7 +6250,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -6192,7 +6367,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -6309,7 +6484,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -6422,7 +6597,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -7093,7 +7268,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -9020,7 +9195,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path: {
@@ -9246,7 +9421,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;
@@ -9701,7 +9876,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description epoch.sequence of the page that holds control */
+                /** @description page.sequence of the page that holds control */
                 "Sinew-Control"?: string | null;
             };
             path?: never;

@@ -1,54 +1,80 @@
 /**
- * Control of the actuator as this page holds it: every command carries the stamp "epoch.sequence" of it.
+ * Control of the actuator as this page holds it: every command carries the stamp "key.sequence" of it.
  *
- * Kept for the tab, so that a reload goes on holding it. A page without control takes it with its first command, where
- * nobody else holds it. What the service refuses was not done, and is not sent again.
+ * The key lives in this page's memory, so that a copy of the tab has none. For a reload it is left in the tab's storage
+ * while the page goes, and taken out again by the page that comes, which shows it to the service and gets another one.
+ * A page without control takes it with its first command, where nobody else holds it. Commands leave one after the
+ * other. What the service refuses was not done, and is not sent again.
  */
 
 const HEADER = "Sinew-Control";
-const KEPT_AS = "sinew-control";
+const LEFT_AS = "sinew-control";
 /** What moves the actuator or is going to; STOP needs no control. */
 const COMMANDS =
   /^\/api\/(mode|reset|references|push|tuning|tuning\/trial.*|experiments|experiments\/queue\/run|identifications|banks\/\d+\/activate|faults\/injection)$/;
+/** A command waits for the answer to the one before it, but not for ever. */
+const TURN_MS = 2000;
 
 interface Held {
   readonly epoch: number;
+  readonly key: string;
   readonly sequence: number;
 }
 
-let held: Held | null = kept();
+let held: Held | null = null;
+let last: Promise<unknown> = Promise.resolve();
+const listeners = new Set<() => void>();
 
-/** Epoch of the control that this page believes to hold, null for none. */
+globalThis.addEventListener?.("pagehide", () => {
+  if (held !== null) globalThis.sessionStorage?.setItem(LEFT_AS, held.key);
+});
+// brought back whole by the browser's own cache: nothing was left behind after all
+globalThis.addEventListener?.("pageshow", (event) => {
+  if (event.persisted) takeLeft();
+});
+const left = takeLeft();
+if (left !== null) void inTurn(() => resume(left)).catch(() => undefined);
+
+/** What others know the control of this page by, null while it holds none. */
 export function heldEpoch(): number | null {
   return held?.epoch ?? null;
 }
 
+/** The key of the control that this page holds, null for none. */
+export function heldKey(): string | null {
+  return held?.key ?? null;
+}
+
+/** Call `listener` when this page gets or loses control; returns how to stop that. */
+export function watchHeld(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
 /** Take control; over from somebody else only if that is said. Resolves to the service's answer. */
-export async function takeControl(takeOver: boolean): Promise<Response> {
-  const answer = await send(
-    new Request(new URL("/api/control", globalThis.location.origin), {
-      method: "POST",
-      headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ take_over: takeOver }),
-    }),
-  );
-  if (answer.ok) keep({ epoch: (await answer.clone().json()).epoch, sequence: 0 });
-  return answer;
+export function takeControl(takeOver: boolean): Promise<Response> {
+  return inTurn(() => take({ take_over: takeOver }));
 }
 
 /** Give control up. */
-export async function giveUpControl(): Promise<Response> {
-  const request = new Request(new URL("/api/control", globalThis.location.origin), { method: "DELETE" });
-  const answer = await send(stamped(request));
-  keep(null);
-  return answer;
+export function giveUpControl(): Promise<Response> {
+  return inTurn(async () => {
+    const request = new Request(new URL("/api/control", globalThis.location.origin), { method: "DELETE" });
+    const answer = await send(stamped(request));
+    keep(null);
+    return answer;
+  });
 }
 
 /** The fetch of all requests of this page. */
-export async function controlledFetch(request: Request): Promise<Response> {
+export function controlledFetch(request: Request): Promise<Response> {
   if (request.method === "GET" || !COMMANDS.test(new URL(request.url).pathname)) return send(request);
+  return inTurn(() => command(request));
+}
+
+async function command(request: Request): Promise<Response> {
   if (held === null) {
-    const taken = await takeControl(false);
+    const taken = await take({ take_over: false });
     if (!taken.ok) return taken;
   }
   const answer = await send(stamped(request));
@@ -56,10 +82,37 @@ export async function controlledFetch(request: Request): Promise<Response> {
   return answer;
 }
 
+async function take(body: { take_over: boolean } | { resume: string }): Promise<Response> {
+  const answer = await send(
+    new Request(new URL("/api/control", globalThis.location.origin), {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify(body),
+    }),
+  );
+  if (answer.ok) {
+    const lease = await answer.clone().json();
+    keep({ epoch: lease.epoch, key: lease.page, sequence: 0 });
+  }
+  return answer;
+}
+
+function resume(key: string): Promise<Response> {
+  return take({ resume: key });
+}
+
+/** Begin something once what was begun before it is over. */
+function inTurn<Result>(begin: () => Promise<Result>): Promise<Result> {
+  const patience = new Promise((resolve) => globalThis.setTimeout(resolve, TURN_MS));
+  const mine = Promise.race([last, patience]).then(begin);
+  last = mine.catch(() => undefined);
+  return mine;
+}
+
 function stamped(request: Request): Request {
   if (held === null) return request;
-  keep({ epoch: held.epoch, sequence: held.sequence + 1 });
-  request.headers.set(HEADER, `${held.epoch}.${held.sequence}`);
+  held = { ...held, sequence: held.sequence + 1 };
+  request.headers.set(HEADER, `${held.key}.${held.sequence}`);
   return request;
 }
 
@@ -77,15 +130,11 @@ async function codeOf(answer: Response): Promise<unknown> {
 
 function keep(next: Held | null): void {
   held = next;
-  if (next === null) globalThis.sessionStorage?.removeItem(KEPT_AS);
-  else globalThis.sessionStorage?.setItem(KEPT_AS, JSON.stringify(next));
+  for (const listener of listeners) listener();
 }
 
-function kept(): Held | null {
-  try {
-    const { epoch, sequence } = JSON.parse(globalThis.sessionStorage?.getItem(KEPT_AS) ?? "null");
-    return Number.isInteger(epoch) && Number.isInteger(sequence) ? { epoch, sequence } : null;
-  } catch {
-    return null;
-  }
+function takeLeft(): string | null {
+  const key = globalThis.sessionStorage?.getItem(LEFT_AS) ?? null;
+  globalThis.sessionStorage?.removeItem(LEFT_AS);
+  return key;
 }

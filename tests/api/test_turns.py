@@ -1,0 +1,78 @@
+"""The order of one page's commands, whatever the network makes of it."""
+
+import asyncio
+
+import pytest
+
+from backend.api.errors import ApiError
+from backend.api.turns import BUSY_S, GAP_S, WAITING, Turns
+
+
+class Desk:
+    """Commands that note when they begin and end."""
+
+    def __init__(self) -> None:
+        self.turns = Turns()
+        self.noted: list[str] = []
+
+    async def command(self, number: int, arrives_s: float = 0.0, takes_s: float = 0.0) -> None:
+        await asyncio.sleep(arrives_s)
+        try:
+            async with self.turns.turn(number):
+                self.noted.append(f"{number} begins")
+                await asyncio.sleep(takes_s)
+                self.noted.append(f"{number} ends")
+        except ApiError as error:
+            self.noted.append(f"{number} {error.problem.code}")
+
+    def play(self, *commands: tuple[int, float, float]) -> list[str]:
+        async def together() -> None:
+            await asyncio.gather(*(self.command(*command) for command in commands))
+
+        asyncio.run(together())
+        return self.noted
+
+
+def test_a_command_that_overtook_another_waits_for_it_and_for_its_end() -> None:
+    noted = Desk().play((2, 0.0, 0.0), (3, 0.0, 0.0), (1, 0.05, 0.1))
+    assert noted == ["1 begins", "1 ends", "2 begins", "2 ends", "3 begins", "3 ends"]
+
+
+def test_one_that_never_comes_is_waited_for_no_longer_than_a_packet_may_be_late() -> None:
+    noted = Desk().play((1, 0.0, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0), (2, GAP_S + 0.5, 0.0))
+    assert noted == ["1 begins", "1 ends", "3 begins", "3 ends", "4 begins", "4 ends", "2 stale_command"]
+
+
+def test_one_that_is_never_answered_holds_up_the_others_for_a_while_only() -> None:
+    noted = Desk().play((1, 0.0, BUSY_S + 0.5), (2, 0.0, 0.0))
+    assert noted == ["1 begins", "2 begins", "2 ends", "1 ends"]
+
+
+def test_the_same_number_twice_is_obeyed_once() -> None:
+    assert sorted(Desk().play((1, 0.0, 0.1), (1, 0.0, 0.0), (2, 0.0, 0.0), (2, 0.05, 0.0))) == [
+        "1 begins",
+        "1 ends",
+        "1 stale_command",
+        "2 begins",
+        "2 ends",
+        "2 stale_command",
+    ]
+
+
+def test_a_command_that_fails_gives_its_turn_away() -> None:
+    turns = Turns()
+
+    async def play() -> None:
+        with pytest.raises(ValueError, match="broken"):
+            async with turns.turn(1):
+                raise ValueError("broken")
+        async with asyncio.timeout(GAP_S / 2), turns.turn(2):
+            pass
+
+    asyncio.run(play())
+
+
+def test_no_page_piles_up_commands_without_end() -> None:
+    noted = Desk().play(*((number, 0.0, 0.0) for number in range(2, WAITING + 4)))
+    assert noted.count("34 too_many_commands") == 1
+    assert len([note for note in noted if note.endswith("ends")]) == WAITING

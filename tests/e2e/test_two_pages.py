@@ -1,0 +1,86 @@
+"""Two tabs of one browser, a reload, a page whose session is over: who may command, and STOP stays in reach."""
+
+import pytest
+from fastapi import Response
+from playwright.sync_api import Browser, Page, expect
+from starlette.requests import HTTPConnection
+
+from backend.api.gate import Gate
+from backend.api.tokens import TokenFiles
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+
+
+def holder(page: Page) -> str:
+    shown = page.get_by_role("button", name="Control: ").get_attribute("aria-label", timeout=MOTION_TIMEOUT_MS)
+    return str(shown).removeprefix("Control: ")
+
+
+def test_a_copy_of_the_tab_watches_and_a_reload_keeps_control(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.expect_mode("off")
+    operator.take_control()
+    with page.expect_popup() as opened:
+        page.evaluate("window.open(location.href)")
+    copy = Operator(opened.value, operator.service)
+    copy.expect_mode("off")
+    assert copy.page.evaluate("sessionStorage.length") == 0
+    expect(copy.page.get_by_role("button", name="Control: operator")).to_be_visible()
+    copy.press("Pretension")
+    expect(copy.page.get_by_text("another page of yours holds control: take it over to command")).to_be_visible()
+    copy.expect_mode("off")
+    assert holder(page) == "you"
+
+    operator.press("Pretension")
+    operator.expect_mode("pretension")
+    page.reload()
+    expect(page.get_by_role("button", name="Control: you")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    operator.expect_mode("pretension")
+    operator.press("Off")
+    operator.expect_mode("off")
+
+    copy.take_control()
+    expect(page.get_by_role("button", name="Control: operator")).to_be_visible()
+    copy.page.close()
+
+
+def lapsed_cookie(service: Service) -> tuple[str, str]:
+    """A cookie that the service's own tokens have signed, of a session that it does not know any more."""
+    asks = HTTPConnection({"type": "http", "headers": [(b"host", service.url.removeprefix("http://").encode())]})
+    files = TokenFiles(service.data)
+    gate, answer = Gate(files), Response()
+    gate.grant(asks, answer, gate.sign_in(asks, files.tokens.operator, "Ana"))
+    name, _, value = answer.headers["set-cookie"].partition(";")[0].partition("=")
+    return name, value
+
+
+@pytest.mark.parametrize("lapsed", [True, False])
+def test_stop_is_on_the_page_of_somebody_who_is_signed_out(browser: Browser, service: Service, lapsed: bool) -> None:
+    context = browser.new_context(viewport=DESKTOP)
+    if lapsed:
+        name, value = lapsed_cookie(service)
+        context.add_cookies([{"name": name, "value": value, "url": service.url}])
+    page = context.new_page()
+    page.goto(service.url)
+    expect(page.get_by_role("heading", name="Sign in to Sinew")).to_be_visible()
+    page.get_by_role("button", name="STOP", exact=True).click()
+    said = page.get_by_role("status", name="Stop result")
+    expect(said).to_contain_text("Zero volts in" if lapsed else "STOP NOT CONFIRMED: not signed in")
+    if not lapsed:
+        expect(said).to_contain_text("Use the stop at the machine.")
+    context.close()
+
+
+def test_a_page_whose_session_ends_says_so_and_goes_on_after_signing_in(browser: Browser, service: Service) -> None:
+    context = browser.new_context(viewport=DESKTOP)
+    page = context.new_page()
+    page.goto(service.link)
+    expect(page.get_by_role("banner")).to_be_visible()
+    page.evaluate("fetch('./api/session', {method: 'DELETE'})")
+    expect(page.get_by_role("heading", name="Sign in to Sinew")).to_be_visible()
+    page.get_by_role("textbox", name="Token").fill((service.data / "token").read_text().strip())
+    page.get_by_role("button", name="Sign in").click()
+    expect(page.get_by_role("banner")).to_be_visible()
+    context.close()
