@@ -7,8 +7,10 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
 from backend.api.errors import ApiError
-from backend.api.gate import COOKIE, Gate, Person
+from backend.api.gate import BEARER, COOKIE, OPEN, Gate, Person
 from backend.api.schemas.session import Role
+
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "gate_of", "may_stop", "signed_in"]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
 
