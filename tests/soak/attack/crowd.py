@@ -1,0 +1,62 @@
+"""Crowds at the door, each in processes of its own: they begin, and go on until the ``with`` block ends."""
+
+import multiprocessing
+import resource
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.sharedctypes import Synchronized
+from multiprocessing.synchronize import Event
+from typing import Any, NamedTuple
+
+_CONTEXT = multiprocessing.get_context("spawn")
+BEGIN_TIMEOUT_S = 60.0
+USUAL_DESCRIPTORS = 1024
+
+
+class Signals(NamedTuple):
+    """What a crowd's process tells and is told: that all of it is there, that it is over, and three counters."""
+
+    there: Event
+    over: Event
+    now: "Synchronized[int]"
+    ever: "Synchronized[int]"
+    failed: "Synchronized[int]"
+
+
+Crowd = tuple[Callable[..., None], tuple[Any, ...]]
+"""What a process does: a function of Signals and these arguments."""
+
+
+@contextmanager
+def crowds(*wanted: Crowd) -> Iterator[list[Signals]]:
+    """Let processes press at the door; the block runs once each of them is there."""
+    signals = [Signals(_CONTEXT.Event(), _CONTEXT.Event(), *(_CONTEXT.Value("q", 0) for _ in range(3))) for _ in wanted]
+    processes = [
+        _CONTEXT.Process(target=function, args=(signal, *arguments), daemon=True)
+        for signal, (function, arguments) in zip(signals, wanted, strict=True)
+    ]
+    try:
+        for process in processes:
+            process.start()
+        for signal in signals:
+            if not signal.there.wait(BEGIN_TIMEOUT_S):
+                raise TimeoutError("a crowd did not come together")
+        yield signals
+    finally:
+        for signal in signals:
+            signal.over.set()
+        for process in processes:
+            process.join(10.0)
+            process.kill()
+
+
+def usual_descriptors() -> None:
+    """Let what this process starts begin with the limit of descriptors that most machines have."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(USUAL_DESCRIPTORS, most), most))
+
+
+def many_descriptors() -> None:
+    """Let this process have as many sockets as the machine grants."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))

@@ -1,0 +1,105 @@
+"""A page that is signed in and presses STOP: how long until the answer, and whether the outputs are at zero then."""
+
+import http.client
+import json
+import time
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+import httpx
+
+from tests.soak.attack.tally import STOP_S, Tally
+from tests.soak.live_service import Bench, Loop, wait_until
+
+TIMEOUT_S = 15.0
+WOUND_V = 0.05
+"""Volts on a motor that is being wound up."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """One STOP: its answer, from request to answer [s], and the loop's own proof [ms], None where it gave none."""
+
+    status: int
+    latency_s: float
+    proof_ms: float | None
+
+
+class StopButton:
+    """Presses STOP by the cookie of a page, on a connection that is kept or on a new one each time."""
+
+    def __init__(self, bench: Bench, name: str = "at the button") -> None:
+        self._address = urlsplit(bench.service.url)
+        self._kept: http.client.HTTPConnection | None = None
+        token = bench.client.headers["Authorization"].removeprefix("Bearer ")
+        with httpx.Client(base_url=bench.service.url, timeout=TIMEOUT_S) as page:
+            page.post("/api/session", json={"token": token, "name": name}).raise_for_status()
+            self._cookie = "; ".join(f"{cookie}={value}" for cookie, value in page.cookies.items())
+        self._kept = self._connection()
+        self._kept.request("GET", "/api/session", headers={"Cookie": self._cookie})
+        self._kept.getresponse().read()
+
+    def press(self, *, fresh: bool = False) -> Press:
+        """Press STOP; a kept connection that the service has closed meanwhile is opened again, as a browser does."""
+        begun = time.perf_counter()
+        if fresh:
+            connection = self._connection()
+            try:
+                return self._ask(connection, begun)
+            finally:
+                connection.close()
+        for _ in range(2):
+            self._kept = connection = self._kept or self._connection()
+            try:
+                return self._ask(connection, begun)
+            except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError):
+                self.release()
+        return Press(0, time.perf_counter() - begun, None)
+
+    def get(self, path: str) -> int:
+        """Ask as the page does; return the status."""
+        connection = self._connection()
+        try:
+            connection.request("GET", path, headers={"Cookie": self._cookie})
+            return connection.getresponse().status
+        finally:
+            connection.close()
+
+    def release(self) -> None:
+        """Close the kept connection."""
+        if self._kept is not None:
+            self._kept.close()
+            self._kept = None
+
+    def _connection(self) -> http.client.HTTPConnection:
+        return http.client.HTTPConnection(str(self._address.hostname), self._address.port, timeout=TIMEOUT_S)
+
+    def _ask(self, connection: http.client.HTTPConnection, begun: float) -> Press:
+        try:
+            connection.request("POST", "/api/stop", headers={"Cookie": self._cookie, "Content-Length": "0"})
+            answer = connection.getresponse()
+            content = answer.read()
+        except (TimeoutError, ConnectionRefusedError):
+            return Press(0, time.perf_counter() - begun, None)
+        latency_s = time.perf_counter() - begun
+        proof_ms = json.loads(content)["milliseconds"] if answer.status == 200 else None
+        return Press(answer.status, latency_s, proof_ms)
+
+
+def stop_and_check(button: StopButton, loop: Loop, tally: Tally, *, fresh: bool = False, what: str = "STOP") -> None:
+    """Press STOP once while service and loop live; answered in time, proven, and the card at zero volts."""
+    press = button.press(fresh=fresh)
+    card = loop.card.state()
+    tally.take(f"{what} [s]", press.latency_s, STOP_S)
+    tally.lost(press.status != 200, f"{what} answered {press.status}")
+    if press.proof_ms is not None:
+        tally.take("its proof [ms]", press.proof_ms, 2.0)
+        tally.lost((card.u_A, card.u_B) != (0.0, 0.0), f"{card.u_A:.2f} V, {card.u_B:.2f} V after the proof")
+
+
+def wind_up(bench: Bench, loop: Loop) -> None:
+    """Bring volts onto the motors: reset what is latched, then pretension."""
+    if bench.state()["mode"] == "tripped":
+        bench.client.post("/api/reset").raise_for_status()
+    bench.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_until(lambda: abs(loop.card.state().u_A) > WOUND_V, "volts on the motors")

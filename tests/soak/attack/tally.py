@@ -1,0 +1,58 @@
+"""What an attack measured and what it broke."""
+
+import os
+from collections import defaultdict
+from collections.abc import Iterable
+
+import numpy as np
+from rich.console import Console
+
+STOP_S = 0.3
+"""From the request for STOP to its answer, under every attack that leaves service and loop alive."""
+
+ZERO_S = 0.6
+"""From the death of the loop to zero volts and drives off, by the card's watchdog; docs/faults.md, ``watchdog``."""
+
+TOLD_S = 1.0
+"""From the death of the loop, or of its watchdog, until the service says so; docs/faults.md, ``watchdog``."""
+
+
+class Tally:
+    """Figures and broken promises of one part; each promise that is broken is printed at once."""
+
+    def __init__(self, name: str, console: Console) -> None:
+        self.name = name
+        self.losses = 0
+        self._console = console
+        self._figures: defaultdict[str, list[float]] = defaultdict(list)
+
+    def lost(self, is_lost: bool, what: str) -> None:
+        """Count a broken promise."""
+        if is_lost:
+            self.losses += 1
+            self._console.print(f"LOST: {self.name}: {what}")
+
+    def take(self, figure: str, value: float, at_most: float | None = None) -> None:
+        """Keep a measured figure; beyond ``at_most`` it is a broken promise."""
+        self._figures[figure].append(value)
+        self.lost(at_most is not None and not value <= at_most, f"{figure}: {value:.3f}, promised {at_most}")
+
+    def note(self, text: str) -> None:
+        """Print what is worth knowing beside the figures."""
+        self._console.print(f"{self.name}: {text}")
+
+    def close(self) -> bool:
+        """Print median and maximum of each figure; return whether every promise was kept."""
+        figures = (f"{name}: {_summary(values)}" for name, values in self._figures.items())
+        load = os.getloadavg()[0]
+        said = "; ".join([*figures, f"{self.losses} losses; load of the machine {load:.1f}"])
+        self._console.print(f"{self.name}: {said}")
+        return self.losses == 0
+
+
+def _summary(values: Iterable[float]) -> str:
+    """Median and maximum, where there is more than one value."""
+    taken = np.array(list(values))
+    if len(taken) == 1:
+        return f"{taken[0]:.3g}"
+    return f"median {np.median(taken):.3g}, at most {taken.max():.3g} of {len(taken)}"
