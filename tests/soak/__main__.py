@@ -1,32 +1,37 @@
-"""``python -m tests.soak [PART ...]``: long runs and repeated kills. Ends with 1 if anything was lost."""
+"""``python -m tests.soak [PART ...]``: long runs and attacks. Ends with 1 if anything was lost."""
 
 import argparse
 import sys
-from collections.abc import Callable
 
 from rich.console import Console
 
-from tests.soak import kills, page_heap, viewers
+from tests.soak import page_heap, viewers
+from tests.soak.attack import parts as attack
+
+ATTACK = "attack"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
-    parser.add_argument("--kills", type=int, default=20, help="how often each process is killed (20)")
     parser.add_argument("--minutes", type=float, default=10.0, help="length of each watched stretch (10)")
     parser.add_argument("--viewers", type=int, default=20, help="how many watch it (20)")
+    attack.add_options(parser)
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
-    parts: dict[str, Callable[[argparse.Namespace], bool]] = {
-        "service-kills": lambda given: kills.kill_service(given.kills, console),
-        "loop-kills": lambda given: kills.kill_loop(given.kills, console),
-        "page-heap": lambda given: page_heap.streaming_page(given.minutes, console),
-        "viewers": lambda given: viewers.watched_simulation(given.minutes, given.viewers, console),
+    watched = {
+        "page-heap": lambda given, console: page_heap.streaming_page(given.minutes, console),
+        "viewers": lambda given, console: viewers.watched_simulation(given.minutes, given.viewers, console),
     }
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(parts)}; all if left out")
+    known = [ATTACK, *attack.NAMES, *watched]
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(known)}; all if left out")
     given = parser.parse_args()
-    unknown = set(given.parts) - set(parts)
+    unknown = set(given.parts) - set(known)
     if unknown:
-        parser.error(f"unknown part {', '.join(sorted(unknown))}; known are {', '.join(parts)}")
-    whole = [parts[name](given) for name in given.parts or parts]
+        parser.error(f"unknown part {', '.join(sorted(unknown))}; known are {', '.join(known)}")
+    chosen = [
+        name for part in given.parts or (ATTACK, *watched) for name in (attack.NAMES if part == ATTACK else [part])
+    ]
+    parts = {**attack.parts(chosen), **watched}
+    whole = [parts[name](given, console) for name in dict.fromkeys(chosen)]
     return 0 if all(whole) else 1
 
 

@@ -1,0 +1,58 @@
+"""Kill the loop with -9 while it stands, winds up, moves or plays; the card's watchdog and the service take over."""
+
+import tempfile
+from pathlib import Path
+
+import httpx
+from rich.console import Console
+
+from tests.soak.attack.processes import kill
+from tests.soak.attack.stop_button import StopButton
+from tests.soak.attack.tally import STOP_S, TOLD_S, ZERO_S, Tally
+from tests.soak.attack.work import OCCUPATIONS, Accounts, Flights, must_be_well
+from tests.soak.live_service import Bench, Loop, bench_on, wait_until
+
+
+def kill_loop(times: int, console: Console) -> bool:
+    """Kill the loop process ``times`` times under one service; whether each was told, made safe and replaced."""
+    tally = Tally("loop killed", console)
+    with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
+        button, accounts, flights = StopButton(bench), Accounts(), Flights(bench, "loop_died")
+        for turn in range(times):
+            name = list(OCCUPATIONS)[turn % len(OCCUPATIONS)]
+            loop = Loop(bench.service.pid)
+            run = OCCUPATIONS[name](bench, loop)
+            accounts.look(bench, tally)
+            kill(loop.pid)
+            _after(bench, loop, button, tally)
+            accounts.must_end_as(bench, tally, run, "link_lost")
+            flights.must_grow_by_one(tally, f"kill {turn + 1}, {name}")
+            _start_again(bench, tally)
+            accounts.look(bench, tally)
+            loop.close()
+        button.release()
+    return tally.close()
+
+
+def _after(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> None:
+    """Press STOP at once: nobody can prove it, which has to be said in time. Then wait for what takes over."""
+    press = button.press()
+    tally.take("STOP refused [s]", press.latency_s, STOP_S)
+    tally.lost(press.status != 503, f"STOP without a loop answered {press.status}")
+    zero_s = press.latency_s + wait_until(lambda: _safe(loop), "zero volts, drives off", 10.0)
+    tally.take("zero volts, drives off [s]", zero_s, ZERO_S)
+    told_s = wait_until(lambda: not bench.client.get("/api/health").json()["alive"], "told")
+    tally.take("told [s]", told_s + zero_s, TOLD_S)
+
+
+def _safe(loop: Loop) -> bool:
+    card = loop.card.state()
+    return not card.drive_enabled and (card.u_A, card.u_B) == (0.0, 0.0)
+
+
+def _start_again(bench: Bench, tally: Tally) -> None:
+    try:
+        bench.client.post("/api/reset").raise_for_status()
+    except httpx.HTTPStatusError as error:
+        tally.lost(True, f"no new loop: {error.response.text}")
+    must_be_well(bench, tally, "the new start")

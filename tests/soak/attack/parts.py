@@ -1,0 +1,59 @@
+"""The parts of the attack, and how 300 kills are spread over those that kill."""
+
+import argparse
+from collections.abc import Callable, Iterable, Mapping
+
+from rich.console import Console
+
+from tests.soak.attack.ending import end_service
+from tests.soak.attack.frozen import freeze
+from tests.soak.attack.full_disk import fill_disk
+from tests.soak.attack.kill_loop import kill_loop
+from tests.soak.attack.kill_pool import kill_pool
+from tests.soak.attack.kill_service import kill_service
+from tests.soak.attack.kill_watchdog import kill_watchdog
+from tests.soak.attack.load import under_load
+from tests.soak.attack.lost_folder import lose_folder
+from tests.soak.attack.wrong_clock import move_clock
+
+Part = Callable[[argparse.Namespace, Console], bool]
+
+KILLS: Mapping[str, tuple[int, Callable[[int, Console], bool]]] = {
+    "service-kills": (30, kill_service),
+    "loop-kills": (120, kill_loop),
+    "watchdog-kills": (75, kill_watchdog),
+    "pool-kills": (75, kill_pool),
+}
+"""Share of each in the kills, and what kills. A new service takes longer than a new loop: so there are fewer."""
+
+TURNS: Mapping[str, Callable[[int, Console], bool]] = {
+    "frozen": freeze,
+    "clock": move_clock,
+    "disk-full": fill_disk,
+    "folder-lost": lose_folder,
+    "signals": end_service,
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--kills", type=int, default=300, help="kills in all, spread over the parts that kill (300)")
+    parser.add_argument("--presses", type=int, default=40, help="how often STOP is pressed under each crowd (40)")
+    parser.add_argument("--sockets", type=int, default=5000, help="idle sockets at the door (5000)")
+    parser.add_argument("--turns", type=int, default=3, help="how often all else is done to the service (3)")
+
+
+def parts(chosen: Iterable[str]) -> dict[str, Part]:
+    """Return the attack's parts by name; those ``chosen`` that kill share the kills."""
+    shares = {name: share for name, (share, _) in KILLS.items() if name in chosen} or dict.fromkeys(KILLS, 1)
+    made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
+    for name, (share, kill) in KILLS.items():
+        portion = share / sum(shares.values())
+        made[name] = lambda given, console, kill=kill, portion=portion: kill(
+            max(1, round(given.kills * portion)), console
+        )
+    for name, attack in TURNS.items():
+        made[name] = lambda given, console, attack=attack: attack(given.turns, console)
+    return made
+
+
+NAMES = ("crowds", *KILLS, *TURNS)

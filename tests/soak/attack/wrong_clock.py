@@ -1,0 +1,102 @@
+"""The wall clock jumps under a running service: whoever is signed in goes on, STOP works, the recording has no hole.
+
+The machine's own clock is left alone: a shim that is preloaded into the service, and so into its loop, shifts theirs.
+"""
+
+import os
+import shutil
+import struct
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+
+from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
+from tests.soak.attack.tally import Tally
+from tests.soak.attack.work import Accounts, be_moving
+from tests.soak.live_service import Bench, Loop, bench_on
+
+SOURCE = Path(__file__).with_name("shifted_clock.c")
+HOUR_S, DAY_S = 3600, 86_400
+GOES_ON, EXPIRED = 200, 401
+JUMPS = {
+    "an hour back": (-HOUR_S, GOES_ON),
+    "a day on": (DAY_S, GOES_ON),
+    "40 days on": (40 * DAY_S, EXPIRED),
+    "10 years back": (-3650 * DAY_S, GOES_ON),
+}
+"""Shift [s], and what the page that was signed in before is answered: a session lasts for 30 days."""
+
+WATCHED_S = 2.0
+
+
+class ShiftedClock:
+    """The clock of what is started while the shim is preloaded."""
+
+    def __init__(self, folder: Path) -> None:
+        gcc = shutil.which("gcc")
+        if gcc is None:
+            raise FileNotFoundError("gcc is not installed: apt-get install gcc")
+        self._library, self._file = folder / "shifted_clock.so", folder / "shift"
+        flags = ["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
+        subprocess.run([gcc, *flags, "-o", self._library, SOURCE, "-ldl"], check=True)
+        self._file.write_bytes(struct.pack("q", 0))
+
+    def shift(self, seconds: int) -> None:
+        """Put the clock off the real one by so much."""
+        with self._file.open("r+b") as file:
+            file.write(struct.pack("q", seconds))
+
+    @contextmanager
+    def preloaded(self) -> Iterator[None]:
+        """Give the shim to what is started within the block."""
+        added = {"LD_PRELOAD": str(self._library), "SHIFTED_CLOCK": str(self._file)}
+        os.environ.update(added)
+        try:
+            yield
+        finally:
+            for name in added:
+                del os.environ[name]
+
+
+def move_clock(times: int, console: Console) -> bool:
+    """Let the clock jump to and fro, ``times`` times each way."""
+    tally = Tally("clock moved", console)
+    with tempfile.TemporaryDirectory() as folder:
+        clock = ShiftedClock(Path(folder))
+        with clock.preloaded():
+            service = bench_on(Path(folder) / "data")
+            bench = service.__enter__()
+        try:
+            button, loop = StopButton(bench), Loop(bench.service.pid)
+            for _ in range(times):
+                for name, (shift, page) in JUMPS.items():
+                    _jump(bench, loop, button, tally, clock, name, shift, page)
+            button.release()
+            loop.close()
+        finally:
+            service.__exit__(None, None, None)
+    return tally.close()
+
+
+def _jump(
+    bench: Bench, loop: Loop, button: StopButton, tally: Tally, clock: ShiftedClock, name: str, shift: int, page: int
+) -> None:
+    run = be_moving(bench, loop)
+    clock.shift(shift)
+    time.sleep(WATCHED_S)
+    tally.lost(bench.state()["fault"] is not None, f"{name}: {bench.state()['fault']}")
+    answered = button.get("/api/state")
+    tally.lost(answered != page, f"{name}: the page that was signed in is answered {answered}, not {page}")
+    stop_and_check(button, loop, tally)
+    accounts = Accounts()
+    accounts.must_end_as(bench, tally, run, "stopped")
+    accounts.look(bench, tally)
+    recorded_s = bench.client.get(f"/api/runs/{run}").json()["duration_s"]
+    tally.lost(not recorded_s > WATCHED_S, f"{name}: {recorded_s} s recorded")
+    clock.shift(0)
+    wind_up(bench, loop)
