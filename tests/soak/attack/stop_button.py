@@ -97,9 +97,17 @@ def stop_and_check(button: StopButton, loop: Loop, tally: Tally, *, fresh: bool 
         tally.lost((card.u_A, card.u_B) != (0.0, 0.0), f"{card.u_A:.2f} V, {card.u_B:.2f} V after the proof")
 
 
-def wind_up(bench: Bench, loop: Loop) -> None:
-    """Bring volts onto the motors: reset what is latched, then pretension."""
-    if bench.state()["mode"] == "tripped":
+def rest(bench: Bench) -> None:
+    """Bring the loop to off, whatever it does."""
+    mode = bench.state()["mode"]
+    if mode != "off":
+        if mode != "tripped":
+            bench.client.post("/api/stop").raise_for_status()
         bench.client.post("/api/reset").raise_for_status()
+
+
+def wind_up(bench: Bench, loop: Loop) -> None:
+    """Bring volts onto the motors, from rest."""
+    rest(bench)
     bench.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
     wait_until(lambda: abs(loop.card.state().u_A) > WOUND_V, "volts on the motors")

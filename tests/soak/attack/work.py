@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 
 from tests.soak.attack.processes import WATCHDOG, named
-from tests.soak.attack.stop_button import wind_up
+from tests.soak.attack.stop_button import rest, wind_up
 from tests.soak.attack.tally import Tally
 from tests.soak.live_service import Bench, Loop, wait_until
 
@@ -28,8 +28,7 @@ def sequence(*durations_s: float) -> dict[str, object]:
 
 def be_off(bench: Bench, _loop: Loop) -> int:
     """Stand still; no run."""
-    if bench.state()["mode"] == "tripped":
-        bench.client.post("/api/reset").raise_for_status()
+    rest(bench)
     return 0
 
 
