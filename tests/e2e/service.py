@@ -26,10 +26,13 @@ class Service:
 
 
 @contextmanager
-def running_service(data: Path, params: str = "lab") -> Iterator[Service]:
-    """Start ``sinew serve`` on the simulator and wait for its sign-in link; end it as Ctrl+C does."""
+def running_service(data: Path, params: str = "lab", log: Path | None = None) -> Iterator[Service]:
+    """Start ``sinew serve`` on the simulator and wait for its sign-in link; end it as Ctrl+C does.
+
+    What it says is copied to ``log``, by default a file in its data folder.
+    """
     data.mkdir(parents=True, exist_ok=True)
-    log = data / "service.log"
+    log = log or data / "service.log"
     command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", "simulator", "--params", params]
     command += ["--port", "0", "--data", str(data)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)

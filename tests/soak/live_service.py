@@ -63,9 +63,9 @@ class Bench:
 
 
 @contextmanager
-def bench_on(data: Path) -> Iterator[Bench]:
+def bench_on(data: Path, log: Path | None = None) -> Iterator[Bench]:
     """Start a service on the data folder; end it, if it still runs."""
-    with running_service(data) as service:
+    with running_service(data, log=log) as service:
         bench = Bench(service)
         try:
             yield bench

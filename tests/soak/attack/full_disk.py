@@ -23,10 +23,10 @@ AGAIN_S = 30.0
 def fill_disk(times: int, console: Console) -> bool:
     """Fill the disk under the data folder ``times`` times."""
     tally = Tally("disk full", console)
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as elsewhere:
         mount_small(folder, DISK_MB)
         try:
-            with bench_on(Path(folder) / "data") as bench:
+            with bench_on(Path(folder) / "data", Path(elsewhere) / "log") as bench:
                 button, loop, accounts = StopButton(bench), Loop(bench.service.pid), Accounts()
                 for turn in range(times):
                     _fill(bench, loop, button, accounts, tally, Path(folder) / "filler", stops=turn % 2 == 0)

@@ -30,7 +30,7 @@ def _lose(tally: Tally, *, replaced: bool) -> None:
     what = "replaced" if replaced else "deleted"
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
-        with bench_on(data) as bench:
+        with bench_on(data, Path(folder) / "log") as bench:
             button, loop = StopButton(bench), Loop(bench.service.pid)
             run = be_moving(bench, loop)
             (data.rename(Path(folder) / "gone") if replaced else shutil.rmtree(data))
