@@ -1,6 +1,6 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
-# Further: check, format, bench, soak (long runs and repeated kills), screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
+# Further: check, format, bench, soak (attacks and long runs), screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest or the soak; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
