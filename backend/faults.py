@@ -25,6 +25,7 @@ class Fault(StrEnum):
     SAFETY_MODULE = "safety_module"
     PLANT_ERROR = "plant_error"
     WATCHDOG = "watchdog"
+    WATCHDOG_DEAD = "watchdog_dead"
 
 
 FAULTS: tuple[Fault, ...] = tuple(Fault)
@@ -96,5 +97,9 @@ EXPLAINED: dict[Fault, Explanation] = {
     Fault.WATCHDOG: Explanation(
         "The card's watchdog cut the drives.",
         "The loop did not write for too long: close other programs on this machine, then reset.",
+    ),
+    Fault.WATCHDOG_DEAD: Explanation(
+        "The card's watchdog is dead.",
+        "Reset: it starts a new loop with a new watchdog, which is tried first. If this comes back, do not go on.",
     ),
 }

@@ -160,8 +160,8 @@ def _build(
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        of_parts = (recorder.problem, flights.problem, journal.problem, gate.sessions.problem)
-        return [*filter(None, of_parts), *supervision.problems]
+        parts = recorder, flights, journal, supervisor.guard, gate.sessions
+        return [*(part.problem for part in parts if part.problem), *supervision.problems]
 
     journal = Journal(database)
     stack.callback(journal.close)

@@ -19,7 +19,7 @@ class Sensor(StrEnum):
 
 
 class Breakage(StrEnum):
-    """What breaks. The first five are about one sensor and last; LATE, HANG and SAFETY_TRIP happen once."""
+    """What breaks. The first five are about one sensor and last; those from LATE on happen once."""
 
     NO_NUMBER = "no_number"
     STUCK = "stuck"
@@ -31,6 +31,7 @@ class Breakage(StrEnum):
     LATE = "late"
     HANG = "hang"
     SAFETY_TRIP = "safety_trip"
+    WATCHDOG_DEATH = "watchdog_death"
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class BrokenPart:
 
     def _reading(self, true: float) -> float:
         sensor = self._broken.sensor
+        rate, most = DRIFTS[sensor]
+        drift = min(rate * T_s * self._ticks, most)
         match self._broken.kind:
             case Breakage.NO_NUMBER:
                 return math.nan
@@ -99,11 +102,13 @@ class BrokenPart:
                 return self._frozen
             case Breakage.JUMP:
                 return true + JUMPS[sensor]
-        rate, most = DRIFTS[sensor]
-        drift = min(rate * T_s * self._ticks, most)
-        up = self._broken.kind is Breakage.DRIFT_UP
-        # A load cell does not read less than nothing.
-        return true + drift if up else max(true - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else true - drift
+            case Breakage.DRIFT_UP:
+                return true + drift
+            case Breakage.DRIFT_DOWN:
+                # A load cell does not read less than nothing.
+                return max(true - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else true - drift
+            case _:
+                return true
 
     def delay_write(self) -> None:
         """Hold up the write. Raises PlantError."""

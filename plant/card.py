@@ -3,6 +3,9 @@
 A card keeps its last voltages when the program that wrote them dies; what takes the drives away then is its watchdog,
 by the drive-enable line. So the imitation keeps its registers in shared memory and its watchdog in a process of its own
 (``python -m plant.card FD``): a kill -9 of the loop leaves both as it would leave the card.
+
+Each watches the other. The watchdog counts its looks, and a loop that sees the count stand still takes the drives away
+itself. Before the drives come on, the watchdog has to show that it cuts them.
 """
 
 import mmap
@@ -11,6 +14,8 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Hashable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,22 +24,58 @@ from plant.interface import MotorCommand, PlantError
 WATCHDOG_S = 0.5
 """Without a write for so long [s] the watchdog clears the outputs. Virtual machines pause for up to 0.3 s."""
 
-POLL_S = 0.01
-"""How often the watchdog looks [s]. A longer time between two looks counts as two of these: the machine stood still."""
+TRIAL_S = 0.1
+"""The watchdog's time while it is tried [s]: shorter, so that no start is the slower for it by more."""
 
-_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _LOOKS = range(8)
-_BYTES = 8 * 8
+POLL_S = 0.01
+"""How often the watchdog looks [s]."""
+
+_WRITE_S = 1e-3
+"""How often the loop writes [s]."""
+
+_STARTED_S = 20.0
+"""How long the watchdog's process may take to start [s], on a machine that is busy."""
+
+_PRIORITY = 70
+"""Of SCHED_FIFO, above the loop's: a loop that runs wild must not keep its watchdog from looking."""
+
+_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _LOOKS, _LIMIT_S, _DEAD = range(10)
+_BYTES = 10 * 8
 
 
 class WatchdogExpiredError(PlantError):
     """The card's watchdog has taken the drives away; only acknowledging brings them back."""
 
 
+class WatchdogDeadError(PlantError):
+    """Nobody would take the drives away if the loop died: they are off until a new watchdog has been started."""
+
+
+class Stillness:
+    """For how long something has not changed, to one who looks every ``period_s`` [s].
+
+    A longer time between two looks counts as two periods: the machine stood still then, and nobody could have moved.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._most_s = 2.0 * period_s
+        self._seen: Hashable = None
+        self._looked_s = 0.0
+        self.still_s = 0.0
+
+    def seen(self, value: Hashable, now_s: float | None = None) -> float:
+        """Return how long ``value`` has been the same [s]; ``now_s`` is the monotonic clock."""
+        now_s = time.monotonic() if now_s is None else now_s
+        self.still_s = self.still_s + min(now_s - self._looked_s, self._most_s) if value == self._seen else 0.0
+        self._seen, self._looked_s = value, now_s
+        return self.still_s
+
+
 class CardState(NamedTuple):
     """The registers as anybody may read them.
 
-    ``writes`` and ``looks`` count the loop's writes and the watchdog's looks. ``u_A``, ``u_B`` [V] are what reaches the
-    motors: zero without drive-enable.
+    ``writes`` and ``looks`` count the loop's writes and the watchdog's looks; ``watchdog_dead`` tells that the loop saw
+    these stand still. ``u_A``, ``u_B`` [V] are what reaches the motors: zero without drive-enable.
     """
 
     writes: int
@@ -43,6 +84,7 @@ class CardState(NamedTuple):
     drive_enabled: bool
     expired: bool
     safety_tripped: bool
+    watchdog_dead: bool
     u_A: float
     u_B: float
 
@@ -55,6 +97,7 @@ class Card:
         self._memory = mmap.mmap(fd, _BYTES)
         self._words = memoryview(self._memory).cast("d")
         self._watchdog: subprocess.Popen[bytes] | None = None
+        self._looks = Stillness(_WRITE_S)
 
     @classmethod
     def create(cls) -> "Card":
@@ -68,26 +111,69 @@ class Card:
         words = self._words
         enabled = bool(words[_ENABLED])
         u_A, u_B = (words[_U_A], words[_U_B]) if enabled else (0.0, 0.0)
-        flags = bool(words[_ARMED]), enabled, bool(words[_EXPIRED]), bool(words[_TRIPPED])
+        flags = bool(words[_ARMED]), enabled, bool(words[_EXPIRED]), bool(words[_TRIPPED]), bool(words[_DEAD])
         return CardState(int(words[_WRITES]), int(words[_LOOKS]), *flags, u_A, u_B)
 
-    def arm(self) -> None:
-        """Start the watchdog's process, enable the drives."""
-        root = str(Path(__file__).resolve().parents[1])
+    @property
+    def watchdog_pid(self) -> int | None:
+        """Process number of the watchdog that this object has started."""
+        return None if self._watchdog is None else self._watchdog.pid
+
+    @property
+    def watchdog_time_s(self) -> float:
+        """How long the watchdog waits for a write [s]."""
+        return self._words[_LIMIT_S]
+
+    def start_watchdog(self) -> None:
+        """Start the watchdog's process, which takes a moment to come up; the drives stay off."""
+        self._words[_LIMIT_S] = WATCHDOG_S
         self._watchdog = subprocess.Popen(
             [sys.executable, "-m", "plant.card", str(self.fd)],
             stdin=subprocess.PIPE,  # its end tells the watchdog that nobody can write any more
             pass_fds=(self.fd,),
-            env=os.environ | {"PYTHONPATH": root},
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[1])},
         )
+
+    def arm(self) -> None:
+        """Try the watchdog, then enable the drives. Raises PlantError where it does not do its work.
+
+        The trial enables the drives at zero volts and writes nothing, with the watchdog's time cut to TRIAL_S: within
+        WATCHDOG_S the line has to be gone.
+        """
+        if self._watchdog is None:
+            self.start_watchdog()
+        words = self._words
+        if not self._comes(lambda: words[_LOOKS] > 0.0, _STARTED_S):
+            self.disarm()
+            raise PlantError(f"the card's watchdog did not start within {_STARTED_S:g} s: start the loop again")
+        words[_LIMIT_S], words[_ARMED] = TRIAL_S, 1.0
         self.rearm()
-        self._words[_ARMED] = 1.0
+        cut = self._comes(lambda: bool(words[_EXPIRED]), WATCHDOG_S) and not self.drives
+        words[_LIMIT_S] = WATCHDOG_S
+        if not cut:
+            self.disarm()
+            raise PlantError(
+                f"the card's watchdog did not take the drive-enable line away within {WATCHDOG_S:g} s when it was "
+                "tried: the drives stay off; start the loop again, and do not go on if this comes back"
+            )
+        self.rearm()
 
     def rearm(self) -> None:
-        """Enable the drives again after the watchdog has expired."""
+        """Enable the drives again after the watchdog has expired. Raises PlantError when it is dead."""
+        if self._words[_DEAD]:
+            raise PlantError("the card's watchdog is dead: the loop process has to be started anew, with a new one")
         self._words[_U_A] = self._words[_U_B] = 0.0
         self._words[_EXPIRED] = 0.0
         self._words[_ENABLED] = 1.0
+
+    @staticmethod
+    def _comes(reached: Callable[[], bool], within_s: float) -> bool:
+        waited = Stillness(_WRITE_S)
+        while not reached():
+            if waited.seen(None) > within_s:
+                return False
+            time.sleep(_WRITE_S)
+        return True
 
     @property
     def drives(self) -> bool:
@@ -95,10 +181,18 @@ class Card:
         return bool(self._words[_ENABLED])
 
     def put(self, command: MotorCommand, safety_tripped: bool) -> None:
-        """Write the outputs and feed the watchdog. Raises WatchdogExpiredError; the write is ignored then."""
+        """Write the outputs, feed the watchdog and see that it is at work.
+
+        Raises WatchdogExpiredError, WatchdogDeadError; the drives are off then and the write is ignored.
+        """
         words = self._words
         words[_WRITES] += 1.0
         words[_TRIPPED] = float(safety_tripped)
+        if self._looks.seen(words[_LOOKS]) > WATCHDOG_S:
+            words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
+            words[_DEAD] = 1.0
+        if words[_DEAD]:
+            raise WatchdogDeadError(f"the card's watchdog was not seen for {WATCHDOG_S:g} s: the drives are off")
         if words[_EXPIRED]:
             raise WatchdogExpiredError(f"the card's watchdog heard nothing for {WATCHDOG_S:g} s and cut the drives")
         words[_U_A], words[_U_B] = command
@@ -108,8 +202,17 @@ class Card:
         words = self._words
         words[_U_A] = words[_U_B] = words[_ENABLED] = words[_ARMED] = 0.0
         if self._watchdog is not None:
-            self._watchdog.communicate()
+            try:
+                self._watchdog.communicate(timeout=1.0)
+            except subprocess.TimeoutExpired:
+                self._watchdog.kill()
+                self._watchdog.communicate()
             self._watchdog = None
+
+    def kill_watchdog(self) -> None:
+        """Let the watchdog die, to try what follows."""
+        if self._watchdog is not None:
+            self._watchdog.kill()
 
     def expire(self) -> None:
         """Clear the outputs and take the drives away: what the watchdog does when its time is over."""
@@ -137,21 +240,21 @@ class Card:
 
 def watch(card: Card, writers: int) -> None:
     """Be the watchdog until the drives are off and ``writers``, a descriptor, has come to its end."""
-    written, silence_s, looked_s = -1, 0.0, time.monotonic()
+    silence = Stillness(POLL_S)
     while True:
         orphaned = bool(select.select([writers], [], [], POLL_S)[0])
         if orphaned:
             time.sleep(POLL_S)
-        now_s = time.monotonic()
         state = card.state()
-        silence_s = 0.0 if state.writes != written else silence_s + min(now_s - looked_s, 2.0 * POLL_S)
-        written, looked_s = state.writes, now_s
+        silent_s = silence.seen((state.writes, state.armed, state.expired))
         card.looked()
-        if state.armed and not state.expired and silence_s > WATCHDOG_S:
+        if state.armed and not state.expired and silent_s > card.watchdog_time_s:
             card.expire()
         if orphaned and not state.drive_enabled:
             return
 
 
 if __name__ == "__main__":
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     watch(Card(int(sys.argv[1])), sys.stdin.fileno())

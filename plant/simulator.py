@@ -53,7 +53,10 @@ class Simulator:
         self._broken: BrokenPart | None = None
 
     def open(self) -> None:
-        """Nothing to connect: run the compiled functions once, so that the first tick is as fast as the rest."""
+        """Nothing to connect: run the compiled functions once, so that the first tick is as fast as the rest.
+
+        The card's watchdog is tried and its drives come on. Raises PlantError where the watchdog fails.
+        """
         sense(self._plant, self._sensors, self.x, self._line.copy(), 0, 0.0, 0.0, 0.0, 0.0)
         actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0)
         exceeded(self._plant, self._bounds, self.x)
@@ -91,9 +94,11 @@ class Simulator:
         self._broken = None if broken is None else BrokenPart(broken)
         if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
             self._tripped = True
+        if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH and self._card is not None:
+            self._card.kill_watchdog()
 
     def acknowledge(self) -> None:
-        """Re-arm safety module and watchdog. PlantError while force or joint position is still beyond its bound."""
+        """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""
         if self._broken is not None and self._broken.keeps_from_working:
             raise PlantError(f"still broken: {self._broken.description}; mend it first")
         if exceeded(self._plant, self._bounds, self.x):

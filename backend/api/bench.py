@@ -102,9 +102,9 @@ class Bench:
         self.changed()
 
     async def reset(self, who: str) -> State:
-        """Clear the latched fault after its cause is gone; start the loop process anew if it has died."""
+        """Clear the latched fault after its cause is gone; start the loop anew if it or its watchdog has died."""
         async with self._turn:
-            if self._supervisor.alive:
+            if self._supervisor.alive and not self._supervisor.guard.watchdog_lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
             else:

@@ -3,6 +3,7 @@
 from backend.api.schemas.control import HolderView
 from backend.api.schemas.state import ChainLinkView, LinkView
 from backend.faults import Fault
+from backend.loop.card_guard import CardGuard
 from backend.loop.supervisor import Supervisor
 from backend.loop.worker import SILENCE_S
 from plant.card import WATCHDOG_S, CardState
@@ -25,7 +26,7 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
             says="beats" if beat_s is not None else "has no loop to beat for",
         ),
         ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
-        _watchdog(supervisor.card.state(), alive),
+        _watchdog(supervisor.card.state(), supervisor.guard, alive),
         _safety_module(supervisor.card.state(), fault),
     ]
 
@@ -39,14 +40,18 @@ def _page(holder: HolderView | None) -> ChainLinkView:
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
 
-def _watchdog(card: CardState, alive: bool) -> ChainLinkView:
-    if card.expired:
-        says = f"expired after {WATCHDOG_S:g} s without a write: drive-enable off, zero volts"
-    elif card.armed and card.drive_enabled:
-        says = "armed, drive-enable on"
+def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
+    line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
+    if guard.watchdog_lost:
+        says = f"dead: {line}; reset starts a new one"
+    elif card.expired:
+        says = f"expired after {WATCHDOG_S:g} s without a write: {line}"
+    elif card.armed:
+        says = f"armed, {line}"
     else:
-        says = "disarmed, drive-enable off"
-    return ChainLinkView(name="watchdog", good=card.armed and not card.expired and alive, silent_s=None, says=says)
+        says = f"disarmed, {line}"
+    good = alive and card.armed and card.drive_enabled and not guard.watchdog_lost
+    return ChainLinkView(name="watchdog", good=good, silent_s=guard.watchdog_silent_s, says=says)
 
 
 def _safety_module(card: CardState, fault: Fault) -> ChainLinkView:

@@ -24,6 +24,7 @@ LEADS_TO: dict[Fault, Injection] = {
     Fault.SAFETY_MODULE: Injection(kind=InjectionKind.SAFETY_TRIP),
     Fault.PLANT_ERROR: Injection(kind=InjectionKind.READ_ERROR),
     Fault.WATCHDOG: Injection(kind=InjectionKind.HANG),
+    Fault.WATCHDOG_DEAD: Injection(kind=InjectionKind.WATCHDOG_DEATH),
 }
 """What brings a fault about while the joint moves."""
 

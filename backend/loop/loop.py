@@ -37,7 +37,7 @@ from backend.loop.motion import Decision
 from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
 from backend.tuning.models import Lambdas
-from plant.card import WatchdogExpiredError
+from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.compiled import compiled
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
 from plant.parameters import PlantParameters
@@ -200,10 +200,11 @@ class Loop:
         self._checks.command = command
         try:
             self._plant.write(command)
-        except WatchdogExpiredError as error:
+        except (WatchdogExpiredError, WatchdogDeadError) as error:
             # The drives are off already: this is zero volts, and stays so until somebody resets.
             if machine.mode is not Mode.TRIPPED:
-                machine.begin_stop(Stop(Fault.WATCHDOG), str(error))
+                fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
+                machine.begin_stop(Stop(fault), str(error))
         except PlantError as error:
             machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error))
             return

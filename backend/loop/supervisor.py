@@ -11,6 +11,7 @@ from functools import partial
 
 from backend.loop import heartbeat
 from backend.loop.access import Listener, LoopDied, LoopDiedError
+from backend.loop.card_guard import LOOK_S, CardGuard
 from backend.loop.channel import (
     Channel,
     ChannelClosedError,
@@ -43,6 +44,8 @@ _WATCH = Part("The watch over the loop process", "A loop process that ends now i
 _SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
 _HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
 
+_GUARD = Part("The watch over the card's watchdog", "A dead watchdog is found by the loop alone.")
+
 _POLL_S = 0.02
 _LOG = logging.getLogger(__name__)
 
@@ -50,14 +53,15 @@ _LOG = logging.getLogger(__name__)
 class Supervisor:
     """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop.
 
-    ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote.
-    ``supervision`` keeps what watches over the process running.
+    ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote;
+    ``guard`` looks at them. ``supervision`` keeps what watches over the process running.
     """
 
     def __init__(self, setup: Setup, supervision: Supervision | None = None) -> None:
         self.setup = setup
         self.ring = Ring.create()
         self.card = Card.create()
+        self.guard = CardGuard(self.card)
         self.granted: Granted | None = None
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
@@ -113,8 +117,10 @@ class Supervisor:
         if self._process is not None:
             raise LoopDiedError("the loop process is there already: stop it first")
         await asyncio.to_thread(heartbeat.prepare)
+        self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
         self.ring = Ring.create()
         self.card = card = Card.create()
+        self.guard = CardGuard(card)
         self._ending = False
         self._reason = "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
@@ -135,6 +141,7 @@ class Supervisor:
         self._kept = [
             keep(_WATCH, partial(self._watch, self._process)),
             keep(_SHOWING, partial(self._show_alive, channel, self._heart)),
+            keep(_GUARD, partial(self._look_at_card, self.guard, self._process)),
         ]
         try:
             return await asyncio.wait_for(asyncio.shield(self._ready), START_TIMEOUT_S)
@@ -263,6 +270,10 @@ class Supervisor:
                 if beats_without_tick >= HUNG_BEATS:
                     self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
             await asyncio.sleep(HEARTBEAT_S)
+
+    async def _look_at_card(self, guard: CardGuard, process: Process) -> None:
+        while guard.look(loop_gone=process.returncode is not None):
+            await asyncio.sleep(LOOK_S)
 
     async def _watch(self, process: Process) -> None:
         """Wait for the end of the process and clear up after it."""

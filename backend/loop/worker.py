@@ -141,6 +141,7 @@ def _receive_setup(channel: Channel) -> Setup:
 def _plant(setup: Setup, parameters: PlantParameters, card: Card) -> Plant:
     match setup.plant:
         case "simulator":
+            card.start_watchdog()  # its process comes up while the rehearsal computes
             return Simulator(parameters, setup.seed, card=card)
         case "rig":
             raise PlantError("this version drives the simulator only: start with --plant simulator")
@@ -150,8 +151,8 @@ def _plant(setup: Setup, parameters: PlantParameters, card: Card) -> Plant:
 def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters)
-    rehearse(parameters, setup.tuning)
     plant = _plant(setup, parameters, card)
+    rehearse(parameters, setup.tuning)
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
         worker = Worker(plant, loop, channel)

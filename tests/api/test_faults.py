@@ -13,7 +13,14 @@ from backend.api.injection import LEADS_TO, inject
 from backend.faults import FAULTS, Fault
 from tests.api.conftest import problem, wait_for
 
-ONLY_HERE = [Fault.SENSOR_JUMP, Fault.DEADLINES_MISSED, Fault.SERVICE_LOST, Fault.SAFETY_MODULE, Fault.WATCHDOG]
+ONLY_HERE = [
+    Fault.SENSOR_JUMP,
+    Fault.DEADLINES_MISSED,
+    Fault.SERVICE_LOST,
+    Fault.SAFETY_MODULE,
+    Fault.WATCHDOG,
+    Fault.WATCHDOG_DEAD,
+]
 """Those that go through the live loop, its clock, its channel or the card; tests/loop/test_faults.py tries the rest."""
 
 
@@ -42,6 +49,20 @@ def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) 
     # The link that was broken is shown as such until it is heard again.
     while broken := [link["name"] for link in off.get("/api/state").json()["chain"] if not link["good"]]:
         assert broken == ["service"]
+
+
+def test_a_dead_watchdog_is_shown_and_a_reset_brings_a_new_one(off: httpx.Client) -> None:
+    """Also where something else is latched already, so that no trip tells of it."""
+    off.post("/api/stop").raise_for_status()
+    starts = off.get("/api/state").json()["link"]["starts"]
+    off.post("/api/faults/injection", json={"kind": "watchdog_death"}).raise_for_status()
+    state = wait_for(off, "problems", ["the card's watchdog is dead: reset starts a new loop with a new one"])
+    (link,) = (link for link in cast(list[dict[str, object]], state["chain"]) if link["name"] == "watchdog")
+    assert not link["good"]
+    assert "dead" in str(link["says"])
+    assert off.post("/api/reset").json()["mode"] == "off"
+    state = wait_for(off, "problems", [])
+    assert cast(dict[str, object], state["link"])["starts"] == cast(int, starts) + 1
 
 
 def test_a_viewer_breaks_nothing(viewer: httpx.Client) -> None:

@@ -4,6 +4,7 @@ The two that others find are tested where these are: ``service_lost`` in test_wo
 tests/api/test_control.py.
 """
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -64,7 +65,7 @@ CASES = [
     Case(Fault.PLANT_ERROR, Broken(Breakage.READ_ERROR)),
     Case(Fault.PLANT_ERROR, Broken(Breakage.WRITE_ERROR)),
 ]
-STEPPED_OTHERWISE = {Fault.STOP_PRESSED, Fault.DEADLINES_MISSED, Fault.WATCHDOG}
+STEPPED_OTHERWISE = {Fault.STOP_PRESSED, Fault.DEADLINES_MISSED, Fault.WATCHDOG, Fault.WATCHDOG_DEAD}
 
 
 def moving(parameters: PlantParameters, card: Card | None = None) -> BenchTop:
@@ -177,6 +178,30 @@ def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -
     bench.run(run=2)
     bench.loop.close()
     assert not card.state().drive_enabled
+
+
+def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters) -> None:
+    card = Card.create()
+    bench = moving(lab, card)
+    assert card.state().u_A != 0.0
+    looks = card.state().looks
+    bench.send(Inject(Broken(Breakage.WATCHDOG_DEATH)))
+    begun_s = time.monotonic()
+    while bench.loop.mode is not Mode.TRIPPED:
+        assert time.monotonic() - begun_s < 20.0, "nobody noticed that the watchdog is dead"
+        time.sleep(0.001)
+        bench.advance(0.001)
+    assert card.state().looks <= looks + 100
+    assert bench.loop.fault is Fault.WATCHDOG_DEAD
+    state = card.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
+    bench.advance(0.5)
+    assert sum(isinstance(event, Stopped) for event in bench.events) == 1
+    refused = bench.send(Reset())
+    assert isinstance(refused, Refused)
+    assert "new one" in refused.reason
+    assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Refused)
+    bench.loop.close()
 
 
 def test_samples_stay_numbers_after_a_reading_that_was_none(lab: PlantParameters) -> None:

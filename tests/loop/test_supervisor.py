@@ -6,6 +6,7 @@ import select
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -104,6 +105,38 @@ def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
         assert last is not None
         assert (last[INDEX["u_A"]], last[INDEX["u_B"]]) == (0.0, 0.0)
         await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(setup: Setup) -> None:
+    """The last resort on the simulator; and a reset brings a new watchdog, tried before the drives come on."""
+
+    async def session() -> None:
+        supervisor = Supervisor(setup)
+        await supervisor.start()
+        await supervisor.send(SetMode(Mode.PRETENSION))
+        card = supervisor.card
+        await supervisor.advance_until(lambda: card.state().u_A != 0.0, timeout_s=5.0)
+        (worker,) = loop_processes()
+        children = Path(f"/proc/{worker}/task/{worker}/children").read_text(encoding="ascii").split()
+        (watchdog,) = (int(child) for child in children if b"plant.card" in Path(f"/proc/{child}/cmdline").read_bytes())
+        os.kill(watchdog, signal.SIGKILL)
+        os.kill(worker, signal.SIGKILL)
+        killed_s = time.monotonic()
+        assert card.state().u_A != 0.0
+        while card.state().drive_enabled:
+            assert time.monotonic() - killed_s < 20.0, "the voltage stays on the motors"
+            await asyncio.sleep(0.01)
+        assert (card.state().u_A, card.state().u_B) == (0.0, 0.0)
+        assert "watchdog" in supervisor.guard.problem
+        await supervisor.restart()
+        assert supervisor.guard.problem == ""
+        assert supervisor.card is not card
+        assert supervisor.card.state().drive_enabled
+        assert not supervisor.guard.watchdog_lost
+        await supervisor.stop()
+        assert not supervisor.card.state().drive_enabled
 
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
 

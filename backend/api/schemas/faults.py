@@ -22,6 +22,7 @@ class InjectionKind(StrEnum):
     LATE = "late"
     HANG = "hang"
     SAFETY_TRIP = "safety_trip"
+    WATCHDOG_DEATH = "watchdog_death"
     SERVICE_SILENT = "service_silent"
     PAGE_SILENT = "page_silent"
 
