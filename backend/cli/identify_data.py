@@ -71,7 +71,8 @@ def _read(file: Path) -> "Columns":
                 return import_data.read_csv(file.read_text(encoding="utf-8"))
             except UnicodeDecodeError:
                 raise DataFileError(f"{file} is not text in UTF-8: save it as CSV in UTF-8") from None
-    raise DataFileError(f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these")
+        case _:
+            raise DataFileError(f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these")
 
 
 def _controller(words: str) -> "Controller":

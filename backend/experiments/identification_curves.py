@@ -28,6 +28,8 @@ def curves_of(found: Identification) -> Document:
             curves["motors"] = [{"side": side, "steps": found.quality[side]["steps"]} for side in ("A", "B")]
         case "spring":
             curves["springs"] = [_spring(name, quality) for name, quality in found.quality.items()]
+        case _:
+            raise ValueError(f"identification {found.id} is of unknown kind {found.kind!r}: it has no curves")
     return curves
 
 

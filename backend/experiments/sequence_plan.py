@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from backend.controllers.limits import STIFFNESS_RANGE
 from backend.experiments.phase import Phase
 from backend.experiments.settings import SettingError, text
-from backend.loop.program import Law, Program, Segment, Shape
+from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment, Shape
 from backend.refusal import require_within
 
 Q_REF_MAX = 1.4
@@ -15,7 +15,6 @@ Q_REF_MAX = 1.4
 
 F_PUSH_MAX = 30.0
 MAX_SEQUENCE_S = 3600.0
-MAX_SEGMENTS = 1000
 
 _EXAMPLE = """[
   {"duration_s": 4, "q_ref": 0, "S_ref": 10},

@@ -1,8 +1,9 @@
 """What whoever drives the loop may count on, be the loop live in its own process or stepped headless in this one."""
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from backend.loop.commands import Accepted, Command, Event, Refused
 from backend.loop.ring import Ring
@@ -17,6 +18,21 @@ class LoopDied:
 
 class LoopDiedError(Exception):
     """There is no loop to command, or it died while it was waited for; the message says why."""
+
+
+_Result = TypeVar("_Result")
+
+
+async def result_of(awaited: asyncio.Future[_Result], timeout_s: float) -> _Result:
+    """Wait for a result. Raises TimeoutError only where there is none yet when this process gets to look.
+
+    From Python 3.12 on ``asyncio.wait_for`` throws away a result that came while the event loop stood still for longer
+    than the timeout; a loop process was killed for that although it had answered.
+    """
+    await asyncio.wait((awaited,), timeout=timeout_s)
+    if not awaited.done():
+        raise TimeoutError
+    return awaited.result()
 
 
 Listener = Callable[[Event | LoopDied], None]

@@ -5,16 +5,23 @@ Unknown fields, wrong types, nan and infinities are refused, on both ends; a pac
 
 import re
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
-from backend.loop.commands import Command, Event, SetTuning
+from backend.loop.commands import Command, Event, RunProgram, SetTuning
 from backend.loop.pacer import Granted
+from backend.loop.program import MAX_SEGMENTS, Segment
+from backend.refusal import require_within
 
-MAX_BYTES = 180_000
-"""Longest packet: what a local socket takes under the kernel's default buffer limits, some 1500 program segments."""
+MAX_BYTES = 16_384
+"""Longest packet: what is decoded within a third of a period."""
+
+_QUEUE_BYTES = 212_992  # what every kernel grants
+
+PART_SEGMENTS = 64
+"""Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,22 @@ class Failed:
     reason: str
 
 
-ToLoop = Setup | Command
+@dataclass(frozen=True)
+class ProgramPart:
+    """Segments of a program that is too long for one packet; all its packets have the same number."""
+
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class LongProgram:
+    """The rest of a program whose ``segments`` segments came ahead in parts, in order."""
+
+    command: RunProgram
+    segments: int
+
+
+ToLoop = Setup | Command | ProgramPart | LongProgram
 FromLoop = Ready | Failed | Event
 
 
@@ -87,10 +109,22 @@ def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
     packet = _ENVELOPES[type(message)].model_construct(sequence=sequence, body=message).model_dump_json().encode()
     if len(packet) > MAX_BYTES:
         raise ChannelError(
-            f"{type(message).__name__} takes {len(packet)} bytes, at most {MAX_BYTES} can be sent: use fewer segments",
+            f"{type(message).__name__} takes {len(packet)} bytes, at most {MAX_BYTES} can be sent: shorten it",
             sequence,
         )
     return packet
+
+
+def packets(command: Command, sequence: int) -> list[bytes]:
+    """Write a command as packets that follow each other. Raises OutOfRangeError, ChannelError."""
+    if not isinstance(command, RunProgram) or len(command.program.segments) <= PART_SEGMENTS:
+        return [encode(command, sequence)]
+    segments = command.program.segments
+    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program")
+    starts = range(0, len(segments), PART_SEGMENTS)
+    parts = [encode(ProgramPart(segments[start : start + PART_SEGMENTS]), sequence) for start in starts]
+    rest = LongProgram(replace(command, program=replace(command.program, segments=())), len(segments))
+    return [*parts, encode(rest, sequence)]
 
 
 def decode_to_loop(packet: bytes) -> tuple[int, ToLoop]:
@@ -156,4 +190,6 @@ class Channel:
 def channel_pair() -> tuple[Channel, socket.socket]:
     """Return this side's channel and the socket to hand to the other process."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    # The longest program has to find room as a whole; the kernel grants twice its usual limit.
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE_BYTES)
     return Channel(ours), theirs

@@ -23,7 +23,7 @@ from backend.loop.mode import LEGAL, Mode
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.player import Target
-from backend.loop.program import IDENTIFYING, Law, Program
+from backend.loop.program import IDENTIFYING, MAX_SEGMENTS, Law, Program
 from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
@@ -134,8 +134,12 @@ class ModeMachine:
         elif program.law is Law.TENSION_SWEEP:
             motion = self._tension_sweep(program)
         else:
+            require_within("segments", len(program.segments), None, MAX_SEGMENTS, "1", "split the program")
+            b = self.bounds
             for segment in program.segments:
-                self._require_references(segment.q_ref, segment.S_ref)
+                # Most are good, and a thousand calls would take half a period.
+                if not (b.q_min <= segment.q_ref <= b.q_max and b.S_min <= segment.S_ref <= b.S_max):
+                    self._require_references(segment.q_ref, segment.S_ref)
             motion = self._following(program)
         self._enter(mode, motion, "program", command.run)
         self._program = program

@@ -7,6 +7,9 @@ arrive in time while it plays.
 from dataclasses import dataclass
 from enum import StrEnum
 
+MAX_SEGMENTS = 1000
+"""Most segments of a program: sixteen packets, each taken in a tick of its own."""
+
 
 class Law(StrEnum):
     """Which control law a program runs under."""

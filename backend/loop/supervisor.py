@@ -10,7 +10,7 @@ from contextlib import suppress
 from functools import partial
 
 from backend.loop import heartbeat
-from backend.loop.access import Listener, LoopDied, LoopDiedError
+from backend.loop.access import Listener, LoopDied, LoopDiedError, result_of
 from backend.loop.card_guard import LOOK_S, CardGuard
 from backend.loop.channel import (
     Channel,
@@ -23,6 +23,7 @@ from backend.loop.channel import (
     channel_pair,
     decode_from_loop,
     encode,
+    packets,
 )
 from backend.loop.commands import Accepted, Command, Event, Refused, Shutdown, Stop, Stopped
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
@@ -144,7 +145,7 @@ class Supervisor:
             keep(_GUARD, partial(self._look_at_card, self.guard, self._process)),
         ]
         try:
-            return await asyncio.wait_for(asyncio.shield(self._ready), START_TIMEOUT_S)
+            return await result_of(self._ready, START_TIMEOUT_S)
         except TimeoutError:
             self._kill(f"it was not ready within {START_TIMEOUT_S:g} s")
             return await self._ready
@@ -160,25 +161,28 @@ class Supervisor:
                 await self.send(Shutdown())
             else:
                 process.terminate()
-            await asyncio.wait_for(process.wait(), STOP_TIMEOUT_S)
+            await result_of(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
         except (LoopDiedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
         for kept in self._kept:
             await kept.ended()
 
     async def send(self, command: Command) -> Accepted | Refused:
-        """Hand over a command and wait for the loop's answer. Raises LoopDiedError, ChannelError when too long."""
+        """Hand over a command and wait for the loop's answer.
+
+        Raises LoopDiedError; OutOfRangeError or ChannelError when it is too long.
+        """
         channel = self._require_alive()
         self._sequence += 1
         sequence = self._sequence
-        packet = encode(command, sequence)
+        parts = packets(command, sequence)
         answer: asyncio.Future[Accepted | Refused] = asyncio.get_running_loop().create_future()
         self._answers[sequence] = answer
         try:
             with suppress(ChannelClosedError):  # its end is noticed and told by _watch
-                if not channel.send(packet):
+                if not all(map(channel.send, parts)):
                     self._kill("it does not take commands any more")
-            return await asyncio.wait_for(answer, ANSWER_TIMEOUT_S)
+            return await result_of(answer, ANSWER_TIMEOUT_S)
         except TimeoutError:
             self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
             raise LoopDiedError(f"the control loop is not running: {self._reason}") from None
@@ -207,11 +211,16 @@ class Supervisor:
         return self._channel
 
     async def _come_to_rest(self) -> None:
-        stopped = asyncio.Event()
-        forget = self.listen(lambda event: stopped.set() if isinstance(event, Stopped) else None)
+        stopped: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+
+        def hear(event: Event | LoopDied) -> None:
+            if isinstance(event, Stopped) and not stopped.done():
+                stopped.set_result(event)
+
+        forget = self.listen(hear)
         try:
             await self.send(Stop(hard=False))
-            await asyncio.wait_for(stopped.wait(), STOP_TIMEOUT_S)
+            await result_of(stopped, STOP_TIMEOUT_S)
         finally:
             forget()
 

@@ -12,6 +12,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import assert_never
 
 from backend.faults import Fault
@@ -21,6 +22,8 @@ from backend.loop.channel import (
     ChannelError,
     Failed,
     FromLoop,
+    LongProgram,
+    ProgramPart,
     Ready,
     Setup,
     decode_to_loop,
@@ -30,6 +33,7 @@ from backend.loop.commands import Heartbeat, Refused, Stop
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.pacer import Pacer, request_real_time
+from backend.loop.program import MAX_SEGMENTS, Segment
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from plant.card import Card
@@ -46,7 +50,8 @@ PAUSE_S = 0.02
 """Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
 
 COMMANDS_PER_TICK = 4
-"""More wait for the next tick, so that no burst of commands makes a tick late."""
+BYTES_PER_TICK = 8000
+"""More wait for the next tick, so that no burst of commands and no long program makes a tick late."""
 
 _STILL = (Mode.OFF, Mode.TRIPPED)
 
@@ -63,6 +68,8 @@ class Worker:
         self._tick = 0
         self._service_alive = True
         self._terminated = False
+        self._ahead: list[Segment] = []
+        self._ahead_of = 0
 
     def terminate(self) -> None:
         """End after the current tick (SIGTERM)."""
@@ -92,11 +99,13 @@ class Worker:
 
     def _listen(self) -> None:
         try:
+            taken = 0
             for _ in range(COMMANDS_PER_TICK):
-                packet = self._channel.receive()
+                packet = self._channel.receive() if taken < BYTES_PER_TICK else None
                 if packet is None:
                     break
                 self._silence_s = 0.0
+                taken += len(packet)
                 self._obey(packet)
         except ChannelClosedError:
             self._service_alive = False
@@ -115,8 +124,24 @@ class Worker:
                 pass
             case Setup():
                 self.tell(Refused(sequence, self._tick, "the loop is set up once, at its start"))
+            case ProgramPart(segments):
+                self._keep(sequence, segments)
+            case LongProgram(command, expected):
+                self._keep(sequence, ())
+                whole, self._ahead = tuple(self._ahead), []
+                if len(whole) == expected:
+                    self._loop.handle(sequence, replace(command, program=replace(command.program, segments=whole)))
+                else:
+                    reason = f"{len(whole)} of the program's {expected} segments arrived: send it again"
+                    self.tell(Refused(sequence, self._tick, reason))
             case command:
                 self._loop.handle(sequence, command)
+
+    def _keep(self, sequence: int, segments: tuple[Segment, ...]) -> None:
+        if sequence != self._ahead_of:  # the rest of another one never came
+            self._ahead_of, self._ahead = sequence, []
+        if len(self._ahead) <= MAX_SEGMENTS:
+            self._ahead += segments
 
     def _send(self) -> None:
         try:

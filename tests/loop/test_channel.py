@@ -16,18 +16,22 @@ from backend.loop.channel import (
     ChannelClosedError,
     ChannelError,
     Failed,
+    LongProgram,
+    ProgramPart,
     Ready,
     Setup,
     channel_pair,
     decode_from_loop,
     decode_to_loop,
     encode,
+    packets,
 )
 from backend.loop.commands import Accepted, RunProgram, SetMode, Shutdown
 from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment
+from backend.loop.program import MAX_SEGMENTS, Excitation, Law, Program, Segment
+from backend.refusal import OutOfRangeError
 
-COMMANDS = st.one_of([st.from_type(one) for one in (Setup, *get_args(commands.Command))])
+COMMANDS = st.one_of([st.from_type(one) for one in (Setup, ProgramPart, *get_args(commands.Command))])
 EVENTS = st.one_of([st.from_type(one) for one in (Ready, Failed, *get_args(commands.Event))])
 SEQUENCES = st.integers(0, 2**53)
 
@@ -126,18 +130,32 @@ def test_sender_never_waits_for_a_reader_that_does_not_read(ends: tuple[Channel,
     assert ours.send(encode(Shutdown()))
 
 
-def test_longest_program_fits_and_a_longer_one_is_refused(ends: tuple[Channel, Channel]) -> None:
+def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
-    segment = Segment(duration_s=0.123456789, q_ref=-1.0471975511965976, S_ref=12.345678901234567)
-    one = RunProgram(Program(Law.CASCADE, (segment,)))
-    per_segment = len(encode(dataclasses.replace(one, program=Program(Law.CASCADE, (segment, segment))))) - len(
-        encode(one)
-    )
-    fitting = RunProgram(Program(Law.CASCADE, (segment,) * (MAX_BYTES // per_segment - 2)))
-    assert ours.send(encode(fitting, 1))
-    received = theirs.receive()
-    assert received is not None
-    assert decode_to_loop(received) == (1, fitting)
-    longer = RunProgram(Program(Law.CASCADE, (segment,) * (MAX_BYTES // per_segment + 1)))
-    with pytest.raises(ChannelError, match="fewer segments"):
-        encode(longer, 2)
+    segment = Segment(-1.0471975511965976e-100, -1.0471975511965976, 12.345678901234567, -29.123456789012345)
+    longest = RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS), 7)
+    sent = packets(longest, 3)
+    assert max(map(len, sent)) <= MAX_BYTES
+    for packet in sent:
+        assert ours.send(packet), "the queue does not hold a whole program"
+    arrived: list[Segment] = []
+    while True:
+        packet = theirs.receive()
+        assert packet is not None
+        sequence, message = decode_to_loop(packet)
+        assert sequence == 3
+        if isinstance(message, LongProgram):
+            break
+        assert isinstance(message, ProgramPart)
+        arrived += message.segments
+    assert (tuple(arrived), message.segments) == (longest.program.segments, MAX_SEGMENTS)
+    assert message.command == RunProgram(Program(Law.CASCADE), 7)
+
+
+def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number() -> None:
+    segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
+    with pytest.raises(OutOfRangeError, match=r"segments = 1001 is out of range: it must be at most 1000"):
+        packets(RunProgram(Program(Law.CASCADE, (segment,) * (MAX_SEGMENTS + 1))), 2)
+    excitation = Excitation(amplitude_rad=0.1, chip_s=0.01, levels="+" * MAX_BYTES, periods=1)
+    with pytest.raises(ChannelError, match=rf"at most {MAX_BYTES} can be sent"):
+        packets(RunProgram(Program(Law.FORCE_HOLD, excitation=excitation)), 2)

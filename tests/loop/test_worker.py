@@ -1,18 +1,33 @@
 """The loop process decides by itself when the service is silent or gone: stepped here on a clock of its own."""
 
 from collections.abc import Callable, Iterator
+from typing import cast
 
 import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.channel import Channel, Ready, Setup, channel_pair, decode_from_loop, encode
+from backend.loop import worker as worker_module
+from backend.loop.channel import (
+    MAX_BYTES,
+    Channel,
+    Ready,
+    Setup,
+    ToLoop,
+    channel_pair,
+    decode_from_loop,
+    decode_to_loop,
+    encode,
+    packets,
+)
 from backend.loop.commands import (
     Accepted,
+    Command,
     Heartbeat,
     ModeChanged,
     PretensionReached,
     Refused,
+    RunProgram,
     SetMode,
     SetReferences,
     SetTuning,
@@ -22,8 +37,9 @@ from backend.loop.commands import (
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.pacer import Granted, Pacer
+from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment
 from backend.loop.ring import Ring
-from backend.loop.worker import Worker
+from backend.loop.worker import BYTES_PER_TICK, Worker
 from backend.sample import INDEX
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
@@ -171,6 +187,88 @@ def test_malformed_and_late_messages_are_refused_by_number(bench: Bench) -> None
     assert [refusal.sequence for refusal in refusals] == [4, 5]
     assert "mode" in refusals[0].reason
     assert not any(isinstance(event, ModeChanged) for event in bench.hear())
+
+
+def a_program(segments: int) -> RunProgram:
+    """So many segments, every number with all its digits."""
+    return RunProgram(
+        Program(
+            Law.CASCADE,
+            tuple(
+                Segment(0.1234567890123, 0.4 + 1e-9 * position / 3.0, 10.123456789012345, 1e-9 / (position + 3.0))
+                for position in range(segments)
+            ),
+        ),
+        run=5,
+    )
+
+
+def test_the_longest_program_arrives_in_ticks_that_decode_little(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a tick has to decode is bounded, and the program is whole when it is played."""
+    decoded: dict[int, int] = {}
+
+    def counting(packet: bytes) -> tuple[int, ToLoop]:
+        tick = bench.ring.count
+        decoded[tick] = decoded.get(tick, 0) + len(packet)
+        return decode_to_loop(packet)
+
+    monkeypatch.setattr(worker_module, "decode_to_loop", counting)
+    program = a_program(MAX_SEGMENTS)
+    reached: list[int] = []
+
+    def service(tick: int) -> None:
+        if tick == 0:
+            bench.say(SetMode(Mode.PRETENSION), 1)
+        if tick % 100 == 50:
+            bench.say(Heartbeat())
+        if not reached and any(isinstance(event, PretensionReached) for event in bench.hear()):
+            reached.append(tick)
+            for packet in packets(program, 2):
+                assert bench.service.send(packet)
+        if reached and tick == reached[0] + 700:
+            bench.say(Shutdown(), 3)
+
+    bench.run(service)
+    accepted = [event for event in bench.hear() if isinstance(event, Accepted) and event.sequence == 2]
+    assert len(accepted) == 1
+    assert accepted[0].tick <= reached[0] + 20
+    assert max(decoded.values()) <= BYTES_PER_TICK + MAX_BYTES
+    assert sum(decoded.values()) > 100_000
+    q_ref, run = bench.column("q_ref"), bench.column("run")
+    played = np.unique(q_ref[run == 5])
+    expected = [segment.q_ref for segment in program.program.segments]
+    assert len(played) >= 5
+    np.testing.assert_array_equal(played, expected[: len(played)])
+
+
+def test_a_program_with_a_part_missing_is_refused_and_the_next_one_is_whole(bench: Bench) -> None:
+    def service(tick: int) -> None:
+        if tick == 0:
+            _, *others = packets(a_program(200), 7)
+            for packet in others:
+                bench.service.send(packet)
+        if tick == 10:
+            bench.service.send(packets(a_program(200), 8)[0])  # the rest never comes
+        if tick == 20:
+            for packet in packets(a_program(200), 9):
+                bench.service.send(packet)
+        if tick == 40:
+            bench.say(Shutdown(), 10)
+
+    bench.run(service)
+    reasons = {event.sequence: event.reason for event in bench.hear() if isinstance(event, Refused)}
+    assert "136 of the program's 200 segments arrived" in reasons[7]
+    assert 8 not in reasons
+    assert "off cannot go to experiment" in reasons[9], "the whole program came to the loop, which is off"
+
+
+def test_a_command_that_the_loop_does_not_know_is_refused(bench: Bench) -> None:
+    told = []
+    loop = bench.worker._loop
+    loop.handle(4, cast(Command, object()))
+    told += loop.drain_events()
+    assert [(type(event), event.sequence) for event in told if isinstance(event, Accepted | Refused)] == [(Refused, 4)]
+    bench.worker.terminate()
 
 
 def test_events_wait_for_a_service_that_does_not_read(bench: Bench) -> None:
