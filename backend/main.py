@@ -32,6 +32,8 @@ from backend.api.live import LiveStream
 from backend.api.offload import Offload
 from backend.api.picture import Picture
 from backend.api.replay import Replay
+from backend.api.retention import PART as RETENTION
+from backend.api.retention import Retention
 from backend.api.safe_stop import SafeStop
 from backend.api.schemas.live import MarkKind, StateMessage
 from backend.api.service import Service
@@ -49,9 +51,10 @@ from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.private import UMASK, make_private
 from backend.recording.flight import PART as FLIGHTS
-from backend.recording.flight import FlightRecorder
+from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import PART as RECORDER
 from backend.recording.recorder import Recorder
+from backend.recording.retention import Rule
 from backend.scene.mirror import PART as SCENE
 from backend.scene.mirror import SceneMirror
 from backend.scene.proxy import router as scene_router
@@ -154,14 +157,18 @@ def _build(
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
 
-    flights = FlightRecorder(database, lambda: supervisor.ring)
+    quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota)
     supervisor.listen(flights.hear)
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        parts = recorder, flights, journal, supervisor.guard, gate.sessions
+        parts = recorder, flights, journal, supervisor.guard, retention, gate.sessions
         return [*(part.problem for part in parts if part.problem), *supervision.problems]
+
+    retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
+    keep(RETENTION, retention.run)
 
     journal = Journal(database)
     stack.callback(journal.close)
@@ -211,7 +218,9 @@ def _build(
         stack.callback(supervision.keep_thread(SCENE, mirror.run, mirror.end).end, 2.0)
     scenes = [scene_router(signed_in, mirror.port, path) for path, mirror in mirrors.items()]
     upkeep = Upkeep(database, settings.data, supervisor)
-    service = Service(bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep)
+    service = Service(
+        bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep, retention
+    )
     return supervisor, recorder, service, scenes
 
 

@@ -13,7 +13,9 @@ class Settings(BaseSettings):
 
     ``database_url`` defaults to SQLite in the data folder. ``allowed_hosts`` are further names the dashboard may be
     reached by (the Host header is checked against DNS rebinding). ``require_token`` off makes everyone an operator
-    and is refused on any address but a loopback one.
+    and is refused on any address but a loopback one. Flight records beyond ``flight_records`` or ``flight_records_MB``
+    give way to new ones. Recordings beyond ``recordings_GB`` may go once they are older than ``recordings_keep_days``,
+    which is for a person to decide.
     """
 
     model_config = SettingsConfigDict(env_prefix="SINEW_", extra="ignore", frozen=True)
@@ -26,6 +28,10 @@ class Settings(BaseSettings):
     database_url: str | None = None
     require_token: bool = True
     allowed_hosts: tuple[str, ...] = ()
+    flight_records: int = Field(default=300, ge=1, le=100_000)
+    flight_records_MB: int = Field(default=100, ge=1, le=100_000)
+    recordings_GB: float = Field(default=20.0, gt=0.0, le=100_000.0)
+    recordings_keep_days: int = Field(default=30, ge=0, le=36_500)
 
     @model_validator(mode="after")
     def _no_open_door(self) -> "Settings":

@@ -9,9 +9,10 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend.api.errors import ApiError
+from backend.api.event_marks import mark_of
 from backend.api.journal import Journal
 from backend.api.kept_tuning import KeptTuning
-from backend.api.picture import F_PUSH_MAX, Picture, described, proof_of
+from backend.api.picture import F_PUSH_MAX, Picture, proof_of
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import Push, References, State, StopProof
 from backend.api.schemas.tuning import RobustTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
@@ -21,8 +22,8 @@ from backend.api.tuning_in_use import TuningInUse
 from backend.experiments.loop_settings import LoopSettings
 from backend.faults import Fault
 from backend.loop import commands
-from backend.loop.access import LoopDied, LoopDiedError
-from backend.loop.commands import Accepted, Command, Event, ModeChanged, PretensionReached, Refused, Stopped
+from backend.loop.access import LoopDied, LoopDiedError, result_of
+from backend.loop.commands import Accepted, Command, Event, ProgramEnded, Refused, Stopped
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
@@ -80,7 +81,7 @@ class Bench:
         self._stop_waiters.append(waiter)
         try:
             await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
-            stopped = await asyncio.wait_for(waiter, STOP_PROOF_S)
+            stopped = await result_of(waiter, STOP_PROOF_S)
         except TimeoutError:
             raise ApiError(503, "the loop has not confirmed zero volts: use the e-stop at the rig") from None
         finally:
@@ -277,19 +278,12 @@ class Bench:
 
     def _hear(self, event: Event | LoopDied) -> None:
         self.picture.hear(event)
-        match event:
-            case ModeChanged(tick, before, after):
-                self._journal.note(MarkKind.MODE, f"{before} → {after}", tick)
-            case PretensionReached(tick):
-                self._journal.note(MarkKind.MODE, "pretension reached", tick)
-            case Stopped():
-                if event.fault is not Fault.STOP_PRESSED:
-                    self._journal.note(MarkKind.FAULT, described(event), event.arrived_tick)
-                for waiter in self._stop_waiters:
-                    if not waiter.done():
-                        waiter.set_result(event)
-            case LoopDied(reason):
-                self._journal.note(MarkKind.FAULT, f"the control loop died: {reason}", self.picture.tick)
-            case _:
-                return
-        self.changed()
+        mark = mark_of(event, self.picture.tick)
+        if mark is not None:
+            self._journal.note(*mark)
+        if isinstance(event, Stopped):
+            for waiter in self._stop_waiters:
+                if not waiter.done():
+                    waiter.set_result(event)
+        if not isinstance(event, Accepted | Refused | ProgramEnded):
+            self.changed()

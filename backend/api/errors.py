@@ -16,8 +16,10 @@ from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.settings import SettingError
 from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
+from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
 from backend.recording.reader import UnknownSignalError
+from backend.recording.retention import NotRemovableError
 from backend.refusal import OutOfRangeError
 from backend.storage import StorageError
 from backend.storage.maintenance import BackupError
@@ -65,6 +67,8 @@ _STATUS: dict[type[Exception], int] = {
     IdentificationError: 422,
     TuningError: 422,
     UnknownSignalError: 422,
+    ChannelError: 422,
+    NotRemovableError: 409,
     LoopDiedError: 503,
     StorageError: 503,
 }

@@ -1,7 +1,7 @@
 """What the actuator does at present, put together from samples, events and the tuning in force."""
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, assert_never
 
 from backend import __version__
 from backend.api.chain import chain
@@ -13,7 +13,17 @@ from backend.api.tuning_in_use import TuningInUse
 from backend.controllers.limits import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault
 from backend.loop.access import LoopDied
-from backend.loop.commands import Event, ModeChanged, PretensionReached, Stopped
+from backend.loop.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PretensionReached,
+    ProgramEnded,
+    Refused,
+    Stopped,
+)
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
 from plant.parameters import PlantParameters
@@ -51,6 +61,7 @@ class Picture:
         self._observation = Observation(lambda: supervisor.ring)
         self._pretension_done = False
         self._stop: Stopped | None = None
+        self._plant_problem = ""
 
     @property
     def plant(self) -> Literal["simulator", "rig"]:
@@ -89,16 +100,28 @@ class Picture:
     def hear(self, event: Event | LoopDied) -> None:
         """Take in what the loop tells."""
         match event:
-            case ModeChanged() | LoopDied():
+            case ModeChanged():
                 self._pretension_done = False
+            case LoopDied():
+                self._pretension_done = False
+                self._plant_problem = ""
             case PretensionReached():
                 self._pretension_done = True
             case Stopped():
                 self._stop = event
+            case PlantFailing(_, reason):
+                self._plant_problem = f"the plant cannot be read or written: {reason}"
+            case PlantAnswers():
+                self._plant_problem = ""
+            case Accepted() | Refused() | ProgramEnded():
+                pass
+            case _:
+                assert_never(event)
 
     def forget_stop(self) -> None:
-        """Drop the proof of a stop that has been reset."""
+        """Drop the proof of a stop that has been reset, and the trouble that a reset is refused for."""
         self._stop = None
+        self._plant_problem = ""
 
     def health(self) -> Health:
         """Return what anybody may know."""
@@ -138,7 +161,7 @@ class Picture:
             task=self.task,
             trial=self.trial(),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
-            problems=self._problems(),
+            problems=[*self._problems(), *filter(None, (self._plant_problem,))],
         )
 
     def _limits(self) -> LimitsView:

@@ -17,6 +17,7 @@ from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
 from backend.api.replay import Replay
+from backend.api.retention import Retention
 from backend.api.shelf import Shelf
 from backend.api.tasks import Tasks
 from backend.api.upkeep import Upkeep
@@ -39,6 +40,7 @@ class Service:
     downloads: Downloads
     live: LiveStream
     upkeep: Upkeep
+    retention: Retention
 
 
 def service_of(connection: HTTPConnection) -> Service:

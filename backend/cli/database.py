@@ -8,10 +8,13 @@ import typer
 
 from backend.cli.output import fail, out
 from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.recordings import recordings
 
 app = typer.Typer(
     help="The database: bring it up to date, copy it, check it.", no_args_is_help=True, rich_markup_mode=None
 )
+
+app.command()(recordings)
 
 
 @app.command()

@@ -1,8 +1,13 @@
 """The service's own look at the card's registers, which it shares with the loop and the watchdog."""
 
+import asyncio
 import logging
+from asyncio.subprocess import Process
 
+from backend.supervision import Part
 from plant.card import WATCHDOG_S, Card, Stillness
+
+PART = Part("The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone.")
 
 LOOK_S = 0.05
 """How often the service looks [s]."""
@@ -51,6 +56,11 @@ class CardGuard:
                 "look at the rig, then reset"
             )
         return not loop_gone or self._card.state().drive_enabled
+
+    async def run(self, loop: Process) -> None:
+        """Look until the loop process has ended and the drives are off."""
+        while self.look(loop_gone=loop.returncode is not None):
+            await asyncio.sleep(LOOK_S)
 
     def _tell(self, problem: str) -> None:
         self.problem = problem

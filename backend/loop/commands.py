@@ -170,4 +170,19 @@ class ProgramEnded:
     completed: bool
 
 
-Event = Accepted | Refused | ModeChanged | PretensionReached | Stopped | ProgramEnded
+@dataclass(frozen=True)
+class PlantFailing:
+    """The plant cannot be read or written since ``tick``; told once, whatever else is latched."""
+
+    tick: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class PlantAnswers:
+    """The plant has been read and written without a failure for a while."""
+
+    tick: int
+
+
+Event = Accepted | Refused | ModeChanged | PretensionReached | Stopped | ProgramEnded | PlantFailing | PlantAnswers

@@ -11,7 +11,9 @@ from functools import partial
 
 from backend.loop import heartbeat
 from backend.loop.access import Listener, LoopDied, LoopDiedError, result_of
-from backend.loop.card_guard import LOOK_S, CardGuard
+from backend.loop.answers import Answers
+from backend.loop.card_guard import PART as GUARD
+from backend.loop.card_guard import CardGuard
 from backend.loop.channel import (
     Channel,
     ChannelClosedError,
@@ -45,7 +47,6 @@ _WATCH = Part("The watch over the loop process", "A loop process that ends now i
 _SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
 _HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
 
-_GUARD = Part("The watch over the card's watchdog", "A dead watchdog is found by the loop alone.")
 
 _POLL_S = 0.02
 _LOG = logging.getLogger(__name__)
@@ -71,9 +72,8 @@ class Supervisor:
         self._channel: Channel | None = None
         self._kept: list[KeptTask] = []
         self._ready: asyncio.Future[Granted] | None = None
-        self._answers: dict[int, asyncio.Future[Accepted | Refused]] = {}
+        self._answers = Answers()
         self._listeners: list[Listener] = []
-        self._sequence = 0
         self._reason = "it has not been started"
         self._ending = False
         self._one_at_a_time = asyncio.Lock()
@@ -142,7 +142,7 @@ class Supervisor:
         self._kept = [
             keep(_WATCH, partial(self._watch, self._process)),
             keep(_SHOWING, partial(self._show_alive, channel, self._heart)),
-            keep(_GUARD, partial(self._look_at_card, self.guard, self._process)),
+            keep(GUARD, partial(self.guard.run, self._process)),
         ]
         try:
             return await result_of(self._ready, START_TIMEOUT_S)
@@ -173,21 +173,16 @@ class Supervisor:
         Raises LoopDiedError; OutOfRangeError or ChannelError when it is too long.
         """
         channel = self._require_alive()
-        self._sequence += 1
-        sequence = self._sequence
-        parts = packets(command, sequence)
-        answer: asyncio.Future[Accepted | Refused] = asyncio.get_running_loop().create_future()
-        self._answers[sequence] = answer
-        try:
+        with self._answers.expected() as (sequence, answer):
+            parts = packets(command, sequence)
             with suppress(ChannelClosedError):  # its end is noticed and told by _watch
                 if not all(map(channel.send, parts)):
                     self._kill("it does not take commands any more")
-            return await result_of(answer, ANSWER_TIMEOUT_S)
-        except TimeoutError:
-            self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
-            raise LoopDiedError(f"the control loop is not running: {self._reason}") from None
-        finally:
-            del self._answers[sequence]
+            try:
+                return await result_of(answer, ANSWER_TIMEOUT_S)
+            except TimeoutError:
+                self._kill(f"it did not answer within {ANSWER_TIMEOUT_S:g} s")
+                raise LoopDiedError(f"the control loop is not running: {self._reason}") from None
 
     async def advance(self, seconds: float) -> None:
         """Wait while the loop ticks for so many seconds of its time. Raises LoopDiedError."""
@@ -256,10 +251,7 @@ class Supervisor:
             case Failed(reason):
                 self._reason = reason
             case event:
-                if isinstance(event, Accepted | Refused):
-                    answer = self._answers.get(event.sequence)
-                    if answer is not None and not answer.done():
-                        answer.set_result(event)
+                self._answers.take(event)
                 self._tell(event)
 
     def _tell(self, event: Event | LoopDied) -> None:
@@ -280,10 +272,6 @@ class Supervisor:
                     self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
             await asyncio.sleep(HEARTBEAT_S)
 
-    async def _look_at_card(self, guard: CardGuard, process: Process) -> None:
-        while guard.look(loop_gone=process.returncode is not None):
-            await asyncio.sleep(LOOK_S)
-
     async def _watch(self, process: Process) -> None:
         """Wait for the end of the process and clear up after it."""
         status = await process.wait()
@@ -300,9 +288,7 @@ class Supervisor:
         died = LoopDiedError(f"the control loop is not running: {self._reason}")
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)
-        for answer in self._answers.values():
-            if not answer.done():
-                answer.set_exception(died)
+        self._answers.fail(died)
         if was_alive and not self._ending:
             self._tell(LoopDied(self._reason))
 

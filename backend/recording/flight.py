@@ -1,10 +1,14 @@
-"""The flight record: what the ring holds of the seconds around each trip, whether or not a run was recorded."""
+"""The flight record: what the ring holds of the seconds around each trip, whether or not a run was recorded.
+
+Trips that follow each other within a record's seconds are one record, which names them. Records have a quota; the
+oldest give way to a new one, and an event says so.
+"""
 
 import asyncio
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +37,10 @@ _STORED = [INDEX[name] for name in STORED_NAMES]
 _LOG = logging.getLogger(__name__)
 
 
+FOLLOWERS_TOLD = 5
+"""So many of the trips that share a record are named in its text; the others are counted."""
+
+
 @dataclass(eq=False)
 class _Trip:
     """One that waits for its record: an identity of its own, as the thread that stores it takes it from the list."""
@@ -42,11 +50,33 @@ class _Trip:
     tick: int
     text: str
     is_last: bool = False
+    followers: list[str] = field(default_factory=list)
 
     @property
     def due(self) -> bool:
         """Whether all that belongs to it has happened."""
         return self.is_last or self.ring.count >= self.tick + round(AFTER_S / T_s)
+
+    def takes(self, ring: Ring, tick: int) -> bool:
+        """Whether a trip at ``tick`` is within this one's record."""
+        return not self.is_last and ring is self.ring and 0 <= tick - self.tick < round(AFTER_S / T_s)
+
+    @property
+    def told(self) -> str:
+        """What happened, and what followed."""
+        if not self.followers:
+            return self.text
+        named, others = self.followers[:FOLLOWERS_TOLD], len(self.followers) - FOLLOWERS_TOLD
+        more = f" and {others} more" if others > 0 else ""
+        return f"{self.text} Followed by {', '.join(named)}{more}."
+
+
+@dataclass(frozen=True)
+class Quota:
+    """How many flight records are kept, and how many bytes they may take together."""
+
+    records: int
+    size_bytes: int
 
 
 class FlightRecorder:
@@ -55,23 +85,35 @@ class FlightRecorder:
     ``ring`` returns the ring of the loop process that runs at present, or ran last.
     """
 
-    def __init__(self, database: Database, ring: Callable[[], Ring]) -> None:
+    def __init__(self, database: Database, ring: Callable[[], Ring], quota: Quota) -> None:
         self.problem = ""
         self._database = database
         self._ring = ring
+        self._quota = quota
         self._waiting: list[_Trip] = []
-        self._storing = threading.Lock()
+        # Trips are heard in the event loop and stored in a thread.
+        self._list_lock, self._drain_lock = threading.Lock(), threading.Lock()
 
     def hear(self, event: Event | LoopDied) -> None:
         """Take note of a trip; a listener for ``LoopAccess.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail):
                 text = " ".join(filter(None, (EXPLAINED[fault].message, detail)))
-                self._waiting.append(_Trip(self._ring(), fault, tick, text))
+                self._trip(_Trip(self._ring(), fault, tick, text))
             case LoopDied(reason):
                 self._end_of_ring()
                 ring = self._ring()
-                self._waiting.append(_Trip(ring, DIED, ring.count, f"The control loop died: {reason}", True))
+                self._trip(_Trip(ring, DIED, ring.count, f"The control loop died: {reason}", True))
+            case _:
+                return
+
+    def _trip(self, new: _Trip) -> None:
+        with self._list_lock:
+            for trip in self._waiting:
+                if trip.takes(new.ring, new.tick):
+                    trip.followers.append(f"{new.fault} after {(new.tick - trip.tick) * T_s:.2f} s")
+                    return
+            self._waiting.append(new)
 
     async def run(self) -> None:
         """Store what is due until cancelled."""
@@ -87,21 +129,29 @@ class FlightRecorder:
 
     def drain(self) -> None:
         """Store what is due. Never raises for the database's sake: see ``problem``."""
-        with self._storing:
-            for trip in [trip for trip in self._waiting if trip.due]:
+        with self._drain_lock:
+            for trip in self._take_due():
                 try:
                     self._store(trip)
                 except StorageError as error:
                     self.problem = f"the flight record of a trip cannot be stored: {error}"
                     _LOG.error(self.problem)
                     return
-                self._waiting.remove(trip)
+                with self._list_lock:
+                    self._waiting.remove(trip)
             self.problem = ""
 
+    def _take_due(self) -> list[_Trip]:
+        with self._list_lock:
+            due = [trip for trip in self._waiting if trip.due]
+            for trip in due:
+                trip.is_last = True  # what follows from here on has a record of its own
+            return due
+
     def _end_of_ring(self) -> None:
-        # Changed one by one, in place: a thread may be storing from the list.
-        for trip in tuple(self._waiting):
-            trip.is_last = True
+        with self._list_lock:
+            for trip in self._waiting:
+                trip.is_last = True
 
     def _store(self, trip: _Trip) -> None:
         since = max(0, trip.tick - round(BEFORE_S / T_s))
@@ -113,10 +163,17 @@ class FlightRecorder:
                 known = runs.get(session, run_id).id if run_id else None
             except UnknownRecordError:
                 known = None
-            event = events.add(session, "trip", trip.text, run_id=known, tick=trip.tick)
+            event = events.add(session, "trip", trip.told, run_id=known, tick=trip.tick)
             samples = pack(rows[:, _STORED].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
+            gone = flights.give_way(session, self._quota.records, self._quota.size_bytes)
+            if gone:
+                events.add(session, "flight_quota", f"the {gone} oldest flight records gave way: {self._quota_told}")
+
+    @property
+    def _quota_told(self) -> str:
+        return f"at most {self._quota.records} records and {self._quota.size_bytes / 1e6:.0f} MB are kept"
 
 
 def flight_columns(database: Database, event_id: int) -> Columns:

@@ -3,11 +3,13 @@
 from dataclasses import asdict, dataclass
 from datetime import datetime
 
-from sqlalchemy import select
+from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.records import require
 from backend.storage.schema import EventRow, FlightRow
+
+GIVE_WAY_AT_ONCE = 50
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,22 @@ def add(session: Session, new: NewFlight) -> None:
     """Keep a flight record with its event."""
     session.add(FlightRow(**asdict(new)))
     session.flush()
+
+
+def give_way(session: Session, records: int, size_bytes: int) -> int:
+    """Delete the oldest records beyond a number of records or bytes; return how many. The newest always stays.
+
+    Their events stay too. At most ``GIVE_WAY_AT_ONCE`` go, so that nobody waits long for the database.
+    """
+    sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).order_by(FlightRow.event_id.desc())
+    total, beyond = 0, []
+    for position, (event_id, size) in enumerate(session.execute(sizes)):
+        total += size
+        if position > 0 and (position >= records or total > size_bytes):
+            beyond.append(event_id)
+    going = beyond[-GIVE_WAY_AT_ONCE:]
+    session.execute(delete(FlightRow).where(FlightRow.event_id.in_(going)))
+    return len(going)
 
 
 def find(session: Session, limit: int = 100) -> list[Flight]:

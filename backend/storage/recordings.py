@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
 
-from sqlalchemy import ColumnElement, and_, func, select
+from sqlalchemy import ColumnElement, and_, func, select, update
 from sqlalchemy.orm import Session
 
 from backend.storage.records import UnknownRecordError, require, to_record
@@ -13,13 +14,18 @@ from backend.storage.schema import ChunkRow, RecordingRow, RunRow
 
 @dataclass(frozen=True)
 class Recording:
-    """What was kept of a run: ``fields`` names the columns; ``missed`` ticks are lacking, ``problem`` says why."""
+    """What was kept of a run: ``fields`` names the columns; ``missed`` ticks are lacking, ``problem`` says why.
+
+    ``removed_at`` tells that the samples were deleted to make room.
+    """
 
     run_id: int
     fields: list[str]
     period_s: float
     missed: int
     problem: str
+    size_bytes: int
+    removed_at: datetime | None
 
 
 @dataclass(frozen=True)
@@ -65,7 +71,9 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
     run = require(session, RunRow, run_id, "run")
     if run.end_state != EndState.RUNNING or session.get(RecordingRow, run_id) is not None:
         raise NotRecordableError(f"run {run_id} is over or recorded already: samples need a new run")
-    row = RecordingRow(run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="")
+    row = RecordingRow(
+        run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="", size_bytes=0, removed_at=None
+    )
     session.add(row)
     session.flush()
     return to_record(Recording, row)
@@ -74,6 +82,9 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
 def add_chunk(session: Session, run_id: int, chunk: Chunk) -> None:
     """Append a chunk to an open recording."""
     session.add(ChunkRow(run_id=run_id, **vars(chunk)))
+    size = len(chunk.samples) + len(chunk.summary)
+    longer = update(RecordingRow).where(RecordingRow.run_id == run_id)
+    session.execute(longer.values(size_bytes=RecordingRow.size_bytes + size))
     session.flush()
 
 
@@ -99,7 +110,9 @@ def span(session: Session, run_id: int) -> Span:
     first = session.execute(chunks_of_run.order_by(ChunkRow.first_tick).limit(1)).first()
     last = session.execute(chunks_of_run.order_by(ChunkRow.first_tick.desc()).limit(1)).first()
     if first is None or last is None:
-        raise UnknownRecordError(f"there is no recording of run {run_id}")
+        row = session.get(RecordingRow, run_id)
+        removed = "" if row is None or row.removed_at is None else f" any more: {row.problem}"
+        raise UnknownRecordError(f"there is no recording of run {run_id}{removed}")
     return Span(first.first_tick, last.first_tick + last.count)
 
 

@@ -94,7 +94,10 @@ class RunRow(Numbered, Base):
 
 
 class RecordingRow(Base):
-    """What the recorder kept of a run; ``fields`` names the columns of its chunks in order."""
+    """What the recorder kept of a run; ``fields`` names the columns of its chunks in order.
+
+    ``size_bytes`` is what its chunks take; ``removed_at`` tells that a person had them deleted to make room.
+    """
 
     __tablename__ = "recording"
 
@@ -103,6 +106,8 @@ class RecordingRow(Base):
     period_s: Mapped[float] = mapped_column(Float)
     missed: Mapped[int] = mapped_column(BigInteger)
     problem: Mapped[str] = mapped_column(Text)
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+    removed_at: Mapped[datetime | None]
 
 
 class ChunkRow(Base):

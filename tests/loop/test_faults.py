@@ -13,7 +13,19 @@ import pytest
 
 from backend.controllers.limits import F_SLACK
 from backend.faults import FAULT_CODE, FAULTS, Fault
-from backend.loop.commands import Accepted, Inject, Refused, Reset, SetMode, SetReferences, Stop, Stopped
+from backend.loop.commands import (
+    Accepted,
+    Inject,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    Refused,
+    Reset,
+    SetMode,
+    SetReferences,
+    Stop,
+    Stopped,
+)
 from backend.loop.mode import Mode
 from backend.loop.sensor_checks import CONTRADICTION_N
 from backend.sample import INDEX
@@ -109,6 +121,68 @@ def test_an_injected_fault_stops_in_its_documented_time(lab: PlantParameters, ca
     else:
         assert u[:, latched:].max() == 0.0
         assert [ticks <= 2 for ticks in proofs] == [True]
+
+
+@pytest.mark.parametrize("kind", [Breakage.READ_ERROR, Breakage.WRITE_ERROR, Breakage.NO_NUMBER])
+def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(lab: PlantParameters, kind: Breakage) -> None:
+    bench = moving(lab)
+    bench.events.clear()
+    bench.send(Inject(Broken(kind)))
+    bench.advance(3.0)
+    # A STOP in the middle of it has its proof at once, where the outputs can be written at all.
+    before = len(bench.events)
+    arrived = bench.send(Stop()).tick
+    bench.advance(0.1)
+    proofs = [event for event in bench.events[before:] if isinstance(event, Stopped)]
+    if kind is Breakage.WRITE_ERROR:
+        assert not proofs
+    else:
+        (proof,) = proofs
+        assert proof.fault is Fault.STOP_PRESSED
+        assert proof.zero_tick - arrived <= 2
+    bench.send(Inject(None))
+    bench.advance(2.0)
+    told = [event for event in bench.events if not isinstance(event, Accepted)]
+    stops = [event for event in told if isinstance(event, Stopped)]
+    assert len(stops) <= 2
+    assert len([event for event in told if isinstance(event, ModeChanged)]) == 1
+    always_read = kind is Breakage.NO_NUMBER
+    expected = [] if always_read else [PlantFailing, PlantAnswers]
+    assert [type(event) for event in told if isinstance(event, PlantFailing | PlantAnswers)] == expected
+
+
+def test_a_write_error_while_tripped_is_known(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Stop())
+    bench.advance(0.1)
+    bench.send(Inject(Broken(Breakage.WRITE_ERROR)))
+    bench.advance(0.1)
+    assert bench.loop.fault is Fault.STOP_PRESSED
+    (failing,) = (event for event in bench.events if isinstance(event, PlantFailing))
+    assert "cannot be written" in failing.reason
+    assert isinstance(bench.send(Reset()), Refused)
+
+
+def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Stop(Fault.OPERATOR_LOST, hard=False))
+    bench.advance(0.01)
+    assert bench.loop.mode is Mode.STOPPING
+    bench.send(Inject(Broken(Breakage.READ_ERROR)))
+    bench.advance(0.001)
+    assert bench.loop.mode is Mode.TRIPPED
+    assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
+
+
+def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    for _ in range(200):
+        bench.send(Inject(Broken(Breakage.READ_ERROR)))
+        bench.advance(0.003)
+        bench.send(Inject(None))
+        bench.advance(0.003)
+    assert sum(isinstance(event, PlantFailing | PlantAnswers) for event in bench.events) == 1
+    assert sum(isinstance(event, Stopped) for event in bench.events) == 1
 
 
 def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab: PlantParameters) -> None:

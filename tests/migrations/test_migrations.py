@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import inspect, text
 
-from backend.storage import migrate, runs
+from backend.storage import migrate, recordings, runs
 from backend.storage.database import connect, open_database, sqlite_url
 from backend.storage.migrate import SchemaError, newest_revision, require_models_match, revision, upgrade
 from tests.storage.test_lineage import NEW_RUN
@@ -42,7 +42,7 @@ def make_with_data(data_dir: Path) -> str:
     database = open_database(data_dir)
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
-        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '')"), {"run": run.id})
+        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '', 0, NULL)"), {"run": run.id})
     database.close()
     newest = newest_revision()
     assert newest is not None
@@ -76,6 +76,34 @@ def test_newer_database_is_refused_unchanged(tmp_path: Path) -> None:
     engine = connect(sqlite_url(tmp_path))
     assert "run" in inspect(engine).get_table_names()
     engine.dispose()
+
+
+def test_recordings_of_an_earlier_schema_get_their_size(tmp_path: Path, later_scripts: Path) -> None:
+    versions = later_scripts / "versions"
+    newer = [script for script in versions.glob("0*.py") if script.name >= "0003"]
+    texts = {script: script.read_text() for script in newer}
+    for script in newer:
+        script.unlink()
+    old = open_database(tmp_path)
+    with old.session() as session:
+        session.execute(
+            text(
+                "INSERT INTO run (id, kind, plant, parameters_name, parameters, settings, who, software, started_at, "
+                "end_state, end_detail, note) VALUES (1, 'session', 'simulator', 'ideal', '{}', '{}', 'Ana', '0.1', "
+                "'2026-01-01 00:00:00', 'completed', '', '')"
+            )
+        )
+        session.execute(text("INSERT INTO recording VALUES (1, '[]', 0.001, 0, '')"))
+        for first_tick in (0, 1000):
+            session.execute(text(f"INSERT INTO chunk VALUES (1, {first_tick}, 1000, zeroblob(10), zeroblob(300))"))
+    old.close()
+    for script, written in texts.items():
+        script.write_text(written)
+    opened = open_database(tmp_path)
+    with opened.reading() as session:
+        assert recordings.get(session, 1).size_bytes == 620
+        assert recordings.get(session, 1).removed_at is None
+    opened.close()
 
 
 def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:

@@ -12,11 +12,13 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop.access import LoopDied
 from backend.loop.commands import Stopped
 from backend.loop.ring import Ring
-from backend.recording.flight import DIED, LOOK_S, FlightRecorder, flight_columns
+from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, flight_columns
 from backend.sample import INDEX
-from backend.storage import Database, StorageError, flights
+from backend.storage import Database, StorageError, events, flights
 from backend.storage.records import UnknownRecordError
 from tests.recording.stand_in import Writer, new_run
+
+QUOTA = Quota(100, 10**9)
 
 
 @pytest.fixture
@@ -35,7 +37,7 @@ def trip(tick: int, fault: Fault = Fault.SLACK) -> Stopped:
 
 def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = FlightRecorder(database, lambda: writer.ring)
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     before = writer.write(20_000, run=run.id)
     recorder.hear(trip(20_000))
     after = [writer.write(4_999, fault=FAULT_CODE[Fault.SLACK])]
@@ -53,21 +55,56 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
     assert (columns["t"][0], columns["t"][10_000], columns["t"][-1]) == (-10.0, 0.0, pytest.approx(4.999))
 
 
-def test_two_trips_soon_after_each_other_have_a_record_each(database: Database, writer: Writer) -> None:
-    recorder = FlightRecorder(database, lambda: writer.ring)
+def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Database, writer: Writer) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(3_000)
     recorder.hear(trip(3_000))
     writer.write(1_000)
     recorder.hear(trip(4_000, Fault.STOP_PRESSED))
     writer.write(6_000)
     recorder.drain()
-    second, first = stored(database)
-    assert (first.trip_tick, first.first_tick, first.count) == (3_000, 0, 8_000)
-    assert (second.trip_tick, second.first_tick, second.count) == (4_000, 0, 9_000)
+    (flight,) = stored(database)
+    assert (flight.fault, flight.trip_tick, flight.first_tick, flight.count) == ("slack", 3_000, 0, 8_000)
+    assert "Followed by stop_pressed after 1.00 s." in flight.text
+
+
+def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database: Database, writer: Writer) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
+    writer.write(10_000)
+    for tick in range(10_000, 13_000):
+        recorder.hear(trip(tick, Fault.PLANT_ERROR))
+        writer.write(1)
+    writer.write(12_000)
+    recorder.hear(trip(25_000, Fault.PLANT_ERROR))
+    writer.write(5_000)
+    recorder.drain()
+    later, first = stored(database)
+    assert (first.trip_tick, first.count) == (10_000, 15_000)
+    assert first.text.endswith(
+        "Followed by plant_error after 0.00 s, plant_error after 0.00 s, plant_error after 0.00 s, "
+        "plant_error after 0.00 s, plant_error after 0.01 s and 2994 more."
+    )
+    assert (later.trip_tick, later.count) == (25_000, 15_000)
+
+
+@pytest.mark.parametrize(("quota", "kept"), [(Quota(2, 10**9), 2), (Quota(100, 1), 1)])
+def test_the_oldest_give_way_to_the_newest_and_an_event_says_so(
+    database: Database, writer: Writer, quota: Quota, kept: int
+) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring, quota)
+    for turn in range(4):
+        recorder.hear(trip(6_000 * turn))
+        writer.write(6_000)
+        recorder.drain()
+    assert [flight.trip_tick for flight in stored(database)] == [18_000, 12_000, 6_000, 0][:kept]
+    with database.reading() as session:
+        told = [event.text for event in events.find(session, limit=100)]
+    assert sum("gave way" in text for text in told) == 4 - kept
+    assert sum("F_A = 0.2 N" in text for text in told) == 4, "the events of the trips stay"
 
 
 def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(database: Database, writer: Writer) -> None:
-    recorder = FlightRecorder(database, lambda: writer.ring)
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(12_000)
     recorder.hear(trip(12_000))
     writer.write(100)
@@ -81,7 +118,7 @@ def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(datab
 def test_a_record_that_cannot_be_stored_is_told_and_tried_again(
     database: Database, writer: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    recorder = FlightRecorder(database, lambda: writer.ring)
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(9_000)
     recorder.hear(trip(3_000))
     with monkeypatch.context() as full:
@@ -102,7 +139,7 @@ def test_a_loop_that_dies_while_a_trip_is_written(database: Database, writer: Wr
     """The list that waits is changed by the event loop while a thread stores from it."""
 
     async def session() -> None:
-        recorder = FlightRecorder(database, lambda: writer.ring)
+        recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
         running = asyncio.create_task(recorder.run())
         other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
@@ -133,7 +170,7 @@ async def _until(reached: Callable[[], bool]) -> None:
 
 
 def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
-    recorder = FlightRecorder(database, lambda: writer.ring)
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(2_000)
     recorder.hear(trip(1_500))
     recorder.close()

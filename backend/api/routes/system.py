@@ -1,9 +1,9 @@
-"""Machine, timing, disk, database; backups."""
+"""Machine, timing, disk, database; backups; room for recordings."""
 
 from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.schemas.system import BackupView, DatabaseCheck, SystemView
+from backend.api.schemas.system import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 from backend.api.service import ServiceInUse
 
 router = APIRouter(prefix="/api/system", tags=["system"])
@@ -25,3 +25,15 @@ async def check_database(service: ServiceInUse, _person: Operator) -> DatabaseCh
 async def make_backup(service: ServiceInUse, _person: Operator) -> BackupView:
     """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
     return await service.upkeep.backup()
+
+
+@router.get("/recordings")
+async def get_recordings(service: ServiceInUse, _person: SignedIn) -> RecordingsView:
+    """Return how much recordings take, and the runs whose samples may go."""
+    return await service.retention.view()
+
+
+@router.post("/recordings/removal")
+async def remove_recordings(request: RemovalRequest, service: ServiceInUse, person: Operator) -> RecordingsView:
+    """Delete the samples of exactly these runs; refused as a whole unless each of them may go now."""
+    return await service.retention.remove(request.runs, person.name)

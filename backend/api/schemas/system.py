@@ -55,3 +55,31 @@ class DatabaseCheck(Schema):
     """All that is wrong with the database; empty when it is sound."""
 
     problems: list[str]
+
+
+class HeldView(Schema):
+    """A run whose samples may go."""
+
+    run: int
+    kind: str
+    who: str
+    note: str
+    started: datetime
+    size_bytes: int
+
+
+class RecordingsView(Schema):
+    """What recordings take, and which may go, oldest first; empty while they take less than the limit."""
+
+    total_bytes: int
+    limit_bytes: int
+    in_use_bytes: int = Field(description="of runs that models, results or reports came from: these never go")
+    keep_days: int = Field(description="nothing younger may go")
+    may_go: list[HeldView]
+    says: str = Field(description="empty while there is nothing to decide")
+
+
+class RemovalRequest(Schema):
+    """The runs whose samples are to be deleted, each of them on the list as it is now."""
+
+    runs: list[int] = Field(min_length=1, max_length=10_000)

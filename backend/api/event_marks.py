@@ -1,0 +1,50 @@
+"""What an event of the loop leaves on the time axis and in the journal."""
+
+from typing import NamedTuple, assert_never
+
+from backend.api.picture import described
+from backend.api.schemas.live import MarkKind
+from backend.faults import Fault
+from backend.loop.access import LoopDied
+from backend.loop.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PretensionReached,
+    ProgramEnded,
+    Refused,
+    Stopped,
+)
+
+
+class Mark(NamedTuple):
+    """One mark at ``tick``."""
+
+    kind: MarkKind
+    text: str
+    tick: int
+
+
+def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
+    """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
+    match event:
+        case ModeChanged(tick, before, after):
+            return Mark(MarkKind.MODE, f"{before} → {after}", tick)
+        case PretensionReached(tick):
+            return Mark(MarkKind.MODE, "pretension reached", tick)
+        case Stopped(fault=Fault.STOP_PRESSED):
+            return None
+        case Stopped(arrived_tick=tick):
+            return Mark(MarkKind.FAULT, described(event), tick)
+        case PlantFailing(tick, reason):
+            return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
+        case PlantAnswers(tick):
+            return Mark(MarkKind.FAULT, "the plant answers again", tick)
+        case LoopDied(reason):
+            return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
+        case Accepted() | Refused() | ProgramEnded():
+            return None
+        case _:
+            assert_never(event)

@@ -1,0 +1,101 @@
+"""Old recordings: what may go when they take more than they should, and deleting it once a person has said so.
+
+Nothing is ever deleted by itself. Only samples go; the run stays, with its settings and its note, and says so.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from backend.storage import Database, events, retention
+from backend.storage.retention import Held
+
+_CHUNKS_AT_ONCE = 200
+"""Deleted in one transaction, so that the recorder never waits long for the database."""
+
+
+class NotRemovableError(ValueError):
+    """A run was named whose samples may not go; nothing was deleted."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Recordings may take ``max_bytes``; beyond that, those older than ``keep_days`` may go."""
+
+    max_bytes: int
+    keep_days: int
+
+
+@dataclass(frozen=True)
+class Overview:
+    """What recordings take, of that what runs in use take, and the runs whose samples may go, oldest first."""
+
+    rule: Rule
+    total_bytes: int
+    in_use_bytes: int
+    may_go: tuple[Held, ...]
+
+    @property
+    def says(self) -> str:
+        """One sentence where the limit is passed, else nothing."""
+        if self.total_bytes <= self.rule.max_bytes:
+            return ""
+        takes = f"recordings take {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
+        if not self.may_go:
+            return (
+                f"{takes}: nothing may go, for all of it is in use or younger than {self.rule.keep_days} days; "
+                "raise SINEW_RECORDINGS_GB or lower SINEW_RECORDINGS_KEEP_DAYS"
+            )
+        freed = sum(run.size_bytes for run in self.may_go)
+        noun = "1 run" if len(self.may_go) == 1 else f"{len(self.may_go)} runs"
+        return (
+            f"{takes}: the samples of {noun} older than {self.rule.keep_days} days ({_gigabytes(freed)}) may go, "
+            "see the System page or `sinew db recordings`"
+        )
+
+
+def overview(database: Database, rule: Rule) -> Overview:
+    """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
+    with database.reading() as session:
+        runs = retention.held(session)
+    total = sum(run.size_bytes for run in runs)
+    before = datetime.now(UTC) - timedelta(days=rule.keep_days)
+    may_go, left = [], total
+    for run in runs:
+        if left > rule.max_bytes and not run.in_use and run.started_at < before:
+            may_go.append(run)
+            left -= run.size_bytes
+    return Overview(rule, total, sum(run.size_bytes for run in runs if run.in_use), tuple(may_go))
+
+
+def remove(database: Database, rule: Rule, run_ids: Sequence[int], who: str) -> Overview:
+    """Delete the samples of exactly these runs. Raises NotRemovableError unless every one of them may go now."""
+    may_go = {run.run_id: run for run in overview(database, rule).may_go}
+    others = sorted(set(run_ids) - set(may_go))
+    if others or not run_ids:
+        named = ", ".join(map(str, others)) or "none"
+        raise NotRemovableError(
+            f"runs named that may not go: {named}; may go now: {', '.join(map(str, may_go)) or 'none'}; nothing was "
+            "deleted: look at the list again and name runs of it"
+        )
+    for run_id in sorted(set(run_ids)):
+        _remove(database, may_go[run_id], who)
+    return overview(database, rule)
+
+
+def _remove(database: Database, run: Held, who: str) -> None:
+    day = datetime.now(UTC).date().isoformat()
+    with database.session() as session:
+        if next((held.in_use for held in retention.held(session) if held.run_id == run.run_id), True):
+            raise NotRemovableError(f"run {run.run_id} has come into use meanwhile; its samples stay")
+        retention.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
+        text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
+        events.add(session, "retention", text, who=who, run_id=run.run_id)
+    more = True
+    while more:
+        with database.session() as session:
+            more = retention.remove_chunks(session, run.run_id, _CHUNKS_AT_ONCE)
+
+
+def _gigabytes(size_bytes: int) -> str:
+    return f"{size_bytes / 1e9:.1f} GB" if size_bytes >= 1e8 else f"{size_bytes / 1e6:.1f} MB"

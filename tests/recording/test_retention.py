@@ -1,0 +1,113 @@
+"""Old recordings: what may go, what never goes, and that nothing goes unless it is named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy import text
+
+from backend.recording.reader import read_samples
+from backend.recording.retention import NotRemovableError, Rule, overview, remove
+from backend.storage import Database, Session, events, identifications, recordings, results, runs
+from backend.storage.recordings import Chunk
+from backend.storage.records import UnknownRecordError
+from backend.storage.results import NewResult
+from backend.storage.runs import EndState
+from tests.recording.stand_in import new_run
+from tests.storage.test_lineage import NEW_IDENTIFICATION
+
+CHUNKS, BYTES = 450, 450 * 110
+
+
+def recorded(database: Database, days: int = 100, end: EndState = EndState.STOPPED) -> int:
+    run = new_run(database)
+    with database.session() as session:
+        recordings.begin(session, run.id, ["q"], 1e-3)
+        for second in range(CHUNKS):
+            recordings.add_chunk(session, run.id, Chunk(1000 * second, 1000, b"s" * 10, b"x" * 100))
+        if end is not EndState.RUNNING:
+            runs.end(session, run.id, end)
+        started = datetime.now(UTC) - timedelta(days=days)
+        session.execute(
+            text("UPDATE run SET started_at = :at WHERE id = :run"),
+            {"at": started.replace(tzinfo=None).isoformat(" "), "run": run.id},
+        )
+    return run.id
+
+
+def ids(database: Database, rule: Rule) -> list[int]:
+    return [run.run_id for run in overview(database, rule).may_go]
+
+
+def test_under_the_limit_nothing_may_go(database: Database) -> None:
+    run = recorded(database)
+    found = overview(database, Rule(BYTES, 30))
+    assert (found.total_bytes, found.may_go, found.says) == (BYTES, (), "")
+    with pytest.raises(NotRemovableError, match=f"may not go: {run}; may go now: none"):
+        remove(database, Rule(BYTES, 30), [run], "Ana")
+
+
+def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> None:
+    first, second, third = (recorded(database, days) for days in (90, 80, 70))
+    assert ids(database, Rule(3 * BYTES, 30)) == []
+    assert ids(database, Rule(2 * BYTES, 30)) == [first]
+    assert ids(database, Rule(BYTES, 30)) == [first, second]
+    assert ids(database, Rule(1, 30)) == [first, second, third]
+    says = overview(database, Rule(BYTES, 30)).says
+    assert "recordings take 0.1 MB, limit 0.0 MB: the samples of 2 runs older than 30 days (0.1 MB) may go" in says
+
+
+def test_what_is_young_or_open_stays(database: Database) -> None:
+    recorded(database, days=29)
+    recorded(database, days=90, end=EndState.RUNNING)
+    found = overview(database, Rule(1, 30))
+    assert found.may_go == ()
+    assert "nothing may go" in found.says
+
+
+def _identified(session: Session, run: int) -> None:
+    identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run))
+
+
+def _judged(session: Session, run: int) -> None:
+    results.add(session, NewResult(run_id=run, metrics={}, criteria=[], software="0.1.0"))
+
+
+@pytest.mark.parametrize("use", [_identified, _judged])
+def test_what_a_model_or_result_came_from_never_goes(database: Database, use: Callable[[Session, int], None]) -> None:
+    used, unused = recorded(database, 90), recorded(database, 80)
+    with database.session() as session:
+        use(session, used)
+    assert ids(database, Rule(1, 0)) == [unused]
+    with pytest.raises(NotRemovableError, match=f"may not go: {used}; may go now: {unused}"):
+        remove(database, Rule(1, 0), [used, unused], "Ana")
+    with database.reading() as session:
+        assert recordings.extent(session, unused).count == CHUNKS * 1000, "refused as a whole"
+    assert overview(database, Rule(1, 0)).in_use_bytes == BYTES
+
+
+@pytest.mark.parametrize("named", [[], [999]])
+def test_only_runs_of_the_list_can_be_named(database: Database, named: list[int]) -> None:
+    run = recorded(database)
+    with pytest.raises(NotRemovableError, match="nothing was deleted"):
+        remove(database, Rule(1, 30), named, "Ana")
+    assert ids(database, Rule(1, 30)) == [run]
+
+
+def test_the_samples_go_and_the_run_stays_and_says_so(database: Database) -> None:
+    gone, kept = recorded(database, 90), recorded(database, 80)
+    left = remove(database, Rule(1, 30), [gone], "Ana")
+    assert [run.run_id for run in left.may_go] == [kept]
+    assert left.total_bytes == BYTES
+    with database.reading() as session:
+        assert runs.get(session, gone).end_state == "stopped"
+        recording = recordings.get(session, gone)
+        assert recording.removed_at is not None
+        assert recording.size_bytes == 0
+        with pytest.raises(UnknownRecordError, match="any more: the samples were deleted by Ana on 20"):
+            read_samples(session, gone)
+        (told,) = events.find(session, kind="retention")
+        assert (told.run_id, told.who) == (gone, "Ana")
+        assert recordings.extent(session, kept).count == CHUNKS * 1000
+        assert session.scalar(text(f"SELECT count(*) FROM chunk WHERE run_id = {gone}")) == 0
