@@ -209,8 +209,12 @@ class Library:
 def _view(session: Session, run: Run) -> RunView:
     """Return a run with the extent of what was recorded of it."""
     try:
-        recording, extent = recordings.get(session, run.id), recordings.extent(session, run.id)
+        recording = recordings.get(session, run.id)
     except UnknownRecordError:
         return stored.run_view(run, samples=0, duration_s=0.0, missed=0)
+    try:
+        extent = recordings.extent(session, run.id)
+    except UnknownRecordError:
+        return stored.run_view(run, 0, 0.0, recording.missed, recording.removed_at)
     duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
-    return stored.run_view(run, extent.count, duration_s, recording.missed)
+    return stored.run_view(run, extent.count, duration_s, recording.missed, recording.removed_at)

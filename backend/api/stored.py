@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,9 @@ from plant.interface import T_s
 _UNITS = {field.name: field.unit for field in STORED}
 
 
-def run_view(run: Run, samples: int, duration_s: float, missed: int) -> RunView:
+def run_view(
+    run: Run, samples: int, duration_s: float, missed: int, samples_deleted: datetime | None = None
+) -> RunView:
     """Return a run with the extent of what was recorded of it."""
     return RunView(
         id=run.id,
@@ -46,6 +49,7 @@ def run_view(run: Run, samples: int, duration_s: float, missed: int) -> RunView:
         duration_s=duration_s,
         samples=samples,
         missing_samples=missed,
+        samples_deleted=samples_deleted,
         settings=run.settings,
         note=run.note,
     )

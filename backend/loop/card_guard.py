@@ -57,9 +57,9 @@ class CardGuard:
             )
         return not loop_gone or self._card.state().drive_enabled
 
-    async def run(self, loop: Process) -> None:
-        """Look until the loop process has ended and the drives are off."""
-        while self.look(loop_gone=loop.returncode is not None):
+    async def run(self, loop: Process | None) -> None:
+        """Look until the loop process has ended, or is known to have ended, and the drives are off."""
+        while self.look(loop_gone=loop is None or loop.returncode is not None):
             await asyncio.sleep(LOOK_S)
 
     def _tell(self, problem: str) -> None:

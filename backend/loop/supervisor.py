@@ -153,6 +153,7 @@ class Supervisor:
     async def _stop(self) -> None:
         process = self._process
         if process is None:
+            await self.guard.run(None)  # a loop that was killed a moment ago: not before its outputs are off
             return
         self._ending = True
         try:

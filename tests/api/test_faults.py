@@ -51,6 +51,27 @@ def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) 
         assert broken == ["service"]
 
 
+@pytest.mark.parametrize("kind", ["read_error", "write_error"])
+def test_a_plant_that_fails_while_tripped_is_a_standing_problem(off: httpx.Client, kind: str) -> None:
+    off.post("/api/stop").raise_for_status()
+    off.post("/api/faults/injection", json={"kind": kind}).raise_for_status()
+    (problem_shown,) = cast(list[str], wait_for_some_problem(off))
+    assert problem_shown.startswith("the plant cannot be read or written")
+    state = off.get("/api/state").json()
+    assert state["fault"]["code"] == "stop_pressed"
+    off.request("DELETE", "/api/faults/injection").raise_for_status()
+    wait_for(off, "problems", [])
+    assert off.post("/api/reset").json()["mode"] == "off"
+
+
+def wait_for_some_problem(client: httpx.Client) -> object:
+    for _ in range(2000):
+        problems = client.get("/api/state").raise_for_status().json()["problems"]
+        if problems:
+            return problems
+    raise AssertionError("no problem was ever shown")
+
+
 def test_a_dead_watchdog_is_shown_and_a_reset_brings_a_new_one(off: httpx.Client) -> None:
     """Also where something else is latched already, so that no trip tells of it."""
     off.post("/api/stop").raise_for_status()

@@ -10,6 +10,7 @@ import pytest
 from backend.main import AlreadyRunningError, only_service_on
 from backend.storage import open_database, runs
 from backend.storage.maintenance import BackupError, restore
+from tests.api.conftest import problem
 from tests.storage.test_lineage import NEW_RUN
 
 
@@ -34,6 +35,18 @@ def test_a_backup_is_made_and_checked_while_the_service_works(
     assert (data / "backups" / made["name"]).stat().st_size == made["size_bytes"]
     assert made["name"] in [copy["name"] for copy in viewer.get("/api/system").json()["backups"]]
     assert operator.post("/api/system/check").json() == {"problems": []}
+
+
+def test_recordings_are_listed_and_go_only_when_named(operator: httpx.Client, viewer: httpx.Client) -> None:
+    """The service under test keeps within its limit, so nothing may go: naming a run is refused."""
+    listed = viewer.get("/api/system/recordings").raise_for_status().json()
+    assert listed["limit_bytes"] == 20_000_000_000
+    assert (listed["may_go"], listed["says"]) == ([], "")
+    assert viewer.post("/api/system/recordings/removal", json={"runs": [1]}).status_code == 403
+    assert operator.post("/api/system/recordings/removal", json={"runs": []}).status_code == 422
+    refused = operator.post("/api/system/recordings/removal", json={"runs": [1]})
+    assert refused.status_code == 409
+    assert "nothing was deleted" in str(problem(refused)["message"])
 
 
 def test_nothing_is_restored_under_a_service_that_works(data: Path) -> None:

@@ -1,6 +1,7 @@
 """The command line in a process of its own: what it prints, what it refuses, how it ends."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,12 +9,15 @@ from pathlib import Path
 import pytest
 
 from backend.cli import main
+from backend.storage import open_database
+from tests.recording.test_retention import recorded
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
 
-def sinew(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "backend", *words], capture_output=True, text=True, check=False)
+def sinew(*words: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "backend", *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | (env or {}))
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +115,19 @@ def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
     findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
     assert {"scheduling", "memory", "1 ms beat", "DAQ driver"} <= {finding["what"] for finding in findings}
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
+
+
+def test_recordings_beyond_the_limit_are_listed_and_go_when_named(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    run = recorded(database, days=90)
+    database.close()
+    words = ["db", "recordings", "--data", str(tmp_path)]
+    assert "nothing has to go" in sinew(*words).stdout
+    tight = {"SINEW_RECORDINGS_GB": "0.00001"}
+    listed = sinew(*words, env=tight).stdout
+    assert "the samples of 1 run older than 30 days" in " ".join(listed.split())
+    assert f"sinew db recordings --delete {run}" in listed
+    assert json.loads(sinew(*words, "--json", env=tight).stdout)["may_go"][0]["run"] == run
+    refused = sinew(*words, "--delete", str(run + 1), env=tight)
+    assert (refused.returncode, "may not go" in refused.stderr) == (2, True)
+    assert json.loads(sinew(*words, "--delete", str(run), "--json", env=tight).stdout)["total_bytes"] == 0

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
+from backend.loop import supervisor as supervisor_module
 from backend.loop.access import LoopDied, LoopDiedError
 from backend.loop.channel import Setup
 from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, Stopped
@@ -43,7 +44,7 @@ def loop_processes() -> set[int]:
     return found
 
 
-def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
+def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     async def session() -> None:
         supervisor = Supervisor(setup)
         with pytest.raises(LoopDiedError, match="not been started"):
@@ -65,6 +66,15 @@ def test_start_command_kill_restart_hang_stop(setup: Setup) -> None:
         kept = timing(supervisor.ring)
         assert 0 < kept.rate_Hz <= 1000.0 + 1e-6
         assert kept.lateness_p99_s >= kept.lateness_p50_s > 0
+
+        # A service that stands still for longer than the loop has to answer: it has answered, and lives.
+        with monkeypatch.context() as shorter:
+            shorter.setattr(supervisor_module, "ANSWER_TIMEOUT_S", 0.1)
+            asked = asyncio.create_task(supervisor.send(SetMode(Mode.RUN)))
+            await asyncio.sleep(0)
+            time.sleep(0.3)
+            assert isinstance(await asked, Refused)
+        assert supervisor.alive
 
         (first,) = loop_processes()
         card = supervisor.card

@@ -22,6 +22,7 @@ class RunView(Schema):
     duration_s: float = quantity("s", "length of what was recorded")
     samples: int
     missing_samples: int = Field(description="ticks that the recording lacks; more than 0 is an error of the run")
+    samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
     settings: dict[str, object]
     note: str
 

@@ -62,3 +62,10 @@ export function dateTime(iso: string): string {
   const date = `${when.getFullYear()}-${two(when.getMonth() + 1)}-${two(when.getDate())}`;
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
 }
+
+/** Bytes as people buy disks: 1 GB is 10⁹ bytes, as in the settings. */
+export function bytes(count: number | null): string {
+  if (count === null) return "size unknown";
+  const mega = count / 1e6;
+  return mega < 1000 ? `${fixed(mega, 1)} MB` : `${fixed(mega / 1000, 1)} GB`;
+}

@@ -36,6 +36,21 @@ export function useCheck() {
   });
 }
 
+export const recordingsQuery = queryOptions({
+  queryKey: ["recordings"],
+  queryFn: () => answered(api.GET("/api/system/recordings")),
+  refetchInterval: 60_000,
+});
+
+export function useRemoveRecordings() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (runs: number[]) =>
+      answered(api.POST("/api/system/recordings/removal", { body: { runs } })),
+    onSuccess: (left) => queries.setQueryData(recordingsQuery.queryKey, left),
+  });
+}
+
 export function useInject() {
   return useMutation({
     mutationFn: (body: Injection) => answered(api.POST("/api/faults/injection", { body })),

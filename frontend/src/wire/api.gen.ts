@@ -1226,6 +1226,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/system/recordings": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Recordings
+         * @description Return how much recordings take, and the runs whose samples may go.
+         */
+        get: operations["get_recordings"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/system/recordings/removal": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Remove Recordings
+         * @description Delete the samples of exactly these runs; refused as a whole unless each of them may go now.
+         */
+        post: operations["remove_recordings"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
 }
 export type webhooks = Record<string, never>;
 export interface components {
@@ -1880,7 +1920,7 @@ export interface components {
          * @description Why the loop stopped. The position in this enum is the code in the sample.
          * @enum {string}
          */
-        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog";
+        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead";
         /**
          * FaultKind
          * @description A fault with its words, and what brings it about while the joint moves (null: press STOP).
@@ -2017,6 +2057,27 @@ export interface components {
             version: string;
         };
         /**
+         * HeldView
+         * @description A run whose samples may go.
+         */
+        HeldView: {
+            /** Run */
+            run: number;
+            /** Kind */
+            kind: string;
+            /** Who */
+            who: string;
+            /** Note */
+            note: string;
+            /**
+             * Started
+             * Format: date-time
+             */
+            started: string;
+            /** Size Bytes */
+            size_bytes: number;
+        };
+        /**
          * HolderView
          * @description Who holds control.
          */
@@ -2150,7 +2211,7 @@ export interface components {
          * @description What is broken: parts of the plant as in ``plant.breakage.Breakage``, then links of the safety chain.
          * @enum {string}
          */
-        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "service_silent" | "page_silent";
+        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "watchdog_death" | "service_silent" | "page_silent";
         /**
          * LatenessClass
          * @description Ticks that began later than one bound and not later than the next.
@@ -2901,6 +2962,33 @@ export interface components {
             who: string;
         };
         /**
+         * RecordingsView
+         * @description What recordings take, and which may go, oldest first; empty while they take less than the limit.
+         */
+        RecordingsView: {
+            /** Total Bytes */
+            total_bytes: number;
+            /** Limit Bytes */
+            limit_bytes: number;
+            /**
+             * In Use Bytes
+             * @description of runs that models, results or reports came from: these never go
+             */
+            in_use_bytes: number;
+            /**
+             * Keep Days
+             * @description nothing younger may go
+             */
+            keep_days: number;
+            /** May Go */
+            may_go: components["schemas"]["HeldView"][];
+            /**
+             * Says
+             * @description empty while there is nothing to decide
+             */
+            says: string;
+        };
+        /**
          * References
          * @description What the cascade is asked to follow, as in force.
          */
@@ -2922,6 +3010,14 @@ export interface components {
          */
         Refusal: {
             error: components["schemas"]["Problem"];
+        };
+        /**
+         * RemovalRequest
+         * @description The runs whose samples are to be deleted, each of them on the list as it is now.
+         */
+        RemovalRequest: {
+            /** Runs */
+            runs: number[];
         };
         /**
          * ReplayRequest
@@ -3051,6 +3147,11 @@ export interface components {
              * @description ticks that the recording lacks; more than 0 is an error of the run
              */
             missing_samples: number;
+            /**
+             * Samples Deleted
+             * @description when a person had the samples deleted to make room
+             */
+            samples_deleted: string | null;
             /** Settings */
             settings: {
                 [key: string]: unknown;
@@ -11831,6 +11932,230 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["BackupView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_recordings: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RecordingsView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    remove_recordings: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RemovalRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RecordingsView"];
                 };
             };
             /** @description the body cannot be parsed */

@@ -189,7 +189,8 @@ export const FAULTS = [
   "operator_lost",
   "safety_module",
   "plant_error",
-  "watchdog"
+  "watchdog",
+  "watchdog_dead"
 ] as const;
 export const LIMITS = {
   "VOLTAGE_A": 1,

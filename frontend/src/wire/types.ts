@@ -58,3 +58,4 @@ export type Criterion = Schemas["Criterion"];
 export type ChainLink = Schemas["ChainLinkView"];
 export type Injection = Schemas["Injection"];
 export type SystemState = Schemas["SystemView"];
+export type Recordings = Schemas["RecordingsView"];

@@ -77,6 +77,8 @@ function Facts({ run }: { run: Run }) {
               ? "no sample missing"
               : `${fixed(run.missing_samples, 0)} samples missing`}
           </Verdict>
+          {run.samples_deleted !== null &&
+            `; the samples were deleted ${dateTime(run.samples_deleted)} to make room`}
         </dd>
         <dt>Settings</dt>
         <dd>{settingsText(run.settings)}</dd>

@@ -3,14 +3,14 @@
 import { Button } from "@mantine/core";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
-import { dateTime, fixed } from "../../samples/format";
+import { bytes, dateTime } from "../../samples/format";
 import { useBackup, useCheck } from "../../service/system";
 import type { SystemState } from "../../wire/types";
 import { Facts } from "./Facts";
 import styles from "./System.module.css";
 
 /** A day at the bench takes about 2 GB. */
-const LITTLE_BYTES = 2 * 1024 ** 3;
+const LITTLE_BYTES = 2e9;
 
 export function DatabaseCard({ system }: { system: SystemState | undefined }) {
   const backup = useBackup();
@@ -50,10 +50,4 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
       </div>
     </Facts>
   );
-}
-
-function bytes(count: number | null): string {
-  if (count === null) return "size unknown";
-  const mega = count / 1024 ** 2;
-  return mega < 1024 ? `${fixed(mega, 1)} MB` : `${fixed(mega / 1024, 1)} GB`;
 }

@@ -14,6 +14,7 @@ import { DatabaseCard } from "./DatabaseCard";
 import { Facts } from "./Facts";
 import { FlightRecords } from "./FlightRecords";
 import { Lateness } from "./Lateness";
+import { RecordingsCard } from "./RecordingsCard";
 import { SafetyChain } from "./SafetyChain";
 import styles from "./System.module.css";
 
@@ -75,6 +76,7 @@ export default function SystemPage() {
         />
         <SafetyChain />
         <DatabaseCard system={system} />
+        <RecordingsCard />
         <Lateness system={system} />
       </div>
       <FlightRecords />
