@@ -135,10 +135,10 @@ class ModeMachine:
             motion = self._tension_sweep(program)
         else:
             require_within("segments", len(program.segments), None, MAX_SEGMENTS, "1", "split the program")
-            b = self.bounds
+            q_min, q_max, S_min, S_max = self.bounds.q_min, self.bounds.q_max, self.bounds.S_min, self.bounds.S_max
             for segment in program.segments:
                 # Most are good, and a thousand calls would take half a period.
-                if not (b.q_min <= segment.q_ref <= b.q_max and b.S_min <= segment.S_ref <= b.S_max):
+                if not (q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max):
                     self._require_references(segment.q_ref, segment.S_ref)
             motion = self._following(program)
         self._enter(mode, motion, "program", command.run)

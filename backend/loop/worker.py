@@ -50,7 +50,7 @@ PAUSE_S = 0.02
 """Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
 
 COMMANDS_PER_TICK = 4
-BYTES_PER_TICK = 8000
+BYTES_PER_TICK = 4000
 """More wait for the next tick, so that no burst of commands and no long program makes a tick late."""
 
 _STILL = (Mode.OFF, Mode.TRIPPED)
