@@ -10,15 +10,16 @@ from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, supp
 from pathlib import Path
 from typing import Any
 
-import uvicorn
 from fastapi import APIRouter, FastAPI
 
+from backend.api import logs
 from backend.api.app import create_app
 from backend.api.auth import signed_in
 from backend.api.bench import Bench
 from backend.api.control import PART as CONTROL
 from backend.api.control import Control
 from backend.api.desk import Desk
+from backend.api.door import raise_limit
 from backend.api.downloads import Downloads
 from backend.api.gate import PART as GATE
 from backend.api.gate import Gate
@@ -36,6 +37,7 @@ from backend.api.retention import PART as RETENTION
 from backend.api.retention import Retention
 from backend.api.safe_stop import SafeStop
 from backend.api.schemas.live import MarkKind, StateMessage
+from backend.api.server import Server
 from backend.api.service import Service
 from backend.api.session_runs import SessionRuns
 from backend.api.sessions import Sessions
@@ -82,6 +84,8 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     Raises AlreadyRunningError, CannotListenError, and what keeps a part from starting.
     """
     os.umask(UMASK)
+    logs.begin()
+    raise_limit()
     with only_service_on(settings.data), _listening(settings) as listening:
         make_private(settings.data)
         _ask_for_priority()
@@ -111,30 +115,8 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
     except BaseException:
         await parts.aclose()
         raise
-    config = uvicorn.Config(
-        app,
-        access_log=False,  # it would write the token of the sign-in link
-        log_level="warning",
-        server_header=False,
-        ws_per_message_deflate=False,
-        ws_max_size=1 << 20,
-        timeout_graceful_shutdown=3,
-    )
     address = f"http://{settings.host}:{listening.getsockname()[1]}"
-    await _AnnouncingServer(config, lambda: ready(address, files.tokens if files else None)).serve([listening])
-
-
-class _AnnouncingServer(uvicorn.Server):
-    """Tells when it answers, not when it begins to start."""
-
-    def __init__(self, config: uvicorn.Config, announce: Callable[[], None]) -> None:
-        super().__init__(config)
-        self._announce = announce
-
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        await super().startup(sockets)
-        if self.started:
-            self._announce()
+    await Server(app, lambda: ready(address, files.tokens if files else None)).serve([listening])
 
 
 def _build(

@@ -2,13 +2,16 @@
 
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from typing import Any
 
 from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
+from starlette.types import ASGIApp
 
 from backend import __version__
 from backend.api import errors
 from backend.api.attendance import Attendance
+from backend.api.entrance import Entrance
 from backend.api.routes import (
     banks,
     control,
@@ -41,11 +44,24 @@ async def _nothing(_app: FastAPI) -> AsyncIterator[None]:
     yield
 
 
+class _Application(FastAPI):
+    """Has the guard in front of everything, also of the answers to failures."""
+
+    def __init__(self, allowed_hosts: tuple[str, ...], **settings: Any) -> None:
+        super().__init__(**settings)
+        self._allowed_hosts = allowed_hosts
+
+    def build_middleware_stack(self) -> ASGIApp:
+        """Return what each request goes through."""
+        return Guard(super().build_middleware_stack(), self._allowed_hosts)
+
+
 def create_app(
     lifespan: Lifespan = _nothing, further_routes: Iterable[APIRouter] = (), allowed_hosts: Iterable[str] = ()
 ) -> FastAPI:
     """Build the application; ``lifespan`` gives ``app.state`` its gate and its service."""
-    app = FastAPI(
+    app = _Application(
+        tuple(allowed_hosts),
         title="Sinew",
         version=__version__,
         description=DESCRIPTION,
@@ -74,7 +90,7 @@ def create_app(
     site.mount_static(app)
     errors.install(app)
     app.add_middleware(Attendance)
-    app.add_middleware(Guard, allowed_hosts=tuple(allowed_hosts))
+    app.add_middleware(Entrance)
     return app
 
 

@@ -1,7 +1,6 @@
 """Turns exceptions into the one error body of the interface."""
 
 import logging
-import math
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
@@ -27,6 +26,12 @@ from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 
 _log = logging.getLogger(__name__)
+
+SHOWN = 40
+"""Characters of a refused text that are repeated."""
+
+_LARGEST = 2**53
+"""Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
 _CODES = {
     400: "bad_request",
@@ -98,7 +103,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(ApiError)
     async def refused(_request: Request, error: ApiError) -> JSONResponse:
-        return _answer(error.status, error.problem, error.headers)
+        return answer_to(error)
 
     @app.exception_handler(OutOfRangeError)
     async def out_of_range(_request: Request, error: OutOfRangeError) -> JSONResponse:
@@ -136,6 +141,11 @@ def install(app: FastAPI) -> None:
     async def unexpected(request: Request, error: Exception) -> JSONResponse:
         _log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
         return _answer(500, Problem(code="internal_error", message="the service failed on this request; see its log"))
+
+
+def answer_to(error: ApiError) -> JSONResponse:
+    """Return the answer that a refusal is."""
+    return _answer(error.status, error.problem, error.headers)
 
 
 def _plain_handler(status: int) -> Callable[[Request, Exception], Awaitable[JSONResponse]]:
@@ -181,13 +191,24 @@ def _first_problem(error: RequestValidationError) -> Problem:
 
 def _plain(value: object) -> object:
     """Return what JSON can show of a refused value; a token or a large body is not repeated."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, int | float) or value is None:
+    if isinstance(value, bool) or value is None:
         return value
-    return value[:40] if isinstance(value, str) else None
+    if isinstance(value, int | float):
+        return value if abs(value) <= _LARGEST else str(value)[:SHOWN]
+    return value[:SHOWN] if isinstance(value, str) else None
+
+
+def _printable(value: object) -> object:
+    """Return ``value`` with nothing in its texts that cannot be sent: half a character becomes a question mark."""
+    if isinstance(value, str):
+        return value.encode("utf-8", "replace").decode()
+    if isinstance(value, list):
+        return [_printable(item) for item in value]
+    if isinstance(value, dict):
+        return {name: _printable(item) for name, item in value.items()}
+    return _plain(value)
 
 
 def _answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    body = Refusal(error=problem).model_dump(exclude_none=True)
+    body = _printable(Refusal(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))

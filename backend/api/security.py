@@ -3,7 +3,7 @@
 import ipaddress
 import socket
 from collections.abc import Iterable
-from urllib.parse import urlsplit
+from urllib.parse import unquote_to_bytes, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import HTTPConnection
@@ -22,7 +22,7 @@ APP_POLICY = (
 )
 DOCUMENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; frame-ancestors 'self'"
 
-_HEADERS = {
+HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -30,13 +30,14 @@ _HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
     "Content-Security-Policy": APP_POLICY,
 }
+"""What every answer carries, unless its route says otherwise."""
 
 
 class Guard:
-    """ASGI middleware in front of everything, websockets included.
+    """ASGI middleware in front of everything, websockets and the answers to failures included.
 
     Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
-    websockets and on everything that writes, and bodies larger than ``MAX_BODY_BYTES``.
+    websockets and on everything that writes, and bodies larger than ``MAX_BODY_BYTES`` or of no certain length.
     """
 
     def __init__(self, app: ASGIApp, allowed_hosts: Iterable[str] = ()) -> None:
@@ -52,7 +53,7 @@ class Guard:
         if refusal is None:
             await self._app(scope, receive, _with_headers(scope, send))
         elif scope["type"] == "websocket":
-            await WebSocket(scope, receive, send).send_denial_response(refusal)
+            await WebSocket(scope, receive, _with_headers(scope, send)).send_denial_response(refusal)
         else:
             await refusal(scope, receive, _with_headers(scope, send))
 
@@ -64,12 +65,9 @@ class Guard:
         writes = scope["type"] == "websocket" or scope["method"] not in _READING
         if writes and not _same_origin(headers, host):
             return _refuse(403, "foreign_origin", "requests from pages of another origin are refused")
-        if "transfer-encoding" in headers and "content-length" not in headers:
-            return _refuse(411, "length_required", "send a Content-Length")
-        length = headers.get("content-length", "0")
-        if not length.isdigit() or int(length) > MAX_BODY_BYTES:
-            return _refuse(413, "too_large", f"the body is larger than {MAX_BODY_BYTES} bytes")
-        return None
+        if b"\0" in unquote_to_bytes(scope.get("raw_path") or scope["path"]) + unquote_to_bytes(scope["query_string"]):
+            return _refuse(400, "bad_character", "the address holds a character of code 0, which no text here may have")
+        return _refusal_of_length(headers)
 
     def _is_known(self, host: str) -> bool:
         try:
@@ -85,10 +83,26 @@ class Guard:
         return True
 
 
+def _refusal_of_length(headers: Headers) -> Response | None:
+    if "transfer-encoding" in headers:
+        if "content-length" in headers:
+            return _refuse(400, "two_lengths", "send either a Content-Length or a Transfer-Encoding, not both")
+        return _refuse(411, "length_required", "send a Content-Length")
+    length = headers.get("content-length", "0")
+    if not (length.isascii() and length.isdigit()):
+        return _refuse(400, "bad_length", "the Content-Length has to be a whole number")
+    if len(length) > 12 or int(length) > MAX_BODY_BYTES:
+        return _refuse(413, "too_large", f"the body is larger than {MAX_BODY_BYTES} bytes")
+    return None
+
+
 def _same_origin(headers: Headers, host: str) -> bool:
     origin = headers.get("origin")
     if origin is not None:
-        return urlsplit(origin).netloc.lower() == host.lower()
+        try:
+            return urlsplit(origin).netloc.lower() == host.lower()
+        except ValueError:  # a bracket that is not closed
+            return False
     return headers.get("sec-fetch-site", "none") in ("none", "same-origin")
 
 
@@ -96,9 +110,9 @@ def _with_headers(scope: Scope, send: Send) -> Send:
     private = HTTPConnection(scope).url.path.startswith("/api")
 
     async def send_with_headers(message: Message) -> None:
-        if message["type"] == "http.response.start":
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
-            for name, value in _HEADERS.items():
+            for name, value in HEADERS.items():
                 headers.setdefault(name, value)
             if private:
                 headers.setdefault("Cache-Control", "no-store")

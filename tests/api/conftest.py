@@ -5,6 +5,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from websockets.sync.client import ClientConnection, connect
 
 from tests.e2e.service import Service, running_service
 
@@ -20,6 +21,14 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 def client_with(service: Service, token_file: str) -> httpx.Client:
     token = (service.data / token_file).read_text().strip()
     return httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, timeout=240.0)
+
+
+def live(client: httpx.Client) -> ClientConnection:
+    """Open the live stream as the person whose token ``client`` sends."""
+    url = f"ws://{client.base_url.netloc.decode()}/api/live"
+    return connect(
+        url, additional_headers={"Authorization": client.headers["Authorization"]}, compression=None, close_timeout=0.1
+    )
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """The real service for browser tests: own process, own loop process, own data folder, own port."""
 
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -26,16 +27,21 @@ class Service:
 
 
 @contextmanager
-def running_service(data: Path, params: str = "lab", log: Path | None = None) -> Iterator[Service]:
+def running_service(
+    data: Path, params: str = "lab", log: Path | None = None, descriptors: int | None = None
+) -> Iterator[Service]:
     """Start ``sinew serve`` on the simulator and wait for its sign-in link; end it as Ctrl+C does.
 
-    What it says is copied to ``log``, by default a file in its data folder.
+    What it says is copied to ``log``, by default a file in its data folder. ``descriptors`` is how many files and
+    sockets it may have open if it asks for them, where that is to be fewer than usual; it begins with half of them.
     """
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
     command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", "simulator", "--params", params]
     command += ["--port", "0", "--data", str(data)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if descriptors is not None:
+        resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))
     try:
         found = _read_until_link(process, log)
         yield Service(found[1], found[0], data, log, process.pid)

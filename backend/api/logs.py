@@ -1,0 +1,53 @@
+"""One log for the whole service, which nobody outside can make grow without end."""
+
+import logging
+import time
+from collections.abc import Callable
+from threading import Lock
+
+LINES = 5
+WINDOW_S = 30.0
+"""Of one kind of line, ``LINES`` are written in each window; the next one after it says how many were left out."""
+
+KINDS = 500
+"""Kinds of lines that are remembered."""
+
+_FORMAT = "%(asctime)s %(levelname)s %(name)s: %(message)s"
+
+
+class Limit(logging.Filter):
+    """Lets pass few lines of each kind: those of one place in the code, about one type of exception."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock = clock
+        self._lock = Lock()
+        self._kinds: dict[object, tuple[float, int]] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether to write ``record``."""
+        error = record.exc_info[0] if record.exc_info else None
+        kind = (record.name, record.pathname, record.lineno, error)
+        now = self._clock()
+        with self._lock:
+            begun, count = self._kinds.pop(kind, (now, 0))
+            if now - begun >= WINDOW_S:
+                if count > LINES:
+                    record.msg = f"{record.getMessage()} [{count - LINES} more like this were left out]"
+                    record.args = ()
+                begun, count = now, 0
+            self._kinds[kind] = (begun, count + 1)
+            while len(self._kinds) > KINDS:
+                del self._kinds[next(iter(self._kinds))]
+        if count + 1 == LINES:
+            record.msg = f"{record.getMessage()} [more like this are left out for {WINDOW_S:.0f} s]"
+            record.args = ()
+        return count < LINES
+
+
+def begin() -> None:
+    """Write everything of level warning and above to standard error, through one handler with the limit."""
+    handler = logging.StreamHandler()
+    handler.addFilter(Limit())
+    handler.setFormatter(logging.Formatter(_FORMAT))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)

@@ -1,0 +1,77 @@
+"""What of a body is taken, and from whom: raw requests to the running service."""
+
+import socket
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+
+from tests.e2e.service import Service
+
+MB = 1 << 20
+CLOSED = ["/api/references", "/api/experiments/dry-run", "/api/banks/file", "/api/push"]
+
+
+def exchange(service: Service, head: str, body: bytes = b"") -> tuple[int, int]:
+    """Send a request; returns the status of the answer and how many bytes of ``body`` could be sent before it."""
+    parts = urlsplit(service.url)
+    sent = 0
+    with socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20) as connection:
+        connection.sendall(f"{head}Host: {parts.netloc}\r\nContent-Type: application/json\r\n\r\n".encode())
+        try:
+            while sent < len(body):
+                sent += connection.send(body[sent : sent + 65536])
+        except OSError:
+            pass  # the service takes no more
+        try:
+            answer = connection.recv(4096)
+        except ConnectionResetError:
+            return 0, sent
+    return int(answer.split()[1]) if answer else 0, sent
+
+
+def memory_MB(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * 4096 / MB
+
+
+@pytest.mark.parametrize(("path", "token"), [("/api/session", ""), ("/api/push", "right"), ("/api/push", "")])
+def test_a_body_of_two_lengths_is_refused_and_not_taken(
+    service: Service, operator: httpx.Client, path: str, token: str
+) -> None:
+    sign = f"Authorization: {operator.headers['Authorization']}\r\n" if token else ""
+    head = f"POST {path} HTTP/1.1\r\nTransfer-Encoding: chunked\r\nContent-Length: 5\r\n{sign}"
+    chunk = b"10000\r\n" + b"x" * 65536 + b"\r\n"
+    before = memory_MB(service.pid)
+    status, _ = exchange(service, head, chunk * 1600)
+    assert status in (400, 0)  # 0: the connection was closed while the body still came
+    assert memory_MB(service.pid) - before < 50.0
+    status, _ = exchange(service, head, b"5\r\n12345\r\n0\r\n\r\n")
+    assert status == 400
+
+
+@pytest.mark.parametrize("path", CLOSED)
+def test_who_is_not_signed_in_is_answered_before_the_body_comes(service: Service, path: str) -> None:
+    status, _ = exchange(service, f"POST {path} HTTP/1.1\r\nContent-Length: 200000\r\n")
+    assert status == 401
+
+
+def test_nor_does_the_service_ask_for_such_a_body(service: Service) -> None:
+    status, _ = exchange(service, "POST /api/push HTTP/1.1\r\nContent-Length: 9\r\nExpect: 100-continue\r\n")
+    assert status == 401
+
+
+@pytest.mark.parametrize("body", ["", "{", "[]", "1", '{"token": 1}', "\ufeff"])
+def test_who_is_not_signed_in_learns_nothing_of_what_a_body_needs(service: Service, body: str) -> None:
+    answer = httpx.put(
+        f"{service.url}/api/references", content=body.encode(), headers={"Content-Type": "application/json"}
+    )
+    assert answer.status_code in (401, 422)
+    assert answer.status_code == 401 or not body
+
+
+@pytest.mark.parametrize("length", ["²", "-1", "1 2", "9" * 30, "0x10"])
+def test_a_length_that_is_none_is_refused(service: Service, length: str) -> None:
+    status, _ = exchange(service, f"POST /api/session HTTP/1.1\r\nContent-Length: {length}\r\n")
+    assert status in (400, 413)

@@ -1,0 +1,99 @@
+"""Every wait of a connection ends: for a word, a head, a body, the rest of one, for its answer to be read."""
+
+import time
+from collections.abc import Iterator
+
+import pytest
+from fastapi import FastAPI
+from starlette.responses import Response
+
+from backend.api import protocols, reception
+from backend.api.security import Guard
+from tests.api.serving import served
+from tests.api.sockets import connected, everything_from, is_closed, seconds_until_refused
+
+SHORT_S = 0.2
+HOST = b"Host: localhost\r\n"
+LARGE = 64 * 1024 * 1024
+
+app = FastAPI()
+
+
+@app.get("/thing")
+async def thing() -> str:
+    return "here"
+
+
+@app.get("/large")
+async def large() -> Response:
+    return Response(b"x" * LARGE)
+
+
+@app.post("/thing")
+async def change(body: dict[str, int]) -> str:
+    return "changed"
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[tuple[str, int]]:
+    with pytest.MonkeyPatch.context() as shorter, served(Guard(app)) as address:
+        shorter.setattr(reception, "SILENCE_S", SHORT_S)
+        for name in ("HEAD_S", "BODY_S", "REST_S", "STALL_S"):
+            shorter.setattr(protocols, name, SHORT_S)
+        shorter.setattr(protocols, "GUEST_PAUSE_S", 1)
+        yield address
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"",
+        b"GET /thing HTTP/1.1\r\nHo",
+        b"POST /thing HTTP/1.1\r\nContent-Type: application/json\r\nContent-Length: 10\r\n" + HOST + b"\r\n{",
+    ],
+    ids=["a word", "a head", "a body"],
+)
+def test_who_does_not_go_on_is_sent_away(address: tuple[str, int], said: bytes) -> None:
+    with connected(address, said) as slow:
+        assert everything_from(slow) == b""
+
+
+def test_bytes_that_trickle_in_win_no_time(address: tuple[str, int]) -> None:
+    with connected(address, b"GET /thing HTTP/1.1\r\n" + HOST) as slow:
+        assert seconds_until_refused(slow, b"X: y\r\n", SHORT_S / 10) < 60.0
+
+
+def test_a_body_that_nobody_waits_for_is_not_taken_for_ever(address: tuple[str, int]) -> None:
+    with connected(address, b"POST /thing HTTP/1.1\r\nContent-Length: 300000000\r\n" + HOST + b"\r\n") as pushing:
+        assert seconds_until_refused(pushing, b"x" * 1000, SHORT_S / 10) < 60.0
+
+
+def test_an_answer_that_is_not_read_is_given_up(address: tuple[str, int]) -> None:
+    with connected(address, b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n") as deaf:
+        time.sleep(5 * SHORT_S)
+        assert len(everything_from(deaf)) < LARGE
+
+
+def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int]) -> None:
+    with connected(address) as kept:
+        for _ in range(3):
+            kept.sendall(b"GET /thing HTTP/1.1\r\n" + HOST + b"\r\n")
+            answer = b""
+            while not answer.endswith(b'"here"'):
+                answer += kept.recv(4096)
+            time.sleep(1.5 * SHORT_S)
+        assert not is_closed(kept)
+
+
+@pytest.mark.parametrize("nonsense", [b"\x16\x03\x01\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"\x00" * 100 + b"\r\n\r\n"])
+def test_what_is_no_http_is_answered_with_every_header(address: tuple[str, int], nonsense: bytes) -> None:
+    with connected(address, nonsense) as stranger:
+        answer = everything_from(stranger)
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert b"content-security-policy: default-src" in answer.lower()
+    assert b"x-content-type-options: nosniff" in answer.lower()
+
+
+def test_nonsense_behind_a_request_ends_the_connection(address: tuple[str, int]) -> None:
+    with connected(address, b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n\x00\x00\r\n\r\n") as stranger:
+        assert everything_from(stranger).startswith(b"HTTP/1.1 200 ")
