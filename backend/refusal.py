@@ -29,8 +29,17 @@ def _sentence(quantity: str, value: float, minimum: float | None, maximum: float
         bounds.append(f"at least {minimum:.4g}")
     if maximum is not None:
         bounds.append(f"at most {maximum:.4g}")
-    sentence = f"{quantity} = {value:.6g}{shown_unit} is out of range: it must be {' and '.join(bounds)}{shown_unit}"
+    sentence = (
+        f"{quantity} = {_shown(value)}{shown_unit} is out of range: it must be {' and '.join(bounds)}{shown_unit}"
+    )
     return f"{sentence}; {remedy}" if remedy else sentence
+
+
+def _shown(value: float) -> str:
+    try:
+        return f"{value:.6g}"
+    except OverflowError:  # a whole number beyond the largest float
+        return f"a number of {len(str(abs(int(value))))} digits"
 
 
 def require_within(

@@ -13,6 +13,7 @@ from backend.refusal import require_within
 
 Value = float | int | bool | str
 _KEY = "setting"
+_SHOWN = 100
 _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _T = TypeVar("_T")
 
@@ -26,7 +27,7 @@ class SettingError(ValueError):
     def __init__(
         self, quantity: str, value: object, reason: str, *, unit: str = "", legal: tuple[str, ...] = ()
     ) -> None:
-        super().__init__(f"{quantity} = {value!r} refused: {reason}")
+        super().__init__(f"{quantity} = {repr(value)[:_SHOWN]} refused: {reason}")
         self.quantity = quantity
         self.value = value
         self.unit = unit

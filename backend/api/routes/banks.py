@@ -7,13 +7,15 @@ from fastapi import APIRouter, Query
 from backend.api.auth import Operator, SignedIn
 from backend.api.errors import ApiError
 from backend.api.schemas.bank import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView
+from backend.api.schemas.base import RowNumber
 from backend.api.service import InControl, RowId, ServiceInUse
 
 router = APIRouter(prefix="/api/banks", tags=["banks"])
 
 OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
 Again = Annotated[
-    list[int] | None, Query(max_length=20, description="in place of another bank: runs that identified points again")
+    list[RowNumber] | None,
+    Query(max_length=20, description="in place of another bank: runs that identified points again"),
 ]
 
 

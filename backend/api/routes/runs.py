@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Query, Response
 from backend.api.auth import Operator, SignedIn
 from backend.api.library import Excerpt
 from backend.api.schemas.base import Finite
-from backend.api.schemas.history import Lineage, ReplayRequest, RunMarks
+from backend.api.schemas.history import LONGEST_S, Lineage, ReplayRequest, RunMarks
 from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
 from backend.api.security import DOCUMENT_POLICY
 from backend.api.service import RowId, ServiceInUse
@@ -82,8 +82,12 @@ async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _pe
 
 async def _excerpt(
     id: RowId,
-    from_s: Annotated[Finite, Query(alias="from", ge=0.0, description="begin, from the run's first sample [s]")] = 0.0,
-    to_s: Annotated[Finite | None, Query(alias="to", gt=0.0, description="end [s]; the run's end if left out")] = None,
+    from_s: Annotated[
+        Finite, Query(alias="from", ge=0.0, le=LONGEST_S, description="begin, from the run's first sample [s]")
+    ] = 0.0,
+    to_s: Annotated[
+        Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; the run's end if left out")
+    ] = None,
     points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
     signals: Annotated[str, Query(max_length=400, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> Excerpt:

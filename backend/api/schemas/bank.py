@@ -1,17 +1,20 @@
 """Banks: built from identification runs, compared, taken out and brought in."""
 
 from datetime import datetime
+from typing import Annotated
 
 from pydantic import Field
 
-from backend.api.schemas.base import Finite, Schema, quantity
+from backend.api.schemas.base import Finite, RowNumber, Schema, quantity
+
+Text = Annotated[str, Field(max_length=100)]
 
 
 class BankRequest(Schema):
     """A new bank, or a new version of the bank of that name, from chosen identification runs."""
 
     name: str = Field(min_length=1, max_length=60)
-    identifications: list[int] = Field(min_length=1, max_length=20)
+    identifications: list[RowNumber] = Field(min_length=1, max_length=20)
 
 
 class BankEntryView(Schema):
@@ -122,18 +125,18 @@ class BankFileEntry(Schema):
 class BankOrigin(Schema):
     """Where a bank's file came from."""
 
-    bank: int
-    version: int
-    who: str
-    made: str
+    bank: RowNumber
+    version: RowNumber
+    who: Text
+    made: Text
 
 
 class BankFile(Schema):
     """A bank as a file."""
 
-    format: str = "sinew-bank"
-    version: int = 1
+    format: Text = "sinew-bank"
+    version: RowNumber = 1
     name: str = Field(min_length=1, max_length=60)
     exported_from: BankOrigin | None = None
-    units: dict[str, str] = Field(default_factory=dict, max_length=20)
+    units: dict[Text, Text] = Field(default_factory=dict, max_length=20)
     entries: list[BankFileEntry] = Field(min_length=1, max_length=20)

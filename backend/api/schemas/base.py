@@ -4,8 +4,17 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-"""A number that is neither nan nor infinite."""
+HUGE = 1e12
+"""Beyond every quantity here, in whatever unit; what a quantity really may be is for the parts below to say."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False, ge=-HUGE, le=HUGE)]
+"""A number that is neither nan nor infinite, nor so large that reckoning with it would fail."""
+
+RowNumber = Annotated[int, Field(ge=1, le=2**53)]
+"""Number of something stored; a browser knows whole numbers up to 2^53."""
+
+ANY_SIZE = {"ge": -HUGE, "le": HUGE}
+"""Constraints of a quantity whose real bounds depend on the plant."""
 
 UNITS: dict[str, str] = {}
 """Unit of each quantity by its name, for refusals; a name has one unit everywhere."""

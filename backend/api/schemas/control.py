@@ -6,7 +6,7 @@ from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
 
-PageKey = Annotated[str, Field(pattern="^[A-Za-z0-9_-]{16}$")]
+PageKey = Annotated[str, Field(max_length=16, pattern="^[A-Za-z0-9_-]{16}$")]
 
 
 class ControlRequest(Schema):

@@ -1,13 +1,15 @@
 """Experiments: which there are, their settings, and how they went."""
 
 from datetime import datetime
+from typing import Annotated
 
 from pydantic import Field
 
 from backend.api.schemas.base import Finite, Schema, quantity
 from backend.api.schemas.run import SamplesView
 
-SettingValue = bool | Finite | str
+SettingName = Annotated[str, Field(max_length=40)]
+SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]
 
 
 class SettingView(Schema):
@@ -42,7 +44,7 @@ class ExperimentRequest(Schema):
     """Which experiment to start, with settings that differ from the defaults."""
 
     name: str = Field(min_length=1, max_length=40)
-    settings: dict[str, SettingValue] = Field(default_factory=dict, max_length=50)
+    settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
 
 
 class Metric(Schema):

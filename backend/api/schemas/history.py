@@ -7,6 +7,9 @@ from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
 
+LONGEST_S = 1e9
+"""Longer than any recording [s]: thirty years."""
+
 
 class LineageBank(Schema):
     """A bank that a run used or that was built from it."""
@@ -54,7 +57,7 @@ class RunMarks(Schema):
 class ReplayRequest(Schema):
     """The moment to show."""
 
-    t: float = quantity("s", "time since the run's first sample", ge=0.0)
+    t: float = quantity("s", "time since the run's first sample", ge=0.0, le=LONGEST_S)
 
 
 class StepState(StrEnum):

@@ -1,13 +1,15 @@
 """The JSON messages of the websocket /api/live; the samples themselves travel in binary frames (backend.wire)."""
 
 from enum import StrEnum
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
 from backend.api.schemas.control import PageKey
 from backend.api.schemas.state import State
+
+Whole = Annotated[int, Field(ge=0, le=2**53)]
 
 
 class FieldView(Schema):
@@ -60,7 +62,7 @@ class Ping(Schema):
     """Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does."""
 
     type: Literal["ping"] = "ping"
-    id: int
+    id: Whole
     control: PageKey | None = None
 
 

@@ -6,8 +6,8 @@ from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
 
-SignalName = Annotated[str, Field(pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
-SignalColours = dict[SignalName, Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")]]
+SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
+SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[0-9a-fA-F]{6}$")]]
 
 
 class Preferences(Schema):

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.base import ANY_SIZE, Schema, quantity
 from backend.api.schemas.control import HolderView
 from backend.api.schemas.tuning import TuningView
 from backend.faults import Fault
@@ -32,14 +32,14 @@ class TimingView(Schema):
 class References(Schema):
     """What the cascade is asked to follow, as in force."""
 
-    q_ref: float = quantity("rad", "joint position reference")
-    S_ref: float = quantity("N·m/rad", "joint stiffness reference")
+    q_ref: float = quantity("rad", "joint position reference", **ANY_SIZE)
+    S_ref: float = quantity("N·m/rad", "joint stiffness reference", **ANY_SIZE)
 
 
 class Push(Schema):
     """An external force on the joint; the simulator only."""
 
-    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q")
+    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q", **ANY_SIZE)
 
 
 class TensionView(Schema):

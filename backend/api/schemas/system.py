@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.base import RowNumber, Schema, quantity
 
 
 class GrantedView(Schema):
@@ -82,4 +82,4 @@ class RecordingsView(Schema):
 class RemovalRequest(Schema):
     """The runs whose samples are to be deleted, each of them on the list as it is now."""
 
-    runs: list[int] = Field(min_length=1, max_length=10_000)
+    runs: list[RowNumber] = Field(min_length=1, max_length=10_000)

@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from backend.api.schemas.base import Schema, quantity
+from backend.api.schemas.base import ANY_SIZE, Schema, quantity
 
 
 class BankReference(Schema):
@@ -35,9 +35,9 @@ class TuningView(Schema):
 class TuningRequest(Schema):
     """The tuning wanted; what is left out stays as it is."""
 
-    lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None)
-    lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None)
-    lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None)
+    lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None, **ANY_SIZE)
+    lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None, **ANY_SIZE)
+    lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
 
 
