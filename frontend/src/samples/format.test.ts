@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { age, clockTime, dateTime, duration, fixed, kilohertz, significant } from "./format";
+import { age, bytes, clockTime, dateTime, duration, fixed, kilohertz, significant } from "./format";
 
 describe("numbers", () => {
   it("have fixed decimals, a true minus and no negative zero", () => {
@@ -56,4 +56,15 @@ describe("times", () => {
 
 it("shows the rate of the loop in kHz", () => {
   expect(kilohertz(999.6)).toBe("1.000 kHz");
+});
+
+describe("bytes", () => {
+  it("count as disks are sold", () => {
+    expect([bytes(1_250_000), bytes(20_000_000_000), bytes(999_949_999), bytes(null)]).toEqual([
+      "1.3 MB",
+      "20.0 GB",
+      "999.9 MB",
+      "size unknown",
+    ]);
+  });
 });

@@ -45,8 +45,7 @@ export const recordingsQuery = queryOptions({
 export function useRemoveRecordings() {
   const queries = useQueryClient();
   return useMutation({
-    mutationFn: (runs: number[]) =>
-      answered(api.POST("/api/system/recordings/removal", { body: { runs } })),
+    mutationFn: (runs: number[]) => answered(api.POST("/api/system/recordings/removal", { body: { runs } })),
     onSuccess: (left) => queries.setQueryData(recordingsQuery.queryKey, left),
   });
 }

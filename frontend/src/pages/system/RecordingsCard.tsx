@@ -109,8 +109,7 @@ function Removal({ runs, onDone }: RemovalProps) {
             )
           }
         >
-          Delete the samples of {going.length === 1 ? "1 run" : `${going.length} runs`} (
-          {bytes(total(going))})
+          {`Delete the samples of ${counted(going)} (${bytes(total(going))})`}
         </Button>
         <Button variant="default" onClick={onDone}>
           Keep all
@@ -131,7 +130,10 @@ function total(runs: Recordings["may_go"]): number {
   return runs.reduce((sum, run) => sum + run.size_bytes, 0);
 }
 
+function counted(runs: Recordings["may_go"]): string {
+  return runs.length === 1 ? "1 run" : `${runs.length} runs`;
+}
+
 function summary(runs: Recordings["may_go"], keepDays: number): string {
-  const noun = runs.length === 1 ? "1 run" : `${runs.length} runs`;
-  return `samples of ${noun} older than ${keepDays} days, ${bytes(total(runs))}`;
+  return `samples of ${counted(runs)} older than ${keepDays} days, ${bytes(total(runs))}`;
 }
