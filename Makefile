@@ -1,6 +1,7 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
-# Further: check, format, bench, soak (attacks and long runs), screenshots. Everything made stays in .venv, frontend/node_modules and backend/static.
+# Further: check, format, test-newest (the tests on the newest Python), bench, soak (attacks and long runs),
+# screenshots. Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest or the soak; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
@@ -10,7 +11,7 @@ NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
 
-.PHONY: run test check format bench soak screenshots install install-dev frontend
+.PHONY: run test test-newest check format bench soak screenshots install install-dev install-newest frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -18,7 +19,11 @@ run: install frontend
 test: install-dev frontend
 	.ci/provide browser compose
 	$(NPM) test
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m tests.lanes $(ARGS)
+
+test-newest: install-newest
+	.ci/provide browser compose
+	.venv-newest/bin/python -m tests.lanes $(ARGS)
 
 check: install-dev
 	$(BIN)/ruff format --check
@@ -50,6 +55,8 @@ screenshots: install-dev frontend
 # A stamp per set of packages: a second make finds it newer than its sources and goes straight on.
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
+install-newest: install-dev frontend
+	$(MAKE) --no-print-directory VENV=.venv-newest install-dev
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/pip
 	@echo "Installing Sinew into $(VENV); the first time this takes a minute or two"
@@ -64,8 +71,11 @@ $(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
 	$(PIP) install --no-build-isolation --editable '.[dev,rig,postgres]'
 	@touch $@
 
-$(BIN)/pip:
+.venv/bin/pip:
 	.ci/provide venv
+
+.venv-newest/bin/pip:
+	.ci/provide newest
 
 frontend: install
 	@$(NPM) build

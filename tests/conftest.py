@@ -1,6 +1,48 @@
-"""What all tests share: property tests that are the same on each run, whatever else the machine is doing."""
+"""What all tests share: property tests that are the same on each run; which tests want the machine to themselves."""
 
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("sinew", deadline=None, derandomize=True, database=None)
 settings.load_profile("sinew")
+
+TESTS = Path(__file__).parent
+ONLY_COMPUTES = {
+    "bench",
+    "cli",
+    "closed_loop",
+    "controllers",
+    "docs",
+    "experiments",
+    "identification",
+    "loop",
+    "migrations",
+    "packaging",
+    "plant",
+    "recording",
+    "reports",
+    "storage",
+    "tuning",
+    "wire",
+    "test_house.py",
+    "test_lanes.py",
+}
+"""What a busy machine makes slower but not wrong, but for modules that say of themselves that they are live. Else,
+new folders too, tests are taken to be live."""
+
+
+SESSION_LONG = {"api", "fuzz"}
+"""Their one service stays up until the end: so they come last, and it is in nobody's way."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if folder(item) not in ONLY_COMPUTES:
+            item.add_marker(pytest.mark.live)
+    items.sort(key=lambda item: folder(item) in SESSION_LONG)
+
+
+def folder(item: pytest.Item) -> str:
+    return item.path.relative_to(TESTS).parts[0]

@@ -14,6 +14,8 @@ from backend.loop.channel import Channel, channel_pair, decode_to_loop
 from backend.loop.commands import Heartbeat
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture
 def ends() -> Iterator[tuple[Channel, Channel]]:

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from backend.loop.pacer import Pacer, request_real_time
 
+pytestmark = pytest.mark.live
+
 MS = 1_000_000
 
 

@@ -24,6 +24,8 @@ from backend.loop.supervisor import Supervisor
 from backend.loop.timing import timing
 from backend.sample import INDEX
 
+pytestmark = pytest.mark.live
+
 SERVICE = Path(__file__).with_name("service_stand_in.py")
 TIMEOUT_S = 120.0
 

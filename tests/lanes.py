@@ -1,0 +1,87 @@
+"""``python -m tests.lanes [PYTEST ARGUMENT ...]``: all tests, each in one of the lanes; told how long each lane took.
+
+Tests that only compute share the processor: as many processes as there are cores. Tests with a live service, loop or
+browser come after them, one at a time, so that nothing but what is tested moves. `tests/conftest.py` says which is
+which. At the end the tests that were run are counted against those there are: a test that no lane runs is a failure.
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+ROOT = Path(__file__).parents[1]
+LANES = {"pure": ("-m", "not live", "-n", "auto"), "live": ("-m", "live", "-p", "no:xdist")}
+NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A lane at its end: the tests that exist for the same arguments, and how those that it ran came out."""
+
+    name: str
+    code: int
+    seconds: float
+    there: list[str]
+    outcomes: dict[str, str]
+
+    @property
+    def failed(self) -> int:
+        return sum(outcome == "failed" for outcome in self.outcomes.values())
+
+
+def run(name: str, arguments: list[str]) -> Ended:
+    """Run one lane, its output as it comes."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "pytest", "-p", "tests.lanes_record", f"--record={folder}", *LANES[name]]
+        begun = time.monotonic()
+        code = subprocess.run([*command, *arguments], cwd=ROOT, check=False).returncode
+        there, outcomes = (_lines(Path(folder) / kept) for kept in ("there", "outcomes"))
+        return Ended(
+            name,
+            0 if code == NO_TESTS else code,
+            time.monotonic() - begun,
+            there,
+            dict(line.split(" ", 1)[::-1] for line in outcomes),
+        )
+
+
+def not_run_once(lanes: list[Ended]) -> list[str]:
+    """Return what no lane ran, and what more than one did."""
+    there = {test for lane in lanes for test in lane.there}
+    ran = Counter(test for lane in lanes for test in lane.outcomes)
+    return sorted(there.symmetric_difference(ran) | {test for test, times in ran.items() if times > 1})
+
+
+def main() -> int:
+    console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
+    lanes = []
+    for name in LANES:
+        console.rule(f"lane: {name}")
+        lanes.append(run(name, sys.argv[1:]))
+    table = Table("lane", "tests", "failed", "time [s]", title=f"Python {sys.version.split()[0]}")
+    for lane in lanes:
+        table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")
+    console.print(table)
+    astray = not_run_once(lanes) if all(lane.code in (0, 1) for lane in lanes) else []
+    for test in astray:
+        console.print(f"not run once: {test}")
+    failed = sum(lane.failed for lane in lanes)
+    ran = sum(len(lane.outcomes) for lane in lanes)
+    console.print(f"{ran - failed} passed, {failed} failed")
+    return max([int(bool(astray)), *(lane.code for lane in lanes)])
+
+
+def _lines(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""No test falls between the lanes, and a test that hangs ends with the place where it hung."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.lanes import Ended, not_run_once
+
+ROOT = Path(__file__).parents[1]
+
+
+def lane(there: list[str], ran: list[str]) -> Ended:
+    return Ended("any", 0, 1.0, there, dict.fromkeys(ran, "passed"))
+
+
+def test_a_test_that_no_lane_runs_is_found_and_so_is_one_that_two_run() -> None:
+    everything = ["a", "b", "c"]
+    assert not_run_once([lane(everything, ["a", "c"]), lane(everything, ["b"])]) == []
+    assert not_run_once([lane(everything, ["a"]), lane(everything, ["b"])]) == ["c"]
+    assert not_run_once([lane(everything, ["a", "b"]), lane(everything, ["b", "c"])]) == ["b"]
+
+
+def test_lanes_divide_what_there_is_and_count_it() -> None:
+    some = ["tests/wire", "tests/loop/test_pacer.py", "-q"]
+    ended = subprocess.run([sys.executable, "-m", "tests.lanes", *some], cwd=ROOT, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    pure, live = (int(re.search(rf"{name} +│ (\d+)", ended.stdout)[1]) for name in ("pure", "live"))
+    assert pure > 0
+    assert live > 0
+    assert ended.stdout.splitlines()[-1] == f"{pure + live} passed, 0 failed"
+
+
+def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
+    (tmp_path / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(60)  # here\n")
+    command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--timeout=1", str(tmp_path)]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=50)
+    assert ended.returncode == 1
+    assert "time.sleep(60)  # here" in ended.stdout
+    assert "Timeout" in ended.stdout
