@@ -33,7 +33,7 @@ def may_stop(connection: HTTPConnection) -> Person:
     """Return who presses STOP: also somebody whose session is not live any more. Raises ApiError 401."""
     person = gate_of(connection).recognise_for_stop(connection)
     if person is None:
-        raise ApiError(401, f"not signed in: use the e-stop at the rig; {_SIGN_IN}")
+        raise ApiError(401, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
 
 

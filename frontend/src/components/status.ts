@@ -87,7 +87,7 @@ export function stopSentence(
     case "confirmed":
       return proofSentence(stop.proof);
     case "unconfirmed":
-      return `STOP NOT CONFIRMED: ${stop.reason} Use the stop at the machine.`;
+      return `STOP NOT CONFIRMED: ${stop.reason.replace(/\.?$/, ".")} Use the stop at the machine.`;
   }
 }
 

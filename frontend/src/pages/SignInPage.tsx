@@ -30,7 +30,9 @@ export function SignInPage() {
             is also kept in the data folder.
           </Text>
           <Group wrap="nowrap">
-            <StopButton />
+            <div style={{ flexShrink: 0 }}>
+              <StopButton />
+            </div>
             <Text size="sm">
               STOP works here as long as this browser was signed in and did not sign out. If it is not
               confirmed, use the stop at the machine.
