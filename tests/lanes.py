@@ -70,13 +70,16 @@ def main() -> int:
     for lane in lanes:
         table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")
     console.print(table)
-    astray = not_run_once(lanes) if all(lane.code in (0, 1) for lane in lanes) else []
+    broken = [lane for lane in lanes if lane.code not in (0, 1)]
+    for lane in broken:
+        console.print(f"the lane {lane.name} did not come to its end: exit code {lane.code}")
+    astray = [] if broken else not_run_once(lanes)
     for test in astray:
         console.print(f"not run once: {test}")
     failed = sum(lane.failed for lane in lanes)
     ran = sum(len(lane.outcomes) for lane in lanes)
     console.print(f"{ran - failed} passed, {failed} failed")
-    return max([int(bool(astray)), *(lane.code for lane in lanes)])
+    return int(bool(broken or astray or failed or any(lane.code for lane in lanes)))
 
 
 def _lines(path: Path) -> list[str]:

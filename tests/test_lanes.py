@@ -31,6 +31,14 @@ def test_lanes_divide_what_there_is_and_count_it() -> None:
     assert ended.stdout.splitlines()[-1] == f"{pure + live} passed, 0 failed"
 
 
+def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text("import os, signal\n\nos.kill(os.getpid(), signal.SIGKILL)\n")
+    command = [sys.executable, "-m", "tests.lanes", f"--confcutdir={tmp_path}", str(tmp_path)]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert "the lane live did not come to its end: exit code -9" in ended.stdout
+
+
 def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
     (tmp_path / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(60)  # here\n")
     command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--timeout=1", str(tmp_path)]
