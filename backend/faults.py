@@ -26,6 +26,7 @@ class Fault(StrEnum):
     PLANT_ERROR = "plant_error"
     WATCHDOG = "watchdog"
     WATCHDOG_DEAD = "watchdog_dead"
+    SERVICE_ENDED = "service_ended"
 
 
 FAULTS: tuple[Fault, ...] = tuple(Fault)
@@ -101,5 +102,8 @@ EXPLAINED: dict[Fault, Explanation] = {
     Fault.WATCHDOG_DEAD: Explanation(
         "The card's watchdog is dead.",
         "Reset: it starts a new loop with a new watchdog, which is tried first. If this comes back, do not go on.",
+    ),
+    Fault.SERVICE_ENDED: Explanation(
+        "The service was told to end and stopped the loop.", "Start the service again; it comes up without the fault."
     ),
 }

@@ -1,13 +1,11 @@
 """The service: puts the parts together, runs them while the web server runs, and takes them down again."""
 
 import asyncio
-import fcntl
 import logging
 import os
 import socket
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
-from pathlib import Path
 from typing import Any
 
 from fastapi import APIRouter, FastAPI
@@ -16,6 +14,7 @@ from backend.api import logs
 from backend.api.app import create_app
 from backend.api.auth import signed_in
 from backend.api.bench import Bench
+from backend.api.care import Care
 from backend.api.control import PART as CONTROL
 from backend.api.control import Control
 from backend.api.desk import Desk
@@ -46,6 +45,9 @@ from backend.api.tasks import Tasks
 from backend.api.tokens import TokenFiles, Tokens
 from backend.api.tuning_in_use import TuningInUse
 from backend.api.upkeep import Upkeep
+from backend.data_folder import PART as FOLDER
+from backend.data_folder import FolderWatch, HeldFolder, only_service_on
+from backend.ending import Ending, address_on
 from backend.experiments.evaluation import evaluate
 from backend.experiments.runner import Station
 from backend.faults import Fault
@@ -70,10 +72,6 @@ NICENESS = -10
 _log = logging.getLogger(__name__)
 
 
-class AlreadyRunningError(Exception):
-    """Another service works on this data folder."""
-
-
 class CannotListenError(Exception):
     """The address cannot be listened on."""
 
@@ -81,21 +79,23 @@ class CannotListenError(Exception):
 def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
     """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers.
 
-    Raises AlreadyRunningError, CannotListenError, and what keeps a part from starting.
+    Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
     """
     os.umask(UMASK)
     logs.begin()
     raise_limit()
-    with only_service_on(settings.data), _listening(settings) as listening:
+    with only_service_on(settings.data) as folder, _listening(settings) as listening:
         make_private(settings.data)
         _ask_for_priority()
-        asyncio.run(_serve(settings, listening, ready))
+        asyncio.run(_serve(settings, folder, listening, ready))
 
 
-async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[str, Tokens | None], None]) -> None:
+async def _serve(
+    settings: Settings, folder: HeldFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
+) -> None:
     files = TokenFiles(settings.data) if settings.require_token else None
     gate = Gate(files, Sessions(settings.data))
-    parts = AsyncExitStack()
+    parts, ending = AsyncExitStack(), Ending()
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
@@ -106,21 +106,26 @@ async def _serve(settings: Settings, listening: socket.socket, ready: Callable[[
         # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
         supervision = Supervision()
         parts.callback(supervision.close)
-        supervisor, recorder, service, scenes = _build(settings, gate, supervision, parts)
+        supervisor, recorder, service, scenes = _build(settings, folder, gate, supervision, parts)
         app = create_app(lifespan, scenes, settings.allowed_hosts)
         app.state.service, app.state.gate = service, gate
         await _put_routes_together(app)
-        await _start_loop(supervisor, recorder, supervision, parts)
-        parts.push_async_callback(service.tasks.close)
+        await _start_loop(supervisor, recorder, supervision, ending, parts)
+        parts.push_async_callback(lambda: service.tasks.close(ending.cause))
     except BaseException:
         await parts.aclose()
         raise
-    address = f"http://{settings.host}:{listening.getsockname()[1]}"
-    await Server(app, lambda: ready(address, files.tokens if files else None)).serve([listening])
+    address = address_on(settings.host, listening.getsockname()[1])
+
+    def announce() -> None:
+        folder.say_address(address)
+        ready(address, files.tokens if files else None)
+
+    await Server(app, announce, ending).serve([listening])
 
 
 def _build(
-    settings: Settings, gate: Gate, supervision: Supervision, stack: AsyncExitStack
+    settings: Settings, folder: HeldFolder, gate: Gate, supervision: Supervision, stack: AsyncExitStack
 ) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
 
@@ -130,8 +135,10 @@ def _build(
         stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
 
     parameters = load_parameters(settings.params)
-    database = open_database(settings.data, settings.database_url)
+    database = open_database(settings.data, settings.database_url, settings.database_password())
     stack.callback(database.close)
+    care = Care(database, settings.data)
+    care.before_start()
     _close_interrupted(database)
     kept = KeptTuning(database)
     tuning, said = kept.restore(parameters)
@@ -146,7 +153,7 @@ def _build(
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        parts = recorder, flights, journal, supervisor.guard, retention, gate.sessions
+        parts = watch, care, recorder, flights, journal, supervisor.guard, retention, gate.sessions
         return [*(part.problem for part in parts if part.problem), *supervision.problems]
 
     retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
@@ -171,6 +178,9 @@ def _build(
     journal.on_mark(live.announce)
     bench.on_change(live.state_changed)
     keep(LIVE, live.run)
+    watch = FolderWatch((folder.problem, care.displaced), bench.changed)
+    keep(FOLDER, watch.run)
+    care.start()
 
     library = Library(database, lambda: picture.task)
     history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
@@ -207,14 +217,19 @@ def _build(
 
 
 async def _start_loop(
-    supervisor: Supervisor, recorder: Recorder, supervision: Supervision, stack: AsyncExitStack
+    supervisor: Supervisor, recorder: Recorder, supervision: Supervision, ending: Ending, stack: AsyncExitStack
 ) -> None:
     """Start the loop process and record it; both end before the other parts do."""
+
+    async def stop() -> None:
+        recorder.ended_by = ending.cause
+        await supervisor.stop(ending.cause)
+
     await supervisor.start()
     recorder.follow(supervisor.ring)
     stack.push_async_callback(asyncio.to_thread, recorder.close)
     stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
-    stack.push_async_callback(supervisor.stop)
+    stack.push_async_callback(stop)
 
 
 async def _put_routes_together(app: FastAPI) -> None:
@@ -265,15 +280,3 @@ def _listening(settings: Settings) -> Iterator[socket.socket]:
         ) from None
     with listening:
         yield listening
-
-
-@contextmanager
-def only_service_on(data: Path) -> Iterator[None]:
-    """Hold the data folder, so that no second service takes its open runs for interrupted ones."""
-    data.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with (data / "service.lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
-        yield

@@ -1,33 +1,61 @@
 """What the service can be told from outside: environment (``SINEW_...``) and command line."""
 
 import ipaddress
+import json
+import re
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+_PREFIX = "SINEW_"
+_HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)
+
+
+class UnusableSettingError(Exception):
+    """The environment says something that cannot be used; the message names the variable and what it takes."""
+
+
+def _host_names(given: object) -> object:
+    """Return the names in ``given``: with commas between them, or a JSON list."""
+    if not isinstance(given, str):
+        return given
+    try:
+        names = json.loads(given) if given.lstrip().startswith("[") else given.split(",")
+    except ValueError:
+        names = [given]
+    kept = [name.strip() if isinstance(name, str) else str(name) for name in names]
+    for name in kept:
+        if not _HOST_NAME.fullmatch(name) or name.isdigit():
+            raise ValueError(f"{name!r} is no host name: give names such as rig.lab, without http:// or a port")
+    return kept
 
 
 class Settings(BaseSettings):
     """Settings of one service process.
 
-    ``database_url`` defaults to SQLite in the data folder. ``allowed_hosts`` are further names the dashboard may be
-    reached by (the Host header is checked against DNS rebinding). ``require_token`` off makes everyone an operator
-    and is refused on any address but a loopback one. Flight records beyond ``flight_records`` or ``flight_records_MB``
-    give way to new ones. Recordings beyond ``recordings_GB`` may go once they are older than ``recordings_keep_days``,
-    which is for a person to decide.
+    ``database_url`` defaults to SQLite in the data folder; its password may stand in a file instead, so that no
+    environment shows it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is
+    checked against DNS rebinding). ``require_token`` off makes everyone an operator and is refused on any address but a
+    loopback one. ``show_link`` says whether the sign-in link is printed at the start; None: on a terminal only, as
+    what is not a terminal is a log that others keep and read. Flight records beyond ``flight_records`` or
+    ``flight_records_MB`` give way to new ones. Recordings beyond ``recordings_GB`` may go once they are older than
+    ``recordings_keep_days``, which is for a person to decide.
     """
 
-    model_config = SettingsConfigDict(env_prefix="SINEW_", extra="ignore", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
 
     data: Path = Path("data")
     plant: Literal["simulator", "rig"] = "simulator"
     params: str = "lab"
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=0, le=65535)
-    database_url: str | None = None
+    database_url: str | None = Field(default=None, repr=False)
+    database_password_file: Path | None = None
     require_token: bool = True
-    allowed_hosts: tuple[str, ...] = ()
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_host_names)] = ()
+    show_link: bool | None = None
     flight_records: int = Field(default=300, ge=1, le=100_000)
     flight_records_MB: int = Field(default=100, ge=1, le=100_000)
     recordings_GB: float = Field(default=20.0, gt=0.0, le=100_000.0)
@@ -46,6 +74,37 @@ class Settings(BaseSettings):
     def database(self) -> str:
         """SQLAlchemy URL of the database."""
         return self.database_url or f"sqlite:///{self.data.resolve() / 'sinew.db'}"
+
+    def database_password(self) -> str | None:
+        """Return the password in ``database_password_file``, None where no file is named.
+
+        Raises UnusableSettingError.
+        """
+        if self.database_password_file is None:
+            return None
+        name = f"{_PREFIX}DATABASE_PASSWORD_FILE={self.database_password_file}"
+        try:
+            password = self.database_password_file.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise UnusableSettingError(f"{name}: the file cannot be read: {error}") from None
+        if not password:
+            raise UnusableSettingError(f"{name}: the file is empty: put the password into it")
+        return password
+
+
+def settings_of_environment() -> Settings:
+    """Return what the environment says, defaults elsewhere. Raises UnusableSettingError."""
+    try:
+        return Settings()
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        said = "; ".join(_sentence(detail["loc"], detail["input"], detail["msg"]) for detail in details)
+        raise UnusableSettingError(said) from None
+
+
+def _sentence(place: tuple[int | str, ...], given: object, message: str) -> str:
+    said = message.removeprefix("Value error, ")
+    return f"{_PREFIX}{str(place[0]).upper()}={given}: {said}" if place else said
 
 
 def is_loopback(host: str) -> bool:

@@ -10,14 +10,15 @@ from starlette.types import ASGIApp
 from backend.api.door import RESERVE, Door, Place, Room, descriptor_limit, open_descriptors
 from backend.api.protocols import HttpProtocol, SocketProtocol
 from backend.api.reception import Reception
+from backend.ending import Ending, EndingServer
 
 GRACE_S = 3
 
 
-class Server(uvicorn.Server):
+class Server(EndingServer):
     """Serves on the sockets given. ``ready`` is called when it answers, not when it begins to start."""
 
-    def __init__(self, app: ASGIApp, ready: Callable[[], None]) -> None:
+    def __init__(self, app: ASGIApp, ready: Callable[[], None], ending: Ending) -> None:
         super().__init__(
             uvicorn.Config(
                 app,
@@ -30,7 +31,8 @@ class Server(uvicorn.Server):
                 ws_per_message_deflate=False,
                 ws_max_size=1 << 20,
                 timeout_graceful_shutdown=GRACE_S,
-            )
+            ),
+            ending,
         )
         self._ready = ready
         self._receptions: list[Reception] = []

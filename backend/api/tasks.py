@@ -119,10 +119,10 @@ class Tasks:
         tuning = self._bench.picture.tuning
         return await asyncio.to_thread(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor)
 
-    async def close(self) -> None:
-        """Give up what is running; its run is closed as such."""
+    async def close(self, cause: str = "service ended") -> None:
+        """Give up what is running; its run is closed as ended by ``cause``."""
         if self._running is not None:
-            self._running.cancel()
+            self._running.cancel(cause)
             await asyncio.gather(self._running, return_exceptions=True)
 
     def _require_free(self) -> None:

@@ -13,6 +13,10 @@ FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
 SHORTEST = 20
 
 
+class TokenError(Exception):
+    """A token file holds nothing that could be a token; the message says what to do."""
+
+
 @dataclass(frozen=True, repr=False)
 class Tokens:
     """The tokens by role; never printed or logged."""
@@ -63,7 +67,10 @@ class TokenFiles:
 
 
 def load_tokens(data: Path) -> Tokens:
-    """Read the tokens of the folder ``data``, creating folder and files (mode 0600) at the first start."""
+    """Read the tokens of the folder ``data``, creating folder and files (mode 0600) at the first start.
+
+    Raises TokenError.
+    """
     data.mkdir(parents=True, exist_ok=True)
     return Tokens(*(_read_or_create(data / FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))
 
@@ -79,9 +86,9 @@ def _read_or_create(path: Path) -> str:
         descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     except FileExistsError:
         path.chmod(0o600)
-        token = path.read_text().strip()
-        if len(token) < SHORTEST:
-            raise ValueError(f"{path} holds no usable token; delete the file and start again") from None
+        token = path.read_text(encoding="ascii", errors="replace").strip()
+        if len(token) < SHORTEST or not token.isascii():
+            raise TokenError(f"{path} holds no usable token; delete the file and start again") from None
         return token
     token = secrets.token_urlsafe(32)
     with os.fdopen(descriptor, "w") as file:

@@ -20,6 +20,7 @@ app = typer.Typer(
     rich_markup_mode=None,  # it would take [rad] for a colour
 )
 app.command()(serve.serve)
+app.command()(serve.link)
 app.command()(experiment.experiment)
 app.add_typer(identify.app, name="identify")
 app.add_typer(bank.app, name="bank")
@@ -45,12 +46,15 @@ def main() -> None:
 
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
+    from backend.api.tokens import TokenError
+    from backend.data_folder import AlreadyRunningError, DataFolderError
     from backend.experiments.bank_consistency import BankError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
-    from backend.main import AlreadyRunningError, CannotListenError
+    from backend.main import CannotListenError
     from backend.recording.recorder import RecordingError
     from backend.refusal import OutOfRangeError
+    from backend.settings import UnusableSettingError
     from backend.storage import StorageError
     from backend.storage.maintenance import BackupError
     from backend.storage.migrate import SchemaError
@@ -63,6 +67,7 @@ def _expected() -> tuple[type[Exception], ...]:
         BackupError,
         BankError,
         CannotListenError,
+        DataFolderError,
         LoopDiedError,
         OSError,
         OutOfRangeError,
@@ -71,8 +76,10 @@ def _expected() -> tuple[type[Exception], ...]:
         SchemaError,
         SettingError,
         StorageError,
+        TokenError,
         TuningError,
         UnknownRecordError,
+        UnusableSettingError,
     )
 
 

@@ -47,7 +47,7 @@ def restore(
     data: DataFolder = None,
 ) -> None:
     """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
-    from backend.main import only_service_on
+    from backend.data_folder import only_service_on
     from backend.storage.database import FILE_NAME
     from backend.storage.maintenance import BackupError
     from backend.storage.maintenance import restore as bring_back

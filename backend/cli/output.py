@@ -19,8 +19,8 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs in
 
 
 def fail(message: str, status: int = 1) -> None:
-    """Print one line and end with ``status``."""
-    errors.print(f"sinew: {message}", style="red", highlight=False, soft_wrap=True, markup=False)
+    """Print one line, whatever line breaks the message has, and end with ``status``."""
+    errors.print(f"sinew: {' '.join(message.split())}", style="red", highlight=False, soft_wrap=True, markup=False)
     sys.exit(status)
 
 

@@ -7,18 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.settings import Settings
+from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
     from backend.storage import Database
 
-DataFolder = Annotated[Path | None, typer.Option("--data", help="Folder with the database and the tokens. [./data]")]
+DataFolder = Annotated[
+    Path | None,
+    typer.Option("--data", readable=False, help="Folder with the database and the tokens. [./data]"),
+]
 ParameterSet = Annotated[str | None, typer.Option("--params", help="Parameter set: lab, ideal or a TOML file. [lab]")]
 
 
 def settings_with(**chosen: object) -> Settings:
     """Return the settings: what the command line leaves out comes from the environment or is the default."""
-    return Settings.model_validate({**Settings().model_dump(), **{k: v for k, v in chosen.items() if v is not None}})
+    environment = settings_of_environment().model_dump()
+    return Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
 
 
 @contextmanager
@@ -26,7 +30,7 @@ def database_of(settings: Settings) -> "Iterator[Database]":
     """Open the database, migrated to the newest schema, for the block."""
     from backend.storage import open_database
 
-    database = open_database(settings.data, settings.database_url)
+    database = open_database(settings.data, settings.database_url, settings.database_password())
     try:
         yield database
     finally:

@@ -160,5 +160,7 @@ class _Watch:
             return Ending(EndState.STOPPED, "the program hung and was stopped")
         if self._stopped is not None:
             fault, detail = self._stopped.fault, self._stopped.detail
+            if fault is Fault.SERVICE_ENDED:
+                return Ending(EndState.STOPPED, detail)
             return Ending(_END_STATES.get(fault, EndState.TRIPPED), f"{fault}: {detail}" if detail else fault)
         return Ending(EndState.STOPPED, reason or self._cause)

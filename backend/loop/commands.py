@@ -90,10 +90,14 @@ class Inject:
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts)."""
+    """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts).
+
+    ``detail`` is put on record with the fault: by what it was asked for.
+    """
 
     fault: Fault = Fault.STOP_PRESSED
     hard: bool = True
+    detail: str = "asked for"
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ class Loop:
     def _carry_out(self, command: Command) -> None:
         match command:
             case Stop():
-                self._machine.begin_stop(command, "asked for")
+                self._machine.begin_stop(command, command.detail)
             case SetMode():
                 self._machine.set_mode(command)
             case SetReferences():

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
+from backend.faults import Fault
 from backend.loop import heartbeat
 from backend.loop.access import Listener, LoopDied, LoopDiedError, result_of
 from backend.loop.answers import Answers
@@ -103,15 +104,15 @@ class Supervisor:
         async with self._one_at_a_time:
             return await self._start()
 
-    async def stop(self) -> None:
-        """Bring the joint to rest, outputs to zero volts, and end the process."""
+    async def stop(self, cause: str = "service ended") -> None:
+        """Bring the joint to rest, outputs to zero volts, and end the process; ``cause`` is put on record."""
         async with self._one_at_a_time:
-            await self._stop()
+            await self._stop(cause)
 
     async def restart(self) -> Granted:
         """End the loop process, if it is there, and start another one with the present ``setup``."""
         async with self._one_at_a_time:
-            await self._stop()
+            await self._stop("the loop process is replaced")
             return await self._start()
 
     async def _start(self) -> Granted:
@@ -150,7 +151,7 @@ class Supervisor:
             self._kill(f"it was not ready within {START_TIMEOUT_S:g} s")
             return await self._ready
 
-    async def _stop(self) -> None:
+    async def _stop(self, cause: str) -> None:
         process = self._process
         if process is None:
             await self.guard.run(None)  # a loop that was killed a moment ago: not before its outputs are off
@@ -158,7 +159,7 @@ class Supervisor:
         self._ending = True
         try:
             if self.alive:
-                await self._come_to_rest()
+                await self._come_to_rest(cause)
                 await self.send(Shutdown())
             else:
                 process.terminate()
@@ -206,7 +207,7 @@ class Supervisor:
             raise LoopDiedError(f"the control loop is not running: {self._reason}")
         return self._channel
 
-    async def _come_to_rest(self) -> None:
+    async def _come_to_rest(self, cause: str) -> None:
         stopped: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
 
         def hear(event: Event | LoopDied) -> None:
@@ -215,7 +216,7 @@ class Supervisor:
 
         forget = self.listen(hear)
         try:
-            await self.send(Stop(hard=False))
+            await self.send(Stop(Fault.SERVICE_ENDED, hard=False, detail=cause))
             await result_of(stopped, STOP_TIMEOUT_S)
         finally:
             forget()

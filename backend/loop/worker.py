@@ -38,7 +38,7 @@ from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from plant.card import Card
 from plant.interface import Plant, PlantError, T_s
-from plant.parameters import PlantParameters, load_parameters
+from plant.parameters import ParameterError, PlantParameters, load_parameters
 from plant.simulator import Simulator
 
 SILENCE_S = 0.34
@@ -202,6 +202,10 @@ def main() -> int:
         _work(ring, channel, Card(int(sys.argv[3])))
     except ChannelClosedError:
         return 0
+    except (PlantError, ParameterError) as error:
+        # Not a mistake of the program: the service tells it in a sentence.
+        channel.send(encode(Failed(str(error))))
+        return 1
     except Exception as error:
         channel.send(encode(Failed(f"{type(error).__name__}: {error}")))
         raise

@@ -18,7 +18,7 @@ from backend.loop.commands import Event, ProgramEnded
 from backend.loop.ring import Ring
 from backend.recording.codec import pack, summarise
 from backend.sample import INDEX, STORED_NAMES
-from backend.storage import Database, Session, StorageError, events, recordings, runs
+from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState
@@ -45,11 +45,13 @@ class RecordingError(Exception):
 class Recorder:
     """Records the runs that a ring's samples name, either in a thread of its own or whenever ``drain`` is called.
 
-    ``problem`` says why nothing can be stored at present; it is empty while all is well.
+    ``problem`` says why nothing can be stored at present; it is empty while all is well. ``ended_by`` is what a run is
+    said to have ended by when the service ends.
     """
 
     def __init__(self, database: Database, ring: Ring) -> None:
         self.problem = ""
+        self.ended_by = "service ended"
         self._database = database
         self._ring = ring
         self._position = ring.count
@@ -101,6 +103,8 @@ class Recorder:
         try:
             with self._one_at_a_time:
                 step()
+        except GoneError as error:
+            self._report(f"samples cannot be stored: {error}")
         except StorageError as error:
             self._report(f"samples cannot be stored: {error}; free space on the disk or make the database writable")
         except Exception as error:
@@ -149,7 +153,7 @@ class Recorder:
             return False
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
         if self._run and run != self._run:
-            self._end_run(*_end_of(rows[0]), tick)
+            self._end_run(*self._end_of(rows[0]), tick)
         if run not in (0, self._run, self._refused_run):
             self._begin_run(run, tick, missed)
         length = _stretch(rows)
@@ -188,6 +192,15 @@ class Recorder:
             runs.end(session, self._run, end_state, detail)
         self._ended_run, self._run = self._run, 0
 
+    def _end_of(self, following: NDArray[np.float64]) -> tuple[EndState, str]:
+        """Tell from the first sample after a run why it ended."""
+        fault = FAULTS[int(following[_FAULT])]
+        if fault is Fault.NONE:
+            return EndState.COMPLETED, ""
+        if fault is Fault.SERVICE_ENDED:
+            return EndState.STOPPED, self.ended_by
+        return _END_STATES.get(fault, EndState.TRIPPED), fault.value
+
     def _note_gap(self, session: Session, tick: int) -> None:
         missed = tick - self._next_tick
         if missed:
@@ -199,14 +212,6 @@ def _stretch(rows: Rows) -> int:
     """Count the leading rows of one run without a gap."""
     breaks = np.flatnonzero((np.diff(rows[:, _RUN]) != 0) | (np.diff(rows[:, _TICK]) != 1))
     return int(breaks[0]) + 1 if len(breaks) else len(rows)
-
-
-def _end_of(following: NDArray[np.float64]) -> tuple[EndState, str]:
-    """Tell from the first sample after a run why it ended."""
-    fault = FAULTS[int(following[_FAULT])]
-    if fault is Fault.NONE:
-        return EndState.COMPLETED, ""
-    return _END_STATES.get(fault, EndState.TRIPPED), fault.value
 
 
 _END_STATES = {

@@ -11,6 +11,16 @@ dataclasses::
 Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
 """
 
-from backend.storage.database import Database, Session, StorageError, open_database
+from backend.storage.database import Database, Session, open_database, require_whole
+from backend.storage.errors import DamagedError, GoneError, StorageError, UnfitError
 
-__all__ = ["Database", "Session", "StorageError", "open_database"]
+__all__ = [
+    "DamagedError",
+    "Database",
+    "GoneError",
+    "Session",
+    "StorageError",
+    "UnfitError",
+    "open_database",
+    "require_whole",
+]

@@ -2,21 +2,33 @@
 
 import json
 import logging
+import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from backend.private import make_private
+from backend.storage.errors import DamagedError, StorageError, UnfitError
 from backend.storage.maintenance import backup
 from backend.storage.migrate import is_outdated, revision, upgrade
+from backend.storage.soundness import (
+    Identity,
+    file_of,
+    identity,
+    quick_check,
+    require_in_place,
+    require_usable,
+    way_back,
+)
 
 __all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
 
@@ -24,15 +36,16 @@ FILE_NAME = "sinew.db"
 _log = logging.getLogger(__name__)
 
 
-class StorageError(Exception):
-    """The database cannot be reached, read or written, or refuses what breaks its rules; the message is its own."""
-
-
 class Database:
-    """An engine and its transactions. Functions of this package take the ``Session`` that these hand out."""
+    """An engine and its transactions. Functions of this package take the ``Session`` that these hand out.
 
-    def __init__(self, engine: Engine) -> None:
+    ``file`` is that of an SQLite database, None for any other; ``opened`` tells it from one put in its place.
+    """
+
+    def __init__(self, engine: Engine, opened: Identity | None = None) -> None:
         self.engine = engine
+        self.file = file_of(engine)
+        self._opened = opened or (identity(self.file) if self.file else None)
         # SQLite's snapshots are one by nature; the servers' default would show later commits midway.
         isolation = {} if engine.dialect.name == "sqlite" else {"isolation_level": "REPEATABLE READ"}
         self._reading_engine = engine.execution_options(sinew_reading=True, **isolation)
@@ -42,8 +55,10 @@ class Database:
         """One writing transaction: committed at the end of the block, rolled back whole on any exception.
 
         On SQLite it takes the write lock at once (waiting up to 5 s): a transaction that first reads and then writes
-        would otherwise fail without waiting when another one wrote in between. Raises StorageError.
+        would otherwise fail without waiting when another one wrote in between. Raises StorageError; GoneError when
+        the file was deleted or replaced, as SQLite would go on writing to where nobody finds it.
         """
+        self.require_in_place()
         with _told(), Session(self.engine, expire_on_commit=False) as session, session.begin():
             yield session
 
@@ -53,45 +68,99 @@ class Database:
         with _told(), Session(self._reading_engine) as session:
             yield session
 
+    def require_in_place(self) -> None:
+        """Raise GoneError unless the database's file is still the one that was opened."""
+        if self.file is not None and self._opened is not None:
+            require_in_place(self.file, self._opened)
+
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process work on the same database, with connections of its own."""
-        return _reopened, (self.engine.url.render_as_string(hide_password=False),)
+        return _reopened, (self.engine.url.render_as_string(hide_password=False), self._opened)
 
 
-def open_database(data_dir: Path, url: str | None = None) -> Database:
+def open_database(data_dir: Path, url: str | None = None, password: str | None = None) -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
 
     Before an SQLite database of an earlier schema is migrated, a copy goes to ``data_dir/backups``.
-    ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``. Raises ``SchemaError`` when the database was
-    written by a newer version, ``StorageError`` when it cannot be reached, ``BackupError``.
+    ``url`` is an SQLAlchemy URL that replaces ``data_dir/sinew.db``, ``password`` goes into it. Raises ``SchemaError``
+    when the database was written by a newer version, ``StorageError`` when it cannot be reached, ``DamagedError`` when
+    the file was emptied or is none of SQLite's, ``BackupError``.
     """
     make_private(data_dir)
-    engine = connect(url or sqlite_url(data_dir))
+    engine = connect(url or sqlite_url(data_dir), password)
+    file, backups = file_of(engine), data_dir / "backups"
     try:
         with _told():
+            if file is not None and not require_usable(file, backups):
+                _create(file)
             if is_outdated(engine) and engine.dialect.name == "sqlite":
-                backup(engine, data_dir / "backups" / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
+                backup(engine, backups / f"{revision(engine)}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db")
             upgrade(engine)
         for sentence in make_private(data_dir):  # the file that was made just now
             _log.warning("%s", sentence)
+        return Database(engine)
+    except DamagedError:
+        engine.dispose()
+        raise
+    except StorageError as error:
+        engine.dispose()
+        if file is None:
+            raise
+        hint = f"; {way_back(file, backups)}" if _is_none_of_sqlites(error) else ""
+        raise StorageError(f"{file}: {error}{hint}") from error
     except BaseException:
         engine.dispose()
         raise
-    return Database(engine)
 
 
-def _reopened(url: str) -> Database:
-    return Database(connect(url))
+def require_whole(database: Database, data_dir: Path) -> None:
+    """Read all of an SQLite database. Raises DamagedError, with the way back, where its pages do not fit together."""
+    if database.file is not None:
+        quick_check(database.file, data_dir / "backups")
+
+
+def _is_none_of_sqlites(error: StorageError) -> bool:
+    cause = getattr(error.__cause__, "orig", None)
+    return isinstance(cause, sqlite3.DatabaseError) and not isinstance(cause, sqlite3.OperationalError)
+
+
+def _create(file: Path) -> None:
+    """Make an empty database under another name and give it its own only when it is whole.
+
+    So an empty file is never one that a start cut short has left behind.
+    """
+    fresh = file.with_name(f"{file.name}.{os.getpid()}.creating")
+    leftovers = [fresh, *(fresh.with_name(fresh.name + end) for end in ("-wal", "-shm"))]
+    for leftover in leftovers:
+        leftover.unlink(missing_ok=True)
+    engine = connect(f"sqlite:///{fresh}")
+    try:
+        upgrade(engine)
+        engine.dispose()
+        with suppress(FileExistsError):  # another command was quicker
+            os.link(fresh, file)
+    except PermissionError:  # a file system without hard links
+        os.rename(fresh, file)
+    finally:
+        engine.dispose()
+        for leftover in leftovers:
+            leftover.unlink(missing_ok=True)
+
+
+def _reopened(url: str, opened: Identity | None) -> Database:
+    return Database(connect(url), opened)
 
 
 @contextmanager
 def _told() -> Iterator[None]:
     try:
         yield
+    except (IntegrityError, DataError) as error:
+        raise UnfitError(str(error.orig or error)) from error
     except SQLAlchemyError as error:
         # The driver's sentence; SQLAlchemy's own carries the statement with all its values.
         raise StorageError(str(getattr(error, "orig", None) or error)) from error
@@ -102,9 +171,25 @@ def sqlite_url(data_dir: Path) -> str:
     return f"sqlite:///{(data_dir / FILE_NAME).resolve()}"
 
 
-def connect(url: str) -> Engine:
-    """Engine for ``url``; documents with nan or infinity are refused, as JSON has no such numbers."""
-    engine = create_engine(url, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
+def connect(url: str, password: str | None = None) -> Engine:
+    """Engine for ``url``; documents with nan or infinity are refused, as JSON has no such numbers.
+
+    Raises StorageError when nothing can be made of the URL; the message does not carry it, as it may hold a password.
+    """
+    try:
+        parsed = make_url(url)
+        if password is not None:
+            parsed = parsed.set(password=password)
+        engine = create_engine(parsed, json_serializer=partial(json.dumps, allow_nan=False, ensure_ascii=False))
+    except ModuleNotFoundError as error:
+        raise StorageError(
+            f"SINEW_DATABASE_URL needs the Python package {error.name}, which is not installed"
+        ) from None
+    except (ArgumentError, ValueError) as error:
+        raise StorageError(
+            f"SINEW_DATABASE_URL is no address of a database: {error}; "
+            "write it as postgresql+psycopg://user@host:port/database"
+        ) from None
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _prepare_sqlite)
         event.listen(engine, "begin", _begin_sqlite)

@@ -33,9 +33,12 @@ def add(
     run_id: int | None = None,
     tick: int | None = None,
     detail: Document | None = None,
+    at: datetime | None = None,
 ) -> Event:
-    """Store an event that happened now; ``who`` is empty when nobody asked for it."""
-    row = EventRow(at=datetime.now(UTC), kind=kind, who=who, text=text, run_id=run_id, tick=tick, detail=detail or {})
+    """Store an event that happened at ``at`` (None: now); ``who`` is empty when nobody asked for it."""
+    row = EventRow(
+        at=at or datetime.now(UTC), kind=kind, who=who, text=text, run_id=run_id, tick=tick, detail=detail or {}
+    )
     session.add(row)
     session.flush()
     return to_record(Event, row)

@@ -56,16 +56,29 @@ def restore(copy: Path, target: Path) -> None:
             with closing(sqlite3.connect(fresh)) as made:
                 source.backup(made)
         if target.exists():
-            with closing(sqlite3.connect(target)) as present:
-                present.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            moment = datetime.now(UTC)
-            os.replace(target, target.with_name(f"{target.stem}.before-restore-{moment:%Y%m%dT%H%M%S.%fZ}.db"))
+            _fold_in_log(target)
+        _move_aside(target)
         os.replace(fresh, target)
     except (sqlite3.Error, OSError) as error:
         raise BackupError(f"{copy} cannot be restored: {error}; nothing was changed") from error
     finally:
         with suppress(OSError):
             fresh.unlink(missing_ok=True)
+
+
+def _fold_in_log(file: Path) -> None:
+    """Write what stands in SQLite's log into the file itself, where the file is one that SQLite can read."""
+    with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(file)) as present:
+        present.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+
+def _move_aside(file: Path) -> None:
+    """Give a database another name, with the log that is left of a damaged one: SQLite would play it into the next."""
+    kept = file.with_name(f"{file.stem}.before-restore-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
+    for end in ("", "-wal", "-shm"):
+        part = file.with_name(file.name + end)
+        if part.exists():
+            os.replace(part, kept.with_name(kept.name + end))
 
 
 def _require_ours(connection: sqlite3.Connection, copy: Path) -> None:

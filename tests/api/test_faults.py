@@ -25,7 +25,7 @@ ONLY_HERE = [
 
 
 def test_every_fault_has_its_injection_or_a_button() -> None:
-    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED}
+    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
 
 
 def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.main import AlreadyRunningError, only_service_on
+from backend.data_folder import AlreadyRunningError, only_service_on
 from backend.storage import open_database, runs
 from backend.storage.maintenance import BackupError, restore
 from tests.api.conftest import problem

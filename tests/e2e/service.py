@@ -38,7 +38,7 @@ def running_service(
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
     command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", "simulator", "--params", params]
-    command += ["--port", "0", "--data", str(data)]
+    command += ["--port", "0", "--show-link", "--data", str(data)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if descriptors is not None:
         resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))

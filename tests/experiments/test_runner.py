@@ -110,6 +110,7 @@ def test_tracking_keeps_what_it_promises(
         (Stop(hard=False), "stopped", "stop_pressed"),
         (Stop(Fault.OPERATOR_LOST, hard=False), "link_lost", "operator_lost"),
         (Stop(Fault.FORCE_LIMIT), "tripped", "force_limit"),
+        (Stop(Fault.SERVICE_ENDED, hard=False), "stopped", "service ended"),
     ],
 )
 def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(

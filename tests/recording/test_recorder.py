@@ -85,6 +85,17 @@ def test_the_sample_after_a_run_says_why_it_ended(
     assert (ended.end_state, ended.end_detail) == (end_state, fault.value)
 
 
+def test_a_run_ended_with_the_service_says_by_what(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    recorder.ended_by = "service ended by SIGTERM"
+    writer.write(10, run.id)
+    writer.write(1, fault=FAULT_CODE[Fault.SERVICE_ENDED])
+    recorder.drain()
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (EndState.STOPPED, "service ended by SIGTERM")
+
+
 @pytest.mark.parametrize("told", ["before", "between", "after"])
 def test_a_program_ended_early_is_stopped_whenever_that_is_told(database: Database, writer: Writer, told: str) -> None:
     run = new_run(database)

@@ -1,6 +1,7 @@
 """A full disk and a database that has become read-only, as SQLite itself refuses them: told, nothing half-written."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,3 +94,27 @@ def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, 
     assert stored_run(database, run.id).end_state == EndState.RUNNING
     repair(database)
     assert check(database.engine) == []
+
+
+def test_a_run_whose_folder_is_gone_is_not_called_complete_and_goes_on_once_it_is_back(
+    database: Database, writer: Writer, tmp_path: Path
+) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    rows = [writer.write(1000, run.id)]
+    recorder.drain()
+    aside = tmp_path.rename(tmp_path.with_name(f"{tmp_path.name}-aside"))
+    rows.append(writer.write(1000, run.id))
+    writer.write(1)  # the run has ended in the loop
+    recorder.drain()
+    assert "samples cannot be stored" in recorder.problem
+    assert "Put it back" in recorder.problem
+    assert stored_run(database, run.id).end_state == EndState.RUNNING
+    aside.rename(tmp_path)
+    recorder.drain()
+    assert recorder.problem == ""
+    assert stored_run(database, run.id).end_state == EndState.COMPLETED
+    with database.reading() as session:
+        samples = read_samples(session, run.id)
+        assert recordings.get(session, run.id).missed == 0
+    np.testing.assert_array_equal(samples.columns["q"], np.concatenate(rows)[:, INDEX["q"]].astype(np.float32))

@@ -1920,7 +1920,7 @@ export interface components {
          * @description Why the loop stopped. The position in this enum is the code in the sample.
          * @enum {string}
          */
-        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead";
+        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead" | "service_ended";
         /**
          * FaultKind
          * @description A fault with its words, and what brings it about while the joint moves (null: press STOP).

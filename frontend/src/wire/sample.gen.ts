@@ -190,7 +190,8 @@ export const FAULTS = [
   "safety_module",
   "plant_error",
   "watchdog",
-  "watchdog_dead"
+  "watchdog_dead",
+  "service_ended"
 ] as const;
 export const LIMITS = {
   "VOLTAGE_A": 1,

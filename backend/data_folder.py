@@ -1,0 +1,151 @@
+"""One service for each data folder, and a look at whether the folder is still there.
+
+Two locks, as each covers what the other cannot see: one on a file in the folder, found by whoever reaches that file by
+any path; one on the folder's path, found after the folder was deleted and another made in its place.
+"""
+
+import asyncio
+import fcntl
+import hashlib
+import os
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from backend.supervision import Part
+
+PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
+LOCK = "service.lock"
+LOOK_S = 0.5
+
+
+class AlreadyRunningError(Exception):
+    """Another service works on this data folder."""
+
+
+class DataFolderError(Exception):
+    """The data folder cannot be used; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class HeldFolder:
+    """A data folder that is held by this process; ``folder`` and ``lock`` are descriptors of it and of its lock."""
+
+    path: Path
+    folder: int
+    lock: int
+
+    def say_address(self, address: str) -> None:
+        """Leave the address at which the service answers for ``address_of_service``."""
+        os.ftruncate(self.lock, 0)
+        os.pwrite(self.lock, address.encode(), 0)
+
+    def problem(self) -> str:
+        """Return why what is written to the folder is not kept, "" while all is well."""
+        for path, descriptor in ((self.path, self.folder), (self.path / LOCK, self.lock)):
+            ours = os.fstat(descriptor)
+            try:
+                there = path.stat()
+            except OSError as error:
+                return self._told(path, error.strerror or str(error))
+            if (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino):
+                return self._told(path, "another one stands in its place")
+        return ""
+
+    def _told(self, path: Path, why: str) -> str:
+        what = "the data folder" if path == self.path else "the lock in the data folder"
+        return (
+            f"{what} {path} was deleted, moved or replaced while the service works on it ({why}): what is recorded now "
+            "is not kept. Put it back where it was, or stop the service and start it again"
+        )
+
+
+@contextmanager
+def only_service_on(data: Path) -> Iterator[HeldFolder]:
+    """Hold the data folder, so that no second service takes its open runs for interrupted ones.
+
+    Raises AlreadyRunningError, DataFolderError.
+    """
+    with ExitStack() as stack:
+        try:
+            data.mkdir(parents=True, exist_ok=True)
+            folder = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
+            stack.callback(os.close, folder)
+            lock = os.open(data / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            stack.callback(os.close, lock)
+        except OSError as error:
+            raise DataFolderError(_refused(data, error)) from None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
+        path = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        try:
+            path.bind(_name_of(data))
+        except OSError:
+            raise AlreadyRunningError(
+                f"another service works on a folder that was at {data} and has been deleted, moved or replaced: "
+                "stop that service first, or choose another --data"
+            ) from None
+        held = HeldFolder(data, folder, lock)
+        held.say_address("")
+        yield held
+        held.say_address("")
+
+
+def address_of_service(data: Path) -> str | None:
+    """Return where the service of a data folder answers, None when there is none. Raises DataFolderError."""
+    try:
+        with (data / LOCK).open(encoding="utf-8") as lock:
+            address = lock.read()
+            if not address:
+                return None
+            try:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return address  # held by the service that wrote it, not left behind by one that was killed
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise DataFolderError(_refused(data, error)) from None
+    return None
+
+
+class FolderWatch:
+    """Looks again and again whether what is written is still kept; ``problem`` says why it is not.
+
+    ``looks`` return a sentence each, "" while all is well; ``changed`` is told when the answer is another one.
+    """
+
+    def __init__(self, looks: Sequence[Callable[[], str]], changed: Callable[[], None] = lambda: None) -> None:
+        self.problem = ""
+        self._looks = looks
+        self._changed = changed
+
+    async def run(self) -> None:
+        """Look until cancelled, in a thread: a network drive may let a look wait."""
+        while True:
+            found = await asyncio.to_thread(self._look)
+            if found != self.problem:
+                self.problem = found
+                self._changed()
+            await asyncio.sleep(LOOK_S)
+
+    def _look(self) -> str:
+        return next((said for look in self._looks if (said := look())), "")
+
+
+def _name_of(data: Path) -> bytes:
+    """Name of a socket that stands for a path; it is in no file system and ends with the process that holds it."""
+    return b"\0sinew-data-" + hashlib.sha256(os.fsencode(data.resolve())).hexdigest().encode()
+
+
+def _refused(data: Path, error: OSError) -> str:
+    if isinstance(error, PermissionError):
+        remedy = "change its owner or mode, or choose another --data"
+        return f"{error.filename or data} cannot be used: {error.strerror}; {remedy}"
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return f"the data folder {data} is a file or lies below one: choose another --data"
+    return f"the data folder {data} cannot be used: {error.strerror} ({error.filename}); choose another --data"

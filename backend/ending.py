@@ -1,0 +1,49 @@
+"""How the service is told to end, and by what it was."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+import uvicorn
+
+
+class Ending:
+    """Why the service ends, for those parts that put it on record."""
+
+    cause = "service ended"
+
+
+class EndingServer(uvicorn.Server):
+    """A web server that ends in order by any signal that means so, and leaves in ``ending`` which one it was."""
+
+    def __init__(self, config: uvicorn.Config, ending: Ending) -> None:
+        super().__init__(config)
+        self._ending = ending
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """End in order on SIGHUP too: a terminal that is closed, or a connection that is cut, sends it.
+
+        Whoever started the service with nohup has it ignored, and that stays.
+        """
+        with super().capture_signals():
+            before = signal.getsignal(signal.SIGHUP)
+            if before is not signal.SIG_IGN:
+                signal.signal(signal.SIGHUP, self.handle_exit)
+            try:
+                yield
+            finally:
+                signal.signal(signal.SIGHUP, before)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to end."""
+        if not self.should_exit:
+            self._ending.cause = f"service ended by {signal.Signals(sig).name}"
+        super().handle_exit(sig, frame)
+
+
+def address_on(host: str, port: int) -> str:
+    """Return where a browser of this machine reaches a service that listens on ``host``."""
+    reached = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+    return f"http://[{reached}]:{port}" if ":" in reached else f"http://{reached}:{port}"

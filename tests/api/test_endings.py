@@ -1,0 +1,102 @@
+"""What a service leaves behind that is told to end, and one whose data folder is taken away while it works."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import httpx
+import pytest
+
+from backend.storage import open_database, runs
+from tests.api.conftest import client_with, wait_for
+from tests.e2e.service import Service, running_service
+
+ENDS = 30.0
+
+
+def begin_session(operator: httpx.Client) -> None:
+    operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_for(operator, "pretension_done", True)
+    operator.post("/api/mode", json={"mode": "run"}).raise_for_status()
+
+
+def begin_experiment(operator: httpx.Client) -> None:
+    operator.post("/api/experiments", json={"name": "tracking"}).raise_for_status()
+
+
+def in_motion(operator: httpx.Client) -> int:
+    """Number of the run that the samples belong to."""
+    while (run := operator.get("/api/state").raise_for_status().json()["recording_run"]) is None:
+        pass
+    return int(run)
+
+
+@pytest.mark.parametrize(
+    ("number", "begin"),
+    [(signal.SIGTERM, begin_experiment), (signal.SIGHUP, begin_experiment), (signal.SIGINT, begin_session)],
+    ids=["SIGTERM", "SIGHUP", "SIGINT"],
+)
+def test_a_run_that_a_signal_ends_says_so(
+    tmp_path: Path, number: signal.Signals, begin: Callable[[httpx.Client], None]
+) -> None:
+    with running_service(tmp_path, params="ideal") as service:
+        with client_with(service, "token") as operator:
+            begin(operator)
+            run = in_motion(operator)
+        os.kill(service.pid, number)
+        wait_for_end(service)
+    with closing(open_database(tmp_path)) as database, database.reading() as session:
+        (ended,) = [known for known in runs.find(session) if known.id == run]
+        assert (ended.end_state, ended.end_detail) == ("stopped", f"service ended by {number.name}")
+    assert "Traceback" not in service.log.read_text()
+
+
+def wait_for_end(service: Service) -> None:
+    """Wait until the service, a child of this process, is gone; leave its status to whoever started it."""
+    os.waitid(os.P_PID, service.pid, os.WEXITED | os.WNOWAIT)
+
+
+def problems(operator: httpx.Client) -> str:
+    return " ".join(operator.get("/api/state").raise_for_status().json()["problems"])
+
+
+def wait_for_problems(operator: httpx.Client, words: str) -> None:
+    for _ in range(2000):
+        if words in (said := problems(operator)) or (not words and not said):
+            return
+    raise AssertionError(said)
+
+
+def sinew(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "backend", *words], capture_output=True, text=True, check=False)
+
+
+def test_a_data_folder_taken_away_is_told_and_nothing_is_lost_once_it_is_back(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with running_service(data, params="ideal") as service, client_with(service, "token") as operator:
+        assert sinew("link", "--data", str(data)).stdout.splitlines()[0].endswith(service.link)
+        begin_session(operator)
+        run = in_motion(operator)
+        aside = data.rename(tmp_path / "aside")
+        wait_for_problems(operator, f"the data folder {data} was deleted, moved or replaced")
+        second = sinew("serve", "--port", "0", "--data", str(data))
+        assert second.returncode == 1
+        assert "another service works on a folder that was at" in second.stderr
+        wait_for_problems(operator, "samples cannot be stored")
+        shutil.rmtree(data)  # the second one made it
+        aside.rename(data)
+        wait_for_problems(operator, "")
+        operator.post("/api/stop").raise_for_status()
+        while (ended := operator.get(f"/api/runs/{run}").json())["end_state"] == "running":
+            pass
+        assert (ended["end_state"], ended["end_reason"]) == ("stopped", "stop_pressed")
+        assert ended["missed"] == 0
+        shutil.rmtree(data)
+        wait_for_problems(operator, f"the data folder {data} was deleted")
+        refused = operator.post("/api/system/backups")
+        assert refused.status_code >= 400

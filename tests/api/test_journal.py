@@ -1,0 +1,123 @@
+"""The journal while the database takes nothing: kept in order with its times, bounded, and nothing is hidden."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from backend.api.journal import Journal
+from backend.api.schemas.live import MarkKind
+from backend.storage import Database, events, open_database
+from tests.recording.test_unwritable import fill, make_read_only, repair
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    with closing(open_database(tmp_path)) as opened:
+        yield opened
+
+
+async def until(reached: Callable[[], bool]) -> None:
+    """Let the journal work; 20 s are for a machine that is busy."""
+    for _ in range(2000):
+        if reached():
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError("the journal did not get there")
+
+
+async def ended(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
+def stored(database: Database) -> list[events.Event]:
+    with database.reading() as session:
+        return list(reversed(events.find(session)))
+
+
+def texts(database: Database) -> list[str]:
+    return [event.text for event in stored(database)]
+
+
+@pytest.mark.parametrize(("breaks", "words"), [(fill, "disk is full"), (make_read_only, "readonly database")])
+def test_events_wait_in_order_while_nothing_can_be_written(
+    database: Database, breaks: Callable[[Database], None], words: str
+) -> None:
+    async def happen() -> datetime:
+        journal = Journal(database)
+        writing = asyncio.create_task(journal.run())
+        journal.note(MarkKind.NOTE, "before", tick=1)
+        await until(lambda: texts(database) == ["before"])
+        breaks(database)
+        for tick in range(2, 30):
+            journal.note(MarkKind.NOTE, f"{tick} " * 400, tick)
+        await until(lambda: words in journal.problem)
+        assert "wait in memory" in journal.problem
+        last = datetime.now(UTC)
+        repair(database)
+        await until(lambda: len(texts(database)) == 29)
+        assert journal.problem == ""
+        await ended(writing)
+        return last
+
+    last = asyncio.run(happen())
+    kept = stored(database)
+    assert [event.tick for event in kept] == list(range(1, 30))
+    assert all(event.at <= last for event in kept)  # the time at which it happened, not at which it was written
+
+
+def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database: Database) -> None:
+    async def happen() -> None:
+        journal = Journal(database, bound=5)
+        make_read_only(database)
+        writing = asyncio.create_task(journal.run())
+        for tick in range(9):
+            journal.note(MarkKind.NOTE, f"event {tick}", tick)
+        await until(lambda: journal.problem != "")
+        assert journal.problem.endswith("5 wait in memory, 4 more were lost")
+        repair(database)
+        await until(lambda: len(texts(database)) == 6)
+        journal.note(MarkKind.NOTE, "afterwards", 10)
+        await until(lambda: len(texts(database)) == 7)
+        await ended(writing)
+
+    asyncio.run(happen())
+    first = [f"event {tick}" for tick in range(5)]
+    assert texts(database) == [*first, "4 events that followed could not be kept", "afterwards"]
+
+
+def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
+    async def happen() -> None:
+        journal = Journal(database)
+        journal.note(MarkKind.NOTE, "first", 1)
+        journal.note(MarkKind.NOTE, "of a run that is not there", 2, run=77)
+        journal.note(MarkKind.NOTE, "half a letter \ud800", 3)
+        journal.note(MarkKind.NOTE, "last", 4)
+        writing = asyncio.create_task(journal.run())
+        await until(lambda: texts(database)[-1:] == ["last"])
+        assert journal.problem == ""
+        await ended(writing)
+
+    asyncio.run(happen())
+    assert texts(database) == ["first", "last"]
+
+
+def test_what_waits_at_the_end_is_written_once(database: Database) -> None:
+    async def happen() -> None:
+        journal = Journal(database)
+        writing = asyncio.create_task(journal.run())
+        for tick in range(1200):
+            journal.note(MarkKind.NOTE, "event", tick)
+        await asyncio.sleep(0)  # the first batch is on its way
+        await asyncio.sleep(0)
+        await ended(writing)
+        journal.close()
+
+    asyncio.run(happen())
+    with database.reading() as session:
+        ticks = [event.tick for event in events.find(session, limit=5000)]
+    assert ticks == list(reversed(range(1200)))

@@ -1,0 +1,168 @@
+"""A service that cannot start says so in one line: what is wrong, where, and what to do about it."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from backend.cli import main
+
+PORT_IN_WORDS = "valid integer"
+
+
+def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line with which a command ends that cannot do its work."""
+    monkeypatch.setattr(sys, "argv", ["sinew", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    assert ended.value.code in (1, 2)
+    assert printed.out == ""
+    (line,) = printed.err.strip().splitlines()
+    return line
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("ALLOWED_HOSTS", "http://rig.lab/", "without http://"),
+        ("ALLOWED_HOSTS", '["rig.lab"', "rig.lab"),
+        ("ALLOWED_HOSTS", "[1, 2]", "SINEW_ALLOWED_HOSTS"),
+        ("PLANT", "toaster", "'simulator' or 'rig'"),
+        ("PARAMS", "nowhere", "nowhere"),
+        ("HOST", "a..b", "a..b"),
+        ("PORT", "eight", PORT_IN_WORDS),
+        ("PORT", "70000", "65535"),
+        ("REQUIRE_TOKEN", "perhaps", "boolean"),
+        ("SHOW_LINK", "perhaps", "boolean"),
+        ("DATABASE_URL", "junk", "SINEW_DATABASE_URL"),
+        ("DATABASE_URL", "mongo://x:secret@y", "SINEW_DATABASE_URL"),
+        ("DATABASE_URL", "mysql://x:secret@y/z", "SINEW_DATABASE_URL"),
+        ("DATABASE_URL", "postgresql+psycopg://x:secret@127.0.0.1:eight/y", "SINEW_DATABASE_URL"),
+        ("DATABASE_URL", "postgresql+psycopg://x:secret@127.0.0.1:1/y", "127.0.0.1"),
+        ("DATABASE_URL", "sqlite:////nowhere/x.db", "/nowhere/x.db"),
+        ("DATABASE_PASSWORD_FILE", "/nowhere/password", "/nowhere/password"),
+    ],
+)
+def test_every_setting_of_the_environment_is_refused_in_a_sentence(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    value: str,
+    words: str,
+) -> None:
+    monkeypatch.setenv(f"SINEW_{name}", value)
+    port = [] if name == "PORT" else ["--port", "0"]
+    line = said_by(["serve", "--data", str(tmp_path), *port], monkeypatch, capsys)
+    assert words in line
+    assert "secret" not in line
+
+
+def an_empty_token(data: Path) -> None:
+    (data / "token").touch()
+
+
+def a_short_token(data: Path) -> None:
+    (data / "viewer-token").write_text("abc\n")
+
+
+def a_token_of_random_bytes(data: Path) -> None:
+    (data / "token").write_bytes(bytes(range(128, 256)))
+
+
+def a_folder_for_a_token(data: Path) -> None:
+    (data / "token").mkdir()
+
+
+def an_empty_database(data: Path) -> None:
+    (data / "sinew.db").touch()
+
+
+def something_else_for_a_database(data: Path) -> None:
+    (data / "sinew.db").write_bytes(b"junk" * 4096)
+
+
+def a_log_without_its_database(data: Path) -> None:
+    (data / "sinew.db-wal").write_bytes(b"junk" * 4096)
+
+
+@pytest.mark.parametrize(
+    ("breaks", "words"),
+    [
+        (an_empty_token, "token holds no usable token; delete the file"),
+        (a_short_token, "viewer-token holds no usable token; delete the file"),
+        (a_token_of_random_bytes, "token holds no usable token; delete the file"),
+        (a_folder_for_a_token, "token"),
+        (an_empty_database, "sinew db restore"),
+        (something_else_for_a_database, "sinew db restore"),
+        (a_log_without_its_database, "sinew db restore"),
+    ],
+)
+def test_a_broken_data_folder_is_told_with_the_way_back(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    breaks: Callable[[Path], None],
+    words: str,
+) -> None:
+    breaks(tmp_path)
+    before = {path: path.stat().st_size for path in tmp_path.iterdir() if path.is_file()}
+    line = said_by(["serve", "--port", "0", "--data", str(tmp_path)], monkeypatch, capsys)
+    assert words in line
+    assert str(tmp_path) in line
+    assert {path: path.stat().st_size for path in before} == before
+
+
+def test_a_data_folder_that_is_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "data").touch()
+    line = said_by(["serve", "--port", "0", "--data", str(tmp_path / "data")], monkeypatch, capsys)
+    assert f"{tmp_path / 'data'} is a file or" in line
+
+
+def test_a_data_folder_that_may_not_be_read(tmp_path: Path) -> None:
+    closed = tmp_path / "data"
+    closed.mkdir(0o000)
+    serve = [sys.executable, "-m", "backend", "serve", "--port", "0", "--data", str(closed)]
+    if os.geteuid() == 0:  # who owns all files is kept out by dropping what lets root in everywhere
+        assert shutil.which("setpriv"), "this test needs setpriv (util-linux) when root runs it"
+        serve = ["setpriv", "--bounding-set", "-dac_override,-dac_read_search", "--inh-caps", "-all", *serve]
+    ended = subprocess.run(serve, capture_output=True, text=True, check=False)
+    (line,) = ended.stderr.strip().splitlines()
+    assert ended.returncode == 1
+    assert str(closed) in line
+    assert "change its owner or mode, or choose another --data" in line
+
+
+def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        line = said_by(["serve", "--port", port, "--data", str(tmp_path)], monkeypatch, capsys)
+    assert f"cannot listen on 127.0.0.1 port {port}" in line
+
+
+def test_a_plant_that_is_not_there_is_told_without_the_loops_traceback(tmp_path: Path) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "backend", "serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    (line,) = ended.stderr.strip().splitlines()
+    assert ended.returncode == 1
+    assert "drives the simulator only" in line
+
+
+@pytest.mark.parametrize("hosts", ["rig.lab, bench", '["rig.lab", "bench"]'])
+def test_further_names_are_given_with_commas_or_as_json(monkeypatch: pytest.MonkeyPatch, hosts: str) -> None:
+    from backend.settings import Settings
+
+    monkeypatch.setenv("SINEW_ALLOWED_HOSTS", hosts)
+    assert Settings().allowed_hosts == ("rig.lab", "bench")

@@ -1,0 +1,81 @@
+"""One service for each data folder, whatever is done to the folder while it runs."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from backend.data_folder import AlreadyRunningError, HeldFolder, address_of_service, only_service_on
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return tmp_path / "data"
+
+
+def refused(data: Path) -> bool:
+    """Whether a second process may not work on ``data``."""
+    program = "import sys, pathlib, backend.data_folder as d\nwith d.only_service_on(pathlib.Path(sys.argv[1])): pass"
+    ended = subprocess.run([sys.executable, "-c", program, str(data)], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0 or AlreadyRunningError.__name__ in ended.stderr, ended.stderr
+    return ended.returncode != 0
+
+
+def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Path) -> None:
+    with only_service_on(data) as held:
+        assert held.problem() == ""
+        shutil.rmtree(data)
+        assert f"the data folder {data} was deleted" in held.problem()
+        assert refused(data)
+        data.mkdir(exist_ok=True)
+        (data / "service.lock").touch()
+        assert "another one stands in its place" in held.problem()
+        assert refused(data)
+    assert not refused(data)
+
+
+def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
+    with only_service_on(data) as held:
+        aside = data.rename(data.with_name("aside"))
+        assert "was deleted, moved or replaced" in held.problem()
+        assert refused(aside)
+        assert refused(data)
+        shutil.rmtree(data)
+        aside.rename(data)
+        assert held.problem() == ""
+
+
+def test_a_lock_that_was_deleted_is_told(data: Path) -> None:
+    with only_service_on(data) as held:
+        (data / "service.lock").unlink()
+        assert "the lock in the data folder" in held.problem()
+        assert refused(data)
+
+
+def test_the_same_folder_by_another_path_takes_no_second_service(data: Path, tmp_path: Path) -> None:
+    with only_service_on(data):
+        (tmp_path / "link").symlink_to(data)
+        assert refused(tmp_path / "link")
+
+
+def test_the_address_is_that_of_a_service_that_lives(data: Path) -> None:
+    assert address_of_service(data) is None
+    with only_service_on(data) as held:
+        assert address_of_service(data) is None
+        held.say_address("http://127.0.0.1:1234")
+        assert address_of_service(data) == "http://127.0.0.1:1234"
+    assert address_of_service(data) is None
+    (data / "service.lock").write_text("http://127.0.0.1:1234")  # as one that was killed leaves it
+    assert address_of_service(data) is None
+
+
+def test_a_held_folder_ends_with_its_process(data: Path) -> None:
+    program = (
+        "import sys, os, signal, pathlib, backend.data_folder as d\n"
+        "with d.only_service_on(pathlib.Path(sys.argv[1])): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", program, str(data)], check=False)
+    with only_service_on(data) as held:
+        assert isinstance(held, HeldFolder)
