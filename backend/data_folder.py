@@ -69,6 +69,13 @@ def only_service_on(data: Path) -> Iterator[HeldFolder]:
     Raises AlreadyRunningError, DataFolderError.
     """
     with ExitStack() as stack:
+        path = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        try:
+            path.bind(_name_of(data))
+        except OSError:
+            raise AlreadyRunningError(
+                f"another service works on the folder {data}, or on one that was there before: stop it or choose --data"
+            ) from None
         try:
             data.mkdir(parents=True, exist_ok=True)
             folder = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
@@ -81,14 +88,6 @@ def only_service_on(data: Path) -> Iterator[HeldFolder]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
-        path = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
-        try:
-            path.bind(_name_of(data))
-        except OSError:
-            raise AlreadyRunningError(
-                f"another service works on a folder that was at {data} and has been deleted, moved or replaced: "
-                "stop that service first, or choose another --data"
-            ) from None
         held = HeldFolder(data, folder, lock)
         held.say_address("")
         yield held

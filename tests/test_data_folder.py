@@ -29,7 +29,8 @@ def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Pa
         shutil.rmtree(data)
         assert f"the data folder {data} was deleted" in held.problem()
         assert refused(data)
-        data.mkdir(exist_ok=True)
+        assert not data.exists()
+        data.mkdir()
         (data / "service.lock").touch()
         assert "another one stands in its place" in held.problem()
         assert refused(data)
@@ -42,7 +43,6 @@ def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
         assert "was deleted, moved or replaced" in held.problem()
         assert refused(aside)
         assert refused(data)
-        shutil.rmtree(data)
         aside.rename(data)
         assert held.problem() == ""
 
