@@ -1,18 +1,27 @@
-# The same commands as on any other machine, inside a container; docker-compose.yml gives it its volume and privileges.
+# Two stages: the first builds the page and a wheel with node and npm, the second holds Python, the installed wheel and
+# nothing else. docker-compose.yml gives it its volume, limits and rights.
+FROM python:3.11-slim-bookworm AS build
+
+WORKDIR /source
+COPY . .
+RUN python -m venv /opt/sinew \
+    && python -m pip wheel --no-cache-dir --no-deps --wheel-dir /wheel . \
+    && /opt/sinew/bin/python -m pip install --no-cache-dir "$(ls /wheel/sinew-*.whl)[postgres]"
+
 FROM python:3.11-slim-bookworm
 
-RUN apt-get update \
-    && apt-get install --yes --no-install-recommends make \
-    && rm -rf /var/lib/apt/lists/* \
-    && useradd --create-home --user-group sinew \
-    && install --directory --owner sinew --group sinew /sinew /data
+# Number 1000, as a password file of the host's first user can then be read without opening it to others.
+RUN useradd --create-home --uid 1000 --user-group sinew \
+    && install --directory --mode 700 --owner sinew --group sinew /data
+COPY --from=build /opt/sinew /opt/sinew
 
 USER sinew
-WORKDIR /sinew
-COPY --chown=sinew:sinew . .
-RUN make install frontend EXTRAS=postgres
-
+WORKDIR /home/sinew
+# Only the container's own network sees this address; docker-compose.yml publishes it on the host's loopback.
+ENV PATH=/opt/sinew/bin:$PATH PYTHONUNBUFFERED=1 SINEW_DATA=/data SINEW_HOST=0.0.0.0
 VOLUME /data
 EXPOSE 8000
-# Only the container's own network sees this address; docker-compose.yml publishes it on the host's loopback.
-CMD ["make", "run", "ARGS=--host 0.0.0.0 --data /data"]
+# A first start compiles the control laws; a minute or two on a slow machine.
+HEALTHCHECK --interval=10s --timeout=5s --start-period=180s --retries=3 CMD ["python", "-c", \
+    "import json, urllib.request as u; raise SystemExit(not json.load(u.urlopen('http://127.0.0.1:8000/api/health', timeout=4))['alive'])"]
+CMD ["sinew", "serve"]

@@ -1,7 +1,12 @@
-"""docker-compose.yml: parsed by docker-compose where that is installed, read as YAML everywhere."""
+"""Dockerfile and compose files: parsed by docker-compose where that is installed, read by machine everywhere."""
 
+import json
+import re
 import shutil
 import subprocess
+import sys
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -9,46 +14,94 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).parents[2]
+PLAIN, POSTGRES = "docker-compose.yml", "docker-compose.postgres.yml"
+STEPS = (ROOT / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ").splitlines()
 
 
-@pytest.fixture(scope="module")
-def compose() -> dict[str, Any]:
-    document = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))
+def services(name: str) -> dict[str, Any]:
+    document = yaml.safe_load((ROOT / name).read_text(encoding="utf-8"))
     assert isinstance(document, dict)
-    return document
+    return dict(document["services"])
 
 
-def test_docker_compose_accepts_the_file_with_and_without_postgres() -> None:
+def after(word: str) -> list[str]:
+    return [line.removeprefix(word).strip() for line in STEPS if line.startswith(f"{word} ")]
+
+
+@pytest.mark.parametrize("files", [[PLAIN], [PLAIN, POSTGRES]], ids=["sqlite", "postgres"])
+def test_docker_compose_accepts_the_files(files: list[str]) -> None:
     command = shutil.which("docker-compose")
-    for profile in ([], ["--profile", "postgres"]) if command else ():
-        result = subprocess.run([str(command), *profile, "config", "-q"], cwd=ROOT, capture_output=True, text=True)
+    if command:
+        named = [word for name in files for word in ("-f", name)]
+        result = subprocess.run([command, *named, "config", "-q"], cwd=ROOT, capture_output=True, text=True)
         assert result.returncode == 0, result.stderr
 
 
-def test_only_the_loopback_of_the_host_is_bound(compose: dict[str, Any]) -> None:
-    ports = {name: service.get("ports", []) for name, service in compose["services"].items()}
-    assert ports == {"sinew": ["127.0.0.1:8000:8000"], "postgres": []}
+def test_only_the_loopback_of_the_host_is_bound() -> None:
+    assert services(PLAIN)["sinew"]["ports"] == ["127.0.0.1:8000:8000"]
+    assert not any("ports" in service for service in services(POSTGRES).values())
 
 
-def test_the_loop_may_ask_for_real_time(compose: dict[str, Any]) -> None:
-    sinew = compose["services"]["sinew"]
-    assert "SYS_NICE" in sinew["cap_add"]
-    assert sinew["ulimits"]["rtprio"] > 0
-    assert sinew["ulimits"]["memlock"] == {"soft": -1, "hard": -1}
+@pytest.mark.parametrize("name", [PLAIN, POSTGRES])
+def test_every_service_has_no_more_rights_than_it_needs(name: str) -> None:
+    # Where a service stands in both files, the second only adds to the first.
+    for service in [found for found in services(name).values() if "build" in found or "image" in found]:
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert service["restart"] == "unless-stopped"
+        assert "privileged" not in service
+    assert "cap_add" not in services(PLAIN)["sinew"]
 
 
-def test_data_lives_on_a_volume_that_the_service_is_told_to_use(compose: dict[str, Any]) -> None:
-    assert compose["services"]["sinew"]["volumes"] == ["data:/data"]
-    assert set(compose["volumes"]) == {"data", "postgres"}
-    assert "--data /data" in (ROOT / "Dockerfile").read_text(encoding="utf-8").splitlines()[-1]
+def test_the_loop_may_ask_for_real_time() -> None:
+    assert services(PLAIN)["sinew"]["ulimits"] == {"rtprio": 95, "nice": 30, "memlock": {"soft": -1, "hard": -1}}
 
 
-def test_postgres_comes_with_its_profile_only(compose: dict[str, Any]) -> None:
-    profiles = {name: service.get("profiles", []) for name, service in compose["services"].items()}
-    assert profiles == {"sinew": [], "postgres": ["postgres"]}
+def test_data_lives_on_a_volume_that_the_service_is_told_to_use() -> None:
+    assert services(PLAIN)["sinew"]["volumes"] == ["data:/data"]
+    assert "SINEW_DATA=/data" in " ".join(after("ENV"))
+    assert after("VOLUME") == ["/data"]
 
 
-def test_the_image_runs_what_the_makefile_offers() -> None:
-    dockerfile = (ROOT / "Dockerfile").read_text(encoding="utf-8")
-    assert "RUN make install frontend EXTRAS=postgres" in dockerfile
-    assert 'CMD ["make", "run",' in dockerfile
+def test_no_environment_holds_a_password() -> None:
+    for name in (PLAIN, POSTGRES):
+        for service in services(name).values():
+            for variable, value in service.get("environment", {}).items():
+                assert "PASSWORD" not in variable or variable.endswith("_FILE")
+                assert not re.search(r"://[^/@]*:[^/@]*@", str(value))
+    postgres = services(POSTGRES)["postgres"]
+    assert postgres["environment"]["POSTGRES_HOST_AUTH_METHOD"] != "trust"
+    assert postgres["environment"]["POSTGRES_PASSWORD_FILE"] == "/run/secrets/database_password"
+    assert (
+        services(POSTGRES)["sinew"]["environment"]["SINEW_DATABASE_PASSWORD_FILE"] == "/run/secrets/database_password"
+    )
+
+
+def test_the_second_stage_takes_the_installed_program_and_nothing_of_the_build() -> None:
+    first, second = after("FROM")
+    assert first == f"{second} AS build"
+    assert after("COPY") == [". .", "--from=build /opt/sinew /opt/sinew"]
+    assert after("USER") == ["sinew"]
+    assert json.loads(after("CMD")[-1]) == ["sinew", "serve"]
+
+
+def test_the_link_stays_out_of_the_log() -> None:
+    assert services(PLAIN)["sinew"]["environment"] == {"SINEW_SHOW_LINK": None}
+    assert "SHOW_LINK" not in " ".join(after("ENV"))
+
+
+@pytest.mark.parametrize(("alive", "status"), [(True, 0), (False, 1)])
+def test_the_health_check_asks_the_service(alive: bool, status: int) -> None:
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            assert self.path == "/api/health"
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(json.dumps({"alive": alive}).encode())
+
+    check = json.loads(after("HEALTHCHECK")[0].partition("CMD ")[2])
+    assert check[:2] == ["python", "-c"]
+    with HTTPServer(("127.0.0.1", 0), Answer) as server:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        program = check[2].replace(":8000/", f":{server.server_port}/")
+        assert subprocess.run([sys.executable, "-c", program], check=False).returncode == status
