@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.api.tokens import Tokens, load_tokens
 from backend.cli import main
 
 PORT_IN_WORDS = "valid integer"
@@ -166,3 +167,29 @@ def test_further_names_are_given_with_commas_or_as_json(monkeypatch: pytest.Monk
 
     monkeypatch.setenv("SINEW_ALLOWED_HOSTS", hosts)
     assert Settings().allowed_hosts == ("rig.lab", "bench")
+
+
+@pytest.mark.parametrize(
+    ("setting", "words", "shown"),
+    [("", [], False), ("", ["--show-link"], True), ("true", [], True), ("true", ["--hide-link"], False)],
+)
+def test_a_log_holds_the_link_only_where_that_was_asked_for(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    setting: str,
+    words: list[str],
+    shown: bool,
+) -> None:
+    def answers(_settings: object, ready: Callable[[str, Tokens], None]) -> None:
+        ready("http://127.0.0.1:8000", load_tokens(tmp_path))
+
+    monkeypatch.setattr("backend.main.serve", answers)
+    monkeypatch.setenv("SINEW_SHOW_LINK", setting)
+    monkeypatch.setattr(sys, "argv", ["sinew", "serve", "--data", str(tmp_path), *words])
+    with pytest.raises(SystemExit):
+        main()
+    printed = capsys.readouterr().out
+    assert "http://127.0.0.1:8000" in printed
+    assert (load_tokens(tmp_path).operator in printed) is shown
+    assert shown or "sinew link --data" in printed
