@@ -16,7 +16,7 @@ RUN useradd --create-home --uid 1000 --user-group sinew \
 COPY --from=build /opt/sinew /opt/sinew
 
 USER sinew
-WORKDIR /home/sinew
+WORKDIR /data
 # Only the container's own network sees this address; docker-compose.yml publishes it on the host's loopback.
 ENV PATH=/opt/sinew/bin:$PATH PYTHONUNBUFFERED=1 SINEW_DATA=/data SINEW_HOST=0.0.0.0
 VOLUME /data

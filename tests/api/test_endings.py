@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -15,8 +15,6 @@ import pytest
 from backend.storage import open_database, runs
 from tests.api.conftest import client_with, wait_for
 from tests.e2e.service import Service, running_service
-
-ENDS = 30.0
 
 
 def begin_session(operator: httpx.Client) -> None:
@@ -36,6 +34,15 @@ def in_motion(operator: httpx.Client) -> int:
     return int(run)
 
 
+@pytest.fixture
+def hangup_heeded() -> Iterator[None]:
+    """SIGHUP as it is by default, also where these tests were started with nohup: the service inherits it."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.usefixtures("hangup_heeded")
 @pytest.mark.parametrize(
     ("number", "begin"),
     [(signal.SIGTERM, begin_experiment), (signal.SIGHUP, begin_experiment), (signal.SIGINT, begin_session)],
