@@ -77,7 +77,7 @@ def only_service_on(data: Path) -> Iterator[HeldFolder]:
                 f"another service works on the folder {data}, or on one that was there before: stop it or choose --data"
             ) from None
         try:
-            data.mkdir(parents=True, exist_ok=True)
+            data.mkdir(mode=0o700, parents=True, exist_ok=True)
             folder = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
             stack.callback(os.close, folder)
             lock = os.open(data / LOCK, os.O_RDWR | os.O_CREAT, 0o600)

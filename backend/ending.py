@@ -1,6 +1,7 @@
 """How the service is told to end, and by what it was."""
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -29,8 +30,10 @@ class EndingServer(uvicorn.Server):
         """
         with super().capture_signals():
             before = signal.getsignal(signal.SIGHUP)
-            if before is not signal.SIG_IGN:
-                signal.signal(signal.SIGHUP, self.handle_exit)
+            if before is signal.SIG_IGN or threading.current_thread() is not threading.main_thread():
+                yield
+                return
+            signal.signal(signal.SIGHUP, self.handle_exit)
             try:
                 yield
             finally:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from starlette.types import ASGIApp
 
 from backend.api.server import Server
+from backend.ending import Ending
 
 
 @contextmanager
@@ -16,7 +17,7 @@ def served(app: ASGIApp) -> Iterator[tuple[str, int]]:
     """Serve ``app`` on a free port of this machine; yields host and port."""
     ready = threading.Event()
     listening = socket.create_server(("127.0.0.1", 0))
-    server = Server(app, ready.set)
+    server = Server(app, ready.set, Ending())
     thread = threading.Thread(target=lambda: asyncio.run(server.serve([listening])))
     thread.start()
     try:
