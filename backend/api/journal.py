@@ -91,7 +91,7 @@ class Journal:
             _log.error("event not stored: %s", entry.mark.text)
 
     def _keep(self, entry: _Entry) -> None:
-        if len(self._waiting) < self._bound:
+        if len(self._waiting) - self._under_way < self._bound:
             self._waiting.append(entry)
         else:
             counts = self._waiting[-1].lost and len(self._waiting) > self._under_way

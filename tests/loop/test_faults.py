@@ -78,8 +78,11 @@ CASES = [
     Case(Fault.PLANT_ERROR, Broken(Breakage.WRITE_ERROR)),
 ]
 STEPPED_OTHERWISE = {
-    *(Fault.STOP_PRESSED, Fault.SERVICE_ENDED, Fault.DEADLINES_MISSED),
-    *(Fault.WATCHDOG, Fault.WATCHDOG_DEAD),
+    Fault.STOP_PRESSED,
+    Fault.SERVICE_ENDED,
+    Fault.DEADLINES_MISSED,
+    Fault.WATCHDOG,
+    Fault.WATCHDOG_DEAD,
 }
 
 
