@@ -228,17 +228,6 @@ def test_stop_is_zero_volts_in_at_most_two_ticks_from_any_motion(lab: PlantParam
     assert u[:, arrived + documented_ms(Fault.STOP_PRESSED) - 1 :].max() == 0.0
 
 
-def test_the_end_of_the_service_is_a_soft_stop_that_says_by_what(lab: PlantParameters) -> None:
-    bench = moving(lab)
-    arrived = len(bench.samples.rows)
-    bench.send(Stop(Fault.SERVICE_ENDED, hard=False, detail="service ended by SIGTERM"))
-    until_tripped(bench, 2500)
-    latched = int(np.argmax(bench.column("fault") == FAULT_CODE[Fault.SERVICE_ENDED]))
-    assert latched - arrived < documented_ms(Fault.SERVICE_ENDED)
-    (stopped,) = [event for event in bench.events if isinstance(event, Stopped)]
-    assert (stopped.fault, stopped.detail) == (Fault.SERVICE_ENDED, "service ended by SIGTERM")
-
-
 def test_deadlines_missed_in_a_row_stop_in_the_next_tick_and_fewer_do_not(lab: PlantParameters) -> None:
     bench = moving(lab)
     allowed = round(Simulator.unattended_max_s * 1000)

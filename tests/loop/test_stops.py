@@ -20,6 +20,7 @@ from backend.loop.mode import MODE_CODE, Mode
 from plant.interface import Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
+from tests.docs.faults_page import documented_ms
 from tests.loop.bench_top import BenchTop
 
 
@@ -133,3 +134,17 @@ def test_sensor_without_a_number_trips(ideal: PlantParameters) -> None:
     bench.advance(0.001)
     assert bench.loop.fault is Fault.SENSOR_INVALID
     assert bench.column("u_A")[-1] == 0.0
+
+
+def test_the_end_of_the_service_is_a_soft_stop_that_says_by_what(ideal: PlantParameters) -> None:
+    bench = BenchTop(ideal)
+    bench.run()
+    bench.send(SetReferences(0.9, 11.0))
+    bench.advance(0.3)
+    arrived = len(bench.samples.rows)
+    bench.send(Stop(Fault.SERVICE_ENDED, hard=False, detail="service ended by SIGTERM"))
+    bench.advance(2.5)
+    latched = int(np.argmax(bench.column("fault") == FAULT_CODE[Fault.SERVICE_ENDED]))
+    assert 0 <= latched - arrived < documented_ms(Fault.SERVICE_ENDED)
+    (stopped,) = [event for event in bench.events if isinstance(event, Stopped)]
+    assert (stopped.fault, stopped.hard, stopped.detail) == (Fault.SERVICE_ENDED, False, "service ended by SIGTERM")
