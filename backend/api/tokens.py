@@ -55,12 +55,18 @@ class TokenFiles:
         if stamps == self._seen:
             return set()
         before, self._seen = self.tokens, stamps
-        self.tokens = Tokens(*(_usable(self._data / FILES[role]) or before.of(role) for role in FILES))
+        self.tokens = Tokens(*(self._read(role) or before.of(role) for role in FILES))
         return {role for role in FILES if self.tokens.of(role) != before.of(role)}
 
     def rotate(self, roles: Iterable[Role]) -> None:
         """Write new tokens for ``roles``; ``refresh`` puts them in force. Raises OSError."""
         rotate(self._data, roles)
+
+    def _read(self, role: Role) -> str | None:
+        try:
+            return _usable(self._data / FILES[role])
+        except OSError:
+            return None
 
     def _stamps(self) -> list[tuple[int, int, int] | None]:
         return [_stamp(self._data / name) for name in FILES.values()]
@@ -86,8 +92,8 @@ def _read_or_create(path: Path) -> str:
         descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     except FileExistsError:
         path.chmod(0o600)
-        token = path.read_text(encoding="ascii", errors="replace").strip()
-        if len(token) < SHORTEST or not token.isascii():
+        token = _usable(path)
+        if token is None:
             raise TokenError(f"{path} holds no usable token; delete the file and start again") from None
         return token
     token = secrets.token_urlsafe(32)
@@ -98,8 +104,8 @@ def _read_or_create(path: Path) -> str:
 
 def _usable(path: Path) -> str | None:
     try:
-        token = path.read_text().strip()
-    except (OSError, UnicodeDecodeError):
+        token = path.read_text(encoding="ascii").strip()
+    except (FileNotFoundError, UnicodeDecodeError):
         return None
     return token if len(token) >= SHORTEST else None
 

@@ -14,7 +14,7 @@ from backend.api.errors import ApiError
 from backend.api.gate import COOKIE, GRACE_S, Gate, Person
 from backend.api.schemas.session import Role
 from backend.api.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
-from backend.api.tokens import TokenFiles, load_tokens, rotate
+from backend.api.tokens import TokenError, TokenFiles, load_tokens, rotate
 from backend.settings import Settings
 
 
@@ -309,7 +309,7 @@ def test_tokens_are_made_once_and_readable_by_their_owner_only(tmp_path: Path) -
 def test_an_emptied_token_file_is_refused(tmp_path: Path) -> None:
     load_tokens(tmp_path)
     (tmp_path / "token").write_text("")
-    with pytest.raises(ValueError, match="no usable token"):
+    with pytest.raises(TokenError, match="no usable token"):
         load_tokens(tmp_path)
 
 
