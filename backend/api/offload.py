@@ -45,8 +45,12 @@ def _load(_work: Callable[..., object]) -> None:
 
 
 def _begin(niceness: int) -> None:
-    """Give way to others; leave Ctrl+C to the service; end when it dies without telling, as nobody else would."""
+    """Give way to others; leave Ctrl+C and the end of the terminal, which reach all processes, to the service.
+
+    End when it dies without telling, as nobody else would.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     os.setpriority(os.PRIO_PROCESS, 0, niceness)
     parent = multiprocessing.parent_process()
 

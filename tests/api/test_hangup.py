@@ -1,0 +1,24 @@
+"""A terminal that is closed, or Ctrl+C in it, reaches every process of the service: only the service heeds it."""
+
+import asyncio
+import os
+import signal
+
+import pytest
+
+from backend.api.offload import Offload
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])
+def test_a_computing_process_leaves_the_terminal_to_the_service(number: signal.Signals) -> None:
+    async def compute() -> tuple[int, int]:
+        offload = Offload()
+        try:
+            before = await offload.run(os.getpid)
+            os.kill(before, number)
+            return before, await offload.run(os.getpid)
+        finally:
+            offload.close()
+
+    before, after = asyncio.run(compute())
+    assert before == after
