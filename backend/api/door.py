@@ -116,6 +116,8 @@ class Door:
         They stay a guest then: their requests are answered all the same. A websocket, which stays, is to be refused.
         """
         costs = SOCKET_COSTS if is_socket else 1
+        if place not in self._known and place not in self._guests.get(place.network, {}):
+            return False  # gone meanwhile: whoever left does not come back to give a place back
         if place.costs >= costs:
             return True
         if self._taken() + costs > self.room.known or not self._has_part(person, costs):

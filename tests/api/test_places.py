@@ -92,6 +92,8 @@ def test_a_place_is_free_again_when_its_holder_leaves(crowd: Crowd) -> None:
     crowd.door.leave(place)
     crowd.door.leave(place)
     assert (crowd.door.known, crowd.door.guests) == (0, 0)
+    assert not crowd.door.recognise(place, VIEWER)
+    assert crowd.door.known == 0
 
 
 @pytest.mark.parametrize(("limit", "in_use"), [(64, 60), (128, 40), (1024, 60), (8192, 60)])
