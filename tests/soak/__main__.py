@@ -31,8 +31,18 @@ def main() -> int:
         name for part in given.parts or (ATTACK, *watched) for name in (attack.NAMES if part == ATTACK else [part])
     ]
     parts = {**attack.parts(chosen), **watched}
-    whole = [parts[name](given, console) for name in dict.fromkeys(chosen)]
+    whole = [_kept_its_promises(name, parts[name], given, console) for name in dict.fromkeys(chosen)]
     return 0 if all(whole) else 1
+
+
+def _kept_its_promises(name: str, part: attack.Part, given: argparse.Namespace, console: Console) -> bool:
+    """Whether a part found nothing broken. One that cannot go on is broken too; the others are tried all the same."""
+    try:
+        return part(given, console)
+    except Exception as error:
+        console.print(f"LOST: {name} could not go on: {error!r}")
+        console.print_exception()
+        return False
 
 
 if __name__ == "__main__":

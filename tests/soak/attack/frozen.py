@@ -5,6 +5,7 @@ import signal
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +89,8 @@ def _loop(bench: Bench, loop: Loop, tally: Tally, seconds: float) -> None:
         tally.take("loop: zero volts, drives off [s]", time.monotonic() - begun, ZERO_S)
         time.sleep(max(0.0, seconds - (time.monotonic() - begun)))
     finally:
-        os.kill(loop.pid, signal.SIGCONT)
+        with suppress(ProcessLookupError):  # given up and killed meanwhile
+            os.kill(loop.pid, signal.SIGCONT)
 
 
 def _watchdog(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> None:
@@ -103,7 +105,8 @@ def _watchdog(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> Non
     except TimeoutError:
         tally.lost(True, f"a watchdog that stood still for {WATCHDOG_S:g} s was not seen")
     finally:
-        os.kill(watchdog, signal.SIGCONT)
+        with suppress(ProcessLookupError):
+            os.kill(watchdog, signal.SIGCONT)
 
 
 def _pool_worker(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> None:
