@@ -16,7 +16,7 @@ from backend.sample import INDEX
 from tests.docs.faults_page import documented_ms
 from tests.soak.attack.processes import WATCHDOG, named, pool_workers
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
-from tests.soak.attack.tally import STOP_S, ZERO_S, Tally
+from tests.soak.attack.tally import STOP_S, UNWATCHED_S, ZERO_S, Tally
 from tests.soak.attack.work import Accounts, be_moving, must_be_well, sequence
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
@@ -100,7 +100,7 @@ def _watchdog(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> Non
     os.kill(watchdog, signal.SIGSTOP)
     try:
         wait_until(lambda: not loop.card.state().drive_enabled, "drives off", WATCHDOG_S)
-        tally.take("watchdog: zero volts, drives off [s]", time.monotonic() - begun, ZERO_S)
+        tally.take("watchdog: zero volts, drives off [s]", time.monotonic() - begun, UNWATCHED_S)
         stop_and_check(button, loop, tally)
     except TimeoutError:
         tally.lost(True, f"a watchdog that stood still for {WATCHDOG_S:g} s was not seen")

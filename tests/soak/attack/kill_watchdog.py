@@ -8,7 +8,7 @@ from rich.console import Console
 
 from tests.soak.attack.processes import WATCHDOG, kill, named
 from tests.soak.attack.stop_button import StopButton, stop_and_check
-from tests.soak.attack.tally import TOLD_S, ZERO_S, Tally
+from tests.soak.attack.tally import TOLD_S, UNWATCHED_S, Tally
 from tests.soak.attack.work import Accounts, be_moving, be_wound_up, must_be_well
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
@@ -49,7 +49,7 @@ def _must_be_safe(loop: Loop, tally: Tally, what: str) -> None:
         return not card.drive_enabled and (card.u_A, card.u_B) == (0.0, 0.0)
 
     try:
-        tally.take(f"{what}: zero volts, drives off [s]", wait_until(safe, "safe", PATIENCE_S), ZERO_S)
+        tally.take(f"{what}: zero volts, drives off [s]", wait_until(safe, "safe", PATIENCE_S), UNWATCHED_S)
     except TimeoutError:
         card = loop.card.state()
         held = f"{card.u_A:.2f} V and {card.u_B:.2f} V, drives {'on' if card.drive_enabled else 'off'}"

@@ -7,14 +7,20 @@ from collections.abc import Iterable
 import numpy as np
 from rich.console import Console
 
+from backend.faults import Fault
+from tests.docs.faults_page import documented_ms
+
 STOP_S = 0.3
 """From the request for STOP to its answer, under every attack that leaves service and loop alive."""
 
-ZERO_S = 0.6
-"""From the death of the loop to zero volts and drives off, by the card's watchdog; docs/faults.md, ``watchdog``."""
+ZERO_S = documented_ms(Fault.WATCHDOG) * 1e-3
+"""From the death of the loop to zero volts and drives off, by the card's watchdog."""
+
+UNWATCHED_S = documented_ms(Fault.WATCHDOG_DEAD) * 1e-3
+"""From the death of the card's watchdog to zero volts and drives off, by the loop."""
 
 TOLD_S = 1.0
-"""From the death of the loop, or of its watchdog, until the service says so; docs/faults.md, ``watchdog``."""
+"""From the death of the loop until the service says so; docs/faults.md, ``watchdog``."""
 
 
 class Tally:
