@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import traceback
 
 from rich.console import Console
 
@@ -41,7 +42,7 @@ def _kept_its_promises(name: str, part: attack.Part, given: argparse.Namespace, 
         return part(given, console)
     except Exception as error:
         console.print(f"LOST: {name} could not go on: {error!r}")
-        console.print_exception()
+        console.print(traceback.format_exc(limit=-4))
         return False
 
 
