@@ -111,5 +111,8 @@ class _Service:
 
 
 def _count(signals: list[Signals]) -> str:
-    counted = (f"{s.now.value} at once, {s.ever.value} in all, {s.failed.value} failed" for s in signals)
+    counted = (
+        f"{s.now.value} at once, {s.ever.value} in all, {s.failed.value} failed{'' if s.there.is_set() else ', NOT ALL'}"
+        for s in signals
+    )
     return "crowd: " + ("; ".join(counted) or "nobody")

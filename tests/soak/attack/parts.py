@@ -26,6 +26,8 @@ KILLS: Mapping[str, tuple[int, Callable[[int, Console], bool]]] = {
 }
 """Share of each in the kills, and what kills. A new service takes longer than a new loop: so there are fewer."""
 
+KILLS_IN_ALL = sum(share for share, _ in KILLS.values())
+
 TURNS: Mapping[str, Callable[[int, Console], bool]] = {
     "frozen": freeze,
     "clock": move_clock,
@@ -36,7 +38,9 @@ TURNS: Mapping[str, Callable[[int, Console], bool]] = {
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--kills", type=int, default=300, help="kills in all, spread over the parts that kill (300)")
+    parser.add_argument(
+        "--kills", type=int, default=KILLS_IN_ALL, help=f"kills in all, spread over those that kill ({KILLS_IN_ALL})"
+    )
     parser.add_argument("--presses", type=int, default=40, help="how often STOP is pressed under each crowd (40)")
     parser.add_argument("--sockets", type=int, default=5000, help="idle sockets at the door (5000)")
     parser.add_argument("--turns", type=int, default=3, help="how often all else is done to the service (3)")

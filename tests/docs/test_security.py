@@ -1,0 +1,75 @@
+"""docs/security.md has the code's numbers, and the tests and attacks that it names are there."""
+
+import re
+from pathlib import Path
+
+from backend.api import attempts, control, door, gate, logs, protocols, security, sessions
+from backend.faults import Fault
+from backend.loop import card_guard
+from backend.settings import Settings
+from tests.docs.faults_page import documented_ms
+from tests.soak.attack import kill_service, parts, tally
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+
+
+def cells(heading: str, columns: int) -> list[list[str]]:
+    """Rows of the first table under a heading."""
+    under = PAGE.split(f"{heading}\n", 1)[1]
+    rows = [line.strip("|").split("|") for line in under.splitlines() if line.startswith("|")][2:]
+    return [[cell.strip() for cell in row] for row in rows if len(row) == columns]
+
+
+def test_numbers_are_those_of_the_code() -> None:
+    settings = Settings(_env_file=None)
+    assert dict(cells("### Numbers\n", 2)[:14]) == {
+        "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
+        "connections of those who have not shown who they are": f"{door.GUESTS}",
+        "connections in all, as far as descriptors allow": f"{door.PLACES}",
+        "connections of one browser session": f"{door.BROWSER_PLACES}",
+        "descriptors kept for everything else": f"{door.RESERVE}",
+        "time for the head of a request, and for its body": f"{protocols.HEAD_S:g} s each",
+        "time without a byte taken of an answer": f"{protocols.STALL_S:g} s",
+        "wrong tokens of one address in a minute before it is slowed": f"{attempts.ATTEMPTS}",
+        "a session ends after so long without a sign of life, while the service runs": (
+            f"{sessions.IDLE_S / 86_400:g} days"
+        ),
+        "lines of one kind in the log": f"{logs.LINES} in {logs.WINDOW_S:g} s",
+        "a page in control is lost after": f"{control.LOST_S:g} s",
+        "references are held for it for": f"{control.HOLD_S:g} s",
+        "flight records, the oldest give way": f"{settings.flight_records}, {settings.flight_records_MB} MB",
+        "recordings of this size are reported; a person says what goes": f"{settings.recordings_GB:g} GB",
+    }
+    assert protocols.HEAD_S == protocols.BODY_S
+    assert attempts.ATTEMPTS_WINDOW_S == 60.0
+
+
+def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
+    outputs = {row[0]: row[1] for row in cells("### What dies, and what follows\n", 3)}
+    for dead, fault in {
+        "the page in control": Fault.OPERATOR_LOST,
+        "the service, killed or hanging": Fault.SERVICE_LOST,
+        "the loop, killed or hanging": Fault.WATCHDOG,
+        "the card's watchdog": Fault.WATCHDOG_DEAD,
+    }.items():
+        within = documented_ms(fault)
+        assert f"{within} ms" in outputs[dead] or f"{within / 1000:g} s" in outputs[dead], dead
+    both = outputs["watchdog and loop at once"]
+    assert f"every {1000 * card_guard.LOOK_S:g} ms" in both
+    assert f"for {card_guard.LAST_RESORT_S:g} s" in both
+
+
+def test_promises_are_those_that_the_attack_measures_by() -> None:
+    assert f"within {tally.STOP_S:g} s" in PAGE
+    assert f"told within {tally.TOLD_S:g} s" in PAGE
+    assert f"at most {kill_service.BEHIND_TICKS / 1000:g} s behind" in PAGE
+    assert f"{parts.KILLS_IN_ALL} kills in all" in PAGE
+
+
+def test_tests_and_attacks_that_it_names_are_there() -> None:
+    named = set(re.findall(r"`(tests/[\w/]+\.py)`", PAGE))
+    assert len(named) > 20
+    assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
+    attacks = {part for row in cells("## How it was tried\n", 3) for part in re.findall(r"`([\w-]+)`", row[2])}
+    assert attacks == set(parts.NAMES)
