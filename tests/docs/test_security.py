@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from backend.api import attempts, control, door, gate, logs, protocols, security, sessions
+from backend.api import attempts, control, door, logs, protocols, security, sessions
 from backend.faults import Fault
 from backend.loop import card_guard
 from backend.settings import Settings

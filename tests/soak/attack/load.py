@@ -111,8 +111,9 @@ class _Service:
 
 
 def _count(signals: list[Signals]) -> str:
-    counted = (
-        f"{s.now.value} at once, {s.ever.value} in all, {s.failed.value} failed{'' if s.there.is_set() else ', NOT ALL'}"
-        for s in signals
-    )
-    return "crowd: " + ("; ".join(counted) or "nobody")
+    return "crowd: " + ("; ".join(map(_counted, signals)) or "nobody")
+
+
+def _counted(signal: Signals) -> str:
+    whole = "" if signal.there.is_set() else ", never all of them"
+    return f"{signal.now.value} at once, {signal.ever.value} in all, {signal.failed.value} failed{whole}"
