@@ -8,7 +8,10 @@ import time
 from tests.soak.attack.crowd import Signals, many_descriptors
 
 OPENED_AT_ONCE = 20
-"""Connections begun between two looks at the others; with LOOK_S a rate of 1000/s at most."""
+"""Connections begun between two looks at the others, until the crowd is there: with LOOK_S a rate of 1000/s at most."""
+
+OPENED_AGAIN = 4
+"""The same after that, in place of those that the service has closed: 200/s at most. More would be a flood."""
 
 LOOK_S = 0.02
 GATHERED_S = 15.0
@@ -51,7 +54,8 @@ class _Sockets:
         """Say something every second."""
 
     def _fill_up(self) -> None:
-        for _ in range(min(OPENED_AT_ONCE, self._count - self._signals.now.value)):
+        most = OPENED_AGAIN if self._signals.there.is_set() else OPENED_AT_ONCE
+        for _ in range(min(most, self._count - self._signals.now.value)):
             opened = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
             opened.setblocking(False)
             number = self._signals.ever.value % self._addresses

@@ -15,6 +15,8 @@ TIMEOUT_S = 15.0
 WOUND_V = 0.05
 """Volts on a motor that is being wound up."""
 
+_CLOSED = (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError)
+
 
 @dataclass(frozen=True)
 class Press:
@@ -46,13 +48,15 @@ class StopButton:
             connection = self._connection()
             try:
                 return self._ask(connection, begun)
+            except _CLOSED:
+                return Press(0, time.perf_counter() - begun, None)
             finally:
                 connection.close()
         for _ in range(2):
             self._kept = connection = self._kept or self._connection()
             try:
                 return self._ask(connection, begun)
-            except (http.client.RemoteDisconnected, ConnectionResetError, BrokenPipeError):
+            except _CLOSED:
                 self.release()
         return Press(0, time.perf_counter() - begun, None)
 
