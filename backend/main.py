@@ -51,6 +51,7 @@ from backend.ending import Ending, address_on
 from backend.experiments.evaluation import evaluate
 from backend.experiments.runner import Station
 from backend.faults import Fault
+from backend.forks import refuse_forks
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.private import UMASK, make_private
@@ -84,6 +85,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     os.umask(UMASK)
     logs.begin()
     raise_limit()
+    refuse_forks()
     with only_service_on(settings.data) as folder, _listening(settings) as listening:
         make_private(settings.data)
         _ask_for_priority()
@@ -208,7 +210,7 @@ def _build(
     for mirror in mirrors.values():
         stack.callback(mirror.close)
         stack.callback(supervision.keep_thread(SCENE, mirror.run, mirror.end).end, 2.0)
-    scenes = [scene_router(signed_in, mirror.port, path) for path, mirror in mirrors.items()]
+    scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
     upkeep = Upkeep(database, settings.data, supervisor)
     service = Service(
         bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep, retention

@@ -3,14 +3,12 @@
 import threading
 import time
 from collections.abc import Callable
-from contextlib import redirect_stdout
-from io import StringIO
 
 import numpy as np
-import viser
 from numpy.typing import NDArray
 
 from backend.sample import NAMES
+from backend.scene.portless import PortlessServer, SceneEndedError, Send
 from backend.scene.pose import can_be_drawn, pose
 from backend.scene.stage import Stage
 from backend.supervision import Part
@@ -21,7 +19,7 @@ PART = Part("A 3D view", "It stood still meanwhile.")
 
 
 class SceneMirror:
-    """A viser server on a loopback port, and ``run``, the work of a thread that moves its nodes while somebody looks.
+    """A scene without a port, and ``run``, the work of a thread that moves its nodes while somebody looks.
 
     ``newest`` returns the newest sample, one value per field, None before the first.
     """
@@ -30,20 +28,21 @@ class SceneMirror:
         self._newest = newest
         self._geometry = parameters.geometry
         self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
-        with redirect_stdout(StringIO()):  # it would print its address, which is nobody's business
-            self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-        self._stage = Stage(self._server, self._geometry.r_j, self._geometry.r_m)
+        self._server, self._stage = self._put_up()
         self._ending = threading.Event()
 
     @property
-    def port(self) -> int:
-        """Loopback port of the viser server."""
-        return self._server.get_port()
+    def viewers(self) -> int:
+        """How many look at the scene."""
+        return self._server.viewers
+
+    async def show(self, send: Send) -> None:
+        """Hand the scene to ``send`` until cancelled; see ``PortlessServer.show``."""
+        await self._server.show(send)
 
     def close(self) -> None:
         """Stop the server."""
-        with redirect_stdout(StringIO()):
-            self._server.stop()
+        self._server.stop()
 
     def step(self) -> None:
         """Show the newest sample."""
@@ -57,9 +56,21 @@ class SceneMirror:
         self._ending.set()
 
     def run(self) -> None:
-        """Keep the view at the newest sample until ``end``."""
+        """Keep the view at the newest sample until ``end``. Raises SceneEndedError when viser's own thread dies.
+
+        Called again after that, it puts up another scene; those who looked at the first were sent away and come back.
+        """
+        if not self._server.alive:
+            self._server, self._stage = self._put_up()
         due = time.monotonic()
         while not self._ending.wait(max(0.0, due - time.monotonic())):
             due = max(due + 1.0 / RATE_HZ, time.monotonic())
-            if self._server.get_clients():
+            if not self._server.alive:
+                self._server.clear_up()
+                raise SceneEndedError("viser's thread has ended")
+            if self._server.viewers:
                 self.step()
+
+    def _put_up(self) -> tuple[PortlessServer, Stage]:
+        server = PortlessServer()
+        return server, Stage(server, self._geometry.r_j, self._geometry.r_m)

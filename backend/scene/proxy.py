@@ -1,28 +1,78 @@
 """The 3D view on the dashboard's own port: viser's page and its websocket, behind the same sign-in.
 
-viser listens on a loopback port without sign-in or origin check: nothing but this proxy is meant to reach it, and the
-scene holds no control that could command anything.
+The road leads one way. What viser draws goes to the browser; what a browser says is counted and thrown away unread, as
+the scene has nothing that could be commanded and viser needs no word from it (its page tells where its camera stands).
 """
 
 import asyncio
+import logging
+import re
+import time
 from collections.abc import Callable
 from contextlib import suppress
 
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import HTMLResponse, RedirectResponse
 from starlette.requests import HTTPConnection
-from starlette.websockets import WebSocketDisconnect
-from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.typing import Subprotocol
+from starlette.websockets import WebSocketDisconnect, WebSocketDisconnected
 
+from backend.scene.mirror import SceneMirror
 from backend.scene.page import POLICY, page
+from backend.scene.portless import PROTOCOL, SceneEndedError
+
+MOST_VIEWERS = 32
+"""How many may look at one scene: each costs about a hundredth of a core."""
+
+MOST_BYTES = 4096
+MOST_PER_S = 100.0
+MOST_AT_ONCE = 300.0
+"""Limits of what a browser may say. viser's page says where its camera is, in 300 bytes, at most 50 times a second."""
+
+PATIENCE_S = 20.0
+"""A browser that takes nothing for so long is sent away [s]."""
+
+TELL_PERIOD_S = 60.0
+VERSION = re.compile(r"viser-v[0-9.]{1,20}")
+
+POLICY_VIOLATION, TOO_BIG, WRONG_VERSION, FAILED, LATER = 1008, 1009, 1002, 1011, 1013
+_LOG = logging.getLogger(__name__)
 
 
-def router(authorise: Callable[[HTTPConnection], object], port: int, path: str = "/scene") -> APIRouter:
-    """Return the routes under ``path``. ``authorise`` raises for who is not signed in; ``port`` is viser's."""
+class SentAwayError(Exception):
+    """A browser said what viser's page never says."""
+
+    def __init__(self, code: int, reason: str) -> None:
+        super().__init__(reason)
+        self.code = code
+        self.reason = reason
+
+
+class Hearing:
+    """Takes what one browser says, keeps nothing of it, and raises SentAwayError when it is none of viser's page."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._left = MOST_AT_ONCE
+        self._heard_s = clock()
+
+    def take(self, said: bytes | None) -> None:
+        """Count one message, None for a text."""
+        now_s = self._clock()
+        self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._heard_s)) - 1.0
+        self._heard_s = now_s
+        if said is None:
+            raise SentAwayError(POLICY_VIOLATION, "text is not understood here")
+        if len(said) > MOST_BYTES:
+            raise SentAwayError(TOO_BIG, f"a message has {len(said)} bytes, at most {MOST_BYTES} are taken")
+        if self._left < 0.0:
+            raise SentAwayError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
+
+
+def router(authorise: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene") -> APIRouter:
+    """Return the routes under ``path`` to ``scene``. ``authorise`` raises for who is not signed in."""
     routes = APIRouter(include_in_schema=False)
     html = page()
+    complaints = _Complaints(path)
 
     @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
@@ -38,45 +88,85 @@ def router(authorise: Callable[[HTTPConnection], object], port: int, path: str =
     @routes.websocket(f"{path}/")
     async def messages(websocket: WebSocket) -> None:
         authorise(websocket)
-        await _forward(websocket, port)
+        await _serve(websocket, scene, complaints)
 
     return routes
 
 
-async def _forward(websocket: WebSocket, port: int) -> None:
-    offered = [Subprotocol(name) for name in websocket.scope.get("subprotocols", [])]
-    try:
-        upstream = await connect(
-            f"ws://127.0.0.1:{port}",
-            subprotocols=offered,
-            max_size=None,
-            compression=None,
-            ping_interval=None,
-            proxy=None,
-        )
-    except (OSError, InvalidHandshake):
-        await websocket.close(1013)
+class _Complaints:
+    """Writes what was wrong with browsers into the log, at most once in ``TELL_PERIOD_S``."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._due_s = 0.0
+        self._untold = 0
+
+    def tell(self, reason: object) -> None:
+        self._untold += 1
+        now_s = time.monotonic()
+        if now_s >= self._due_s:
+            _LOG.warning("%s: browsers sent away: %d, the last because: %s", self._path, self._untold, reason)
+            self._due_s, self._untold = now_s + TELL_PERIOD_S, 0
+
+
+async def _serve(websocket: WebSocket, scene: SceneMirror, complaints: _Complaints) -> None:
+    offered = websocket.scope.get("subprotocols", [])
+    if PROTOCOL not in offered:
+        await _refuse_version(websocket, offered)
         return
-    async with upstream:
-        await websocket.accept(subprotocol=upstream.subprotocol)
-        pumps = {asyncio.create_task(_up(websocket, upstream)), asyncio.create_task(_down(upstream, websocket))}
-        try:
-            await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for pump in pumps:
-                pump.cancel()
-            await asyncio.gather(*pumps, return_exceptions=True)
-        with suppress(RuntimeError, WebSocketDisconnect):
-            await websocket.close()
+    await websocket.accept(subprotocol=PROTOCOL)
+    if scene.viewers >= MOST_VIEWERS:
+        await websocket.close(LATER, f"{MOST_VIEWERS} look at the scene already")
+        return
+    end = await _show(websocket, scene)
+    if end is None:
+        return
+    complaints.tell(end.reason)
+    with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
+        await websocket.close(end.code, end.reason)
 
 
-async def _up(websocket: WebSocket, upstream: ClientConnection) -> None:
-    with suppress(WebSocketDisconnect, ConnectionClosed):
-        while True:
-            await upstream.send(await websocket.receive_bytes())
+async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
+    """Tell viser's page that it is of another version, which it then shows; anything else is not let in."""
+    pages = [name for name in offered if VERSION.fullmatch(name)]
+    if pages:
+        await websocket.accept(subprotocol=pages[0])
+    await websocket.close(WRONG_VERSION, "the page is of another version: load it again")
 
 
-async def _down(upstream: ClientConnection, websocket: WebSocket) -> None:
-    with suppress(WebSocketDisconnect, ConnectionClosed, RuntimeError):
-        async for message in upstream:
-            await websocket.send_bytes(message if isinstance(message, bytes) else message.encode())
+async def _show(websocket: WebSocket, scene: SceneMirror) -> SentAwayError | None:
+    """Show the scene until either side has enough; return why we have, None when the browser has gone by itself."""
+
+    async def send(message: bytes) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            await websocket.send_bytes(message)
+
+    tasks = [asyncio.create_task(_hear(websocket)), asyncio.create_task(scene.show(send))]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        return _reason_of(done.pop())
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _hear(websocket: WebSocket) -> None:
+    hearing = Hearing()
+    while (message := await websocket.receive())["type"] != "websocket.disconnect":
+        hearing.take(message.get("bytes"))
+
+
+def _reason_of(ended: asyncio.Task[None]) -> SentAwayError | None:
+    error = SceneEndedError() if ended.cancelled() else ended.exception()
+    match error:
+        case None | WebSocketDisconnect() | WebSocketDisconnected():
+            return None
+        case SentAwayError():
+            return error
+        case TimeoutError():
+            return SentAwayError(POLICY_VIOLATION, f"nothing was taken for {PATIENCE_S:g} s")
+        case SceneEndedError():
+            return SentAwayError(LATER, "the 3D view has ended")
+        case _:
+            return SentAwayError(FAILED, f"the 3D view failed: {type(error).__name__}")

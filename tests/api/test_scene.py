@@ -1,17 +1,49 @@
-"""The 3D view through the proxy of the running service."""
+"""The 3D view of the running service: who gets to it, what comes of what they say."""
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
 import httpx
+import msgspec
 import pytest
 import viser
-from websockets.asyncio.client import connect
-from websockets.exceptions import InvalidStatus
+from viser.infra import _messages
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
+from tests.api.processes import descendants, listening
 from tests.e2e.service import Service
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
+TIMEOUT_S = 20.0
+SCENES = pytest.mark.parametrize("path", ["/scene", "/replay"])
+
+
+@asynccontextmanager
+async def looking(
+    service: Service, client: httpx.Client, path: str = "/scene", protocol: Subprotocol = PROTOCOL
+) -> AsyncIterator[ClientConnection]:
+    headers = {"Authorization": client.headers["Authorization"], "Origin": service.url}
+    address = service.url.replace("http", "ws") + path
+    async with connect(address, additional_headers=headers, subprotocols=[protocol], max_size=None) as socket:
+        yield socket
+
+
+async def receive(socket: ClientConnection) -> bytes:
+    message = await asyncio.wait_for(socket.recv(), TIMEOUT_S)
+    assert isinstance(message, bytes)
+    return message
+
+
+async def closed_with(socket: ClientConnection) -> int | None:
+    """Read until the other side closes; its code."""
+    try:
+        while True:
+            await receive(socket)
+    except ConnectionClosed:
+        return socket.close_code
 
 
 def test_the_page_comes_with_its_own_policy(operator: httpx.Client) -> None:
@@ -25,13 +57,9 @@ def test_the_page_comes_with_its_own_policy(operator: httpx.Client) -> None:
 @pytest.mark.parametrize("path", ["/scene", "/scene/", "/replay", "/replay/"])
 def test_messages_of_the_scene_arrive_in_its_own_protocol(service: Service, operator: httpx.Client, path: str) -> None:
     async def session() -> None:
-        headers = {"Authorization": operator.headers["Authorization"], "Origin": service.url}
-        address = service.url.replace("http", "ws") + path
-        async with connect(address, additional_headers=headers, subprotocols=[PROTOCOL], max_size=None) as socket:
+        async with looking(service, operator, path) as socket:
             assert socket.subprotocol == PROTOCOL
-            first = await asyncio.wait_for(socket.recv(), 20.0)
-            assert isinstance(first, bytes)
-            assert len(first) > 10_000
+            assert len(await receive(socket)) > 10_000
 
     asyncio.run(session())
 
@@ -45,3 +73,112 @@ def test_without_signing_in_there_is_no_scene(service: Service) -> None:
 
     assert httpx.get(service.url + "/scene/").status_code == 401
     assert asyncio.run(session()) in (401, 403)
+
+
+def test_the_service_takes_connections_at_its_one_address_only(service: Service, operator: httpx.Client) -> None:
+    port = httpx.URL(service.url).port
+    assert listening(service.pid) == [f"listening tcp 0100007F:{port:04X}"]
+    for child in descendants(service.pid):
+        assert listening(child) == []
+
+
+@SCENES
+def test_nothing_that_a_viewer_says_is_obeyed(service: Service, viewer: httpx.Client, path: str) -> None:
+    """Least of all to publish the scene: viser's own server would fork for it, and ask a server far away."""
+    kinds = sorted(kind.__name__ for kind in _messages.Message.get_subclasses())
+    upload = {"source_component_uuid": "a", "transfer_uuid": "b", "filename": "c", "mime_type": "d"}
+    said = [
+        {"type": "ShareUrlRequest"},
+        {"type": "FileTransferStartUpload", "part_count": 2, "size_bytes": 1 << 40, **upload},
+        *({"type": kind} for kind in kinds),
+    ]
+
+    async def session() -> None:
+        async with looking(service, viewer, path) as socket:
+            await receive(socket)
+            before = descendants(service.pid)
+            await socket.send(msgspec.msgpack.encode(said[0]))
+            await asyncio.sleep(0.5)  # what is not to happen cannot be waited for
+            assert descendants(service.pid) == before
+            for message in said[1:]:
+                await socket.send(msgspec.msgpack.encode(message))
+            await (await socket.ping())
+            assert descendants(service.pid) == before
+
+    asyncio.run(session())
+
+
+@SCENES
+@pytest.mark.parametrize(
+    ("said", "count", "code"),
+    [
+        ("text", 1, 1008),
+        ("\x00" * 100_000, 1, 1008),
+        (b"\xff" * 5_000, 1, 1009),
+        (b"\x00" * (1 << 20), 1, 1009),
+        (b"", 2_000, 1008),
+        (b"\xc1\xff junk", 2_000, 1008),
+    ],
+    ids=["text", "long text", "too large", "a megabyte", "nothing, often", "junk, often"],
+)
+def test_who_says_what_the_page_never_says_is_sent_away(
+    service: Service, viewer: httpx.Client, path: str, said: str | bytes, count: int, code: int
+) -> None:
+    async def session() -> None:
+        async with looking(service, viewer, path) as socket:
+            try:
+                for _ in range(count):
+                    await socket.send(said)
+            except ConnectionClosed:
+                assert count > 1
+            assert await closed_with(socket) == code
+
+    asyncio.run(session())
+
+
+def test_junk_leaves_no_traceback_and_few_lines_in_the_log(service: Service, viewer: httpx.Client) -> None:
+    async def one(junk: str | bytes) -> None:
+        async with looking(service, viewer) as socket:
+            await socket.send(junk)
+            socket.transport.abort()
+
+    async def session() -> None:
+        for turn in range(60):
+            await one(("junk", b"junk", b"\x93", b"\x00" * 9_000)[turn % 4])
+
+    before = service.log.stat().st_size
+    asyncio.run(session())
+    viewer.get("/api/state").raise_for_status()
+    written = service.log.read_bytes()[before:].decode()
+    assert "Traceback" not in written
+    assert len(written.splitlines()) <= 2
+
+
+@pytest.mark.parametrize(("protocol", "answer"), [("viser-v0.2.7", 1002), ("junk", 403), ("viser-vx", 403)])
+def test_the_page_of_another_version_is_told_so_and_nobody_else_let_in(
+    service: Service, viewer: httpx.Client, protocol: str, answer: int
+) -> None:
+    async def session() -> int | None:
+        try:
+            async with looking(service, viewer, protocol=Subprotocol(protocol)) as socket:
+                return await closed_with(socket)
+        except InvalidStatus as error:
+            return int(error.response.status_code)
+
+    assert asyncio.run(session()) == answer
+
+
+def test_a_scene_has_room_for_so_many_and_again_when_they_leave(service: Service, viewer: httpx.Client) -> None:
+    async def session() -> None:
+        async with AsyncExitStack() as stack:
+            for _ in range(32):
+                await receive(await stack.enter_async_context(looking(service, viewer, "/replay")))
+            async with looking(service, viewer, "/replay") as late:
+                assert await closed_with(late) == 1013
+        while True:  # those who left are forgotten a moment later
+            async with looking(service, viewer, "/replay") as socket:
+                with suppress(ConnectionClosed):
+                    await receive(socket)
+                    return
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))

@@ -1,0 +1,164 @@
+"""viser without a network: it draws for whoever is handed to it, and hears nobody.
+
+viser's own server listens on a TCP port without sign-in or origin check, serves files there, and takes messages from
+whoever connects; one of them makes it fork and ask a public tunnel for an address. None of that can be switched off.
+So it is given no network: where it would begin to listen it finds a ``_Road``, which opens nothing and keeps viser's
+handler of connections; where that handler expects a websocket it gets a ``_Viewer``, which takes what viser sends and
+never says a word. Why not otherwise: docs/decisions/0015-viser-without-a-port.md.
+"""
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable, Coroutine
+from contextlib import redirect_stdout
+from io import StringIO
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+import viser
+import websockets.datastructures
+import websockets.exceptions
+from viser.infra import _infra
+
+PROTOCOL = f"viser-v{viser.__version__}"
+"""Subprotocol of the websocket: viser's page and its messages change with each version."""
+
+Send: TypeAlias = Callable[[bytes], Awaitable[None]]
+_CLEAR_UP_S = 5.0
+_one_at_a_time = threading.Lock()
+
+
+class SceneEndedError(Exception):
+    """viser does not run any more."""
+
+
+class PortlessServer(viser.ViserServer):
+    """A ``ViserServer`` that opens no socket and has no handler for messages of browsers.
+
+    Raises RuntimeError where this version of viser listens in another way: better no 3D view than an open door.
+    """
+
+    def __init__(self) -> None:
+        self._road = road = _Road()
+        with _one_at_a_time, redirect_stdout(StringIO()):  # it would print an address, and there is none
+            vars(_infra)["websockets"] = SimpleNamespace(
+                asyncio=SimpleNamespace(server=SimpleNamespace(serve=road.serve)),
+                datastructures=websockets.datastructures,
+                exceptions=websockets.exceptions,
+            )
+            super().__init__(host="nowhere", port=0, verbose=False)
+        if not road.open:
+            self.stop()
+            raise RuntimeError(f"viser {viser.__version__} listens by itself: install the version of pyproject.toml")
+        # What is left in it are the requests to publish the scene and the files that a browser wants to upload.
+        self._websock_server._incoming_handlers.clear()
+
+    @property
+    def viewers(self) -> int:
+        """How many look at the scene."""
+        return len(self._road.viewers)
+
+    @property
+    def alive(self) -> bool:
+        """Whether viser's thread still serves."""
+        return self._road.open
+
+    async def show(self, send: Send) -> None:
+        """Hand the scene and all its changes to ``send``, in the caller's event loop, until cancelled.
+
+        The next message waits until the last is sent; what changed meanwhile is sent once. Raises SceneEndedError, and
+        what ``send`` raises.
+        """
+        await self._road.show(send)
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Publish nothing: viser's own would fork for it."""
+        return None
+
+    def disconnect_share_url(self) -> None:
+        """Take nothing back: nothing was published."""
+
+    def stop(self) -> None:
+        """Send all viewers away and end viser's thread."""
+        with redirect_stdout(StringIO()):
+            super().stop()
+
+    def clear_up(self) -> None:
+        """End what viser's thread has left without an end when it died: its viewers are sent away."""
+        self.stop()
+        loop = self._event_loop
+        if loop.is_running() or loop.is_closed():
+            return
+        tasks = asyncio.all_tasks(loop)
+        for task in tasks:
+            task.cancel()
+        loop.run_until_complete(asyncio.wait_for(asyncio.gather(*tasks, return_exceptions=True), _CLEAR_UP_S))
+        loop.close()
+
+
+class _Road:
+    """What a viser server finds in place of ``websockets.asyncio.server.serve``; at home in viser's event loop."""
+
+    def __init__(self) -> None:
+        self.viewers: set[asyncio.Task[None]] = set()
+        self._handler: Callable[[_Viewer], Coroutine[Any, Any, None]] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    @property
+    def open(self) -> bool:
+        return self._loop is not None and self._loop.is_running()
+
+    def serve(
+        self, handler: Callable[["_Viewer"], Coroutine[Any, Any, None]], *_address: object, **_options: object
+    ) -> "_Road":
+        self._handler = handler
+        return self
+
+    async def __aenter__(self) -> SimpleNamespace:
+        self._loop = asyncio.get_running_loop()
+        return SimpleNamespace(server=SimpleNamespace(sockets=()))
+
+    async def __aexit__(self, *_error: object) -> None:
+        self._loop = None
+        viewers = list(self.viewers)
+        for viewer in viewers:
+            viewer.cancel()
+        await asyncio.gather(*viewers, return_exceptions=True)
+
+    async def show(self, send: Send) -> None:
+        loop = self._loop
+        if loop is None:
+            raise SceneEndedError("the 3D view has ended")
+        shown = asyncio.run_coroutine_threadsafe(self._serve(_Viewer(send, asyncio.get_running_loop())), loop)
+        await asyncio.wrap_future(shown)
+
+    async def _serve(self, viewer: "_Viewer") -> None:
+        if self._loop is None or self._handler is None:
+            raise SceneEndedError("the 3D view has ended")
+        task = self._loop.create_task(self._handler(viewer))
+        self.viewers.add(task)
+        task.add_done_callback(self.viewers.discard)
+        await task
+
+
+class _Viewer:
+    """What viser takes for the websocket of a browser: it sends in the service's event loop and is never heard."""
+
+    subprotocol = PROTOCOL
+
+    def __init__(self, send: Send, service: asyncio.AbstractEventLoop) -> None:
+        self._send = send
+        self._service = service
+
+    async def send(self, message: bytes) -> None:
+        await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(self._pass_on(message), self._service))
+
+    async def recv(self) -> bytes:
+        never: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        return await never
+
+    async def close(self, code: int = 1000, reason: str = "") -> None:
+        return None
+
+    async def _pass_on(self, message: bytes) -> None:
+        await self._send(message)

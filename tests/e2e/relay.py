@@ -1,0 +1,73 @@
+"""A cable between browser and service that can be pulled out, for some of the connections or for all."""
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import httpx
+
+from tests.e2e.service import Service
+
+
+@dataclass
+class _Line:
+    request: bytes
+    ends: tuple[asyncio.StreamWriter, asyncio.StreamWriter]
+
+
+class Relay:
+    """Passes on what comes to its own port of 127.0.0.1; lives in a thread of its own."""
+
+    def __init__(self, port: int) -> None:
+        self._to = port
+        self._lines: list[_Line] = []
+        self._loop = asyncio.new_event_loop()
+        self._server = self._loop.run_until_complete(asyncio.start_server(self._pass_on, "127.0.0.1", 0))
+        self.port = int(self._server.sockets[0].getsockname()[1])
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+
+    def count(self, path: str) -> int:
+        """How many connections have begun with a request for exactly ``path``."""
+        return sum(line.request.startswith(f"GET {path} ".encode()) for line in self._lines)
+
+    def cut(self, path: str) -> None:
+        """Cut the connections that began with a request for ``path``."""
+        for line in self._lines:
+            if line.request.startswith(f"GET {path} ".encode()):
+                for end in line.ends:
+                    self._loop.call_soon_threadsafe(end.transport.abort)
+
+    def close(self) -> None:
+        """Cut all and end."""
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    async def _pass_on(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._to)
+        first = await reader.read(65536)
+        self._lines.append(_Line(first, (writer, far_writer)))
+        far_writer.write(first)
+        await asyncio.gather(_pump(reader, far_writer), _pump(far_reader, writer), return_exceptions=True)
+
+
+async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    try:
+        while data := await reader.read(65536):
+            writer.write(data)
+            await writer.drain()
+    finally:
+        writer.transport.abort()
+
+
+@contextmanager
+def relayed(service: Service) -> Iterator[tuple[Service, Relay]]:
+    """The service as it is seen through a relay."""
+    relay = Relay(httpx.URL(service.url).port or 0)
+    url = f"http://127.0.0.1:{relay.port}"
+    try:
+        yield replace(service, url=url, link=service.link.replace(service.url, url)), relay
+    finally:
+        relay.close()
