@@ -31,11 +31,6 @@ class SceneMirror:
         self._server, self._stage = self._put_up()
         self._ending = threading.Event()
 
-    @property
-    def viewers(self) -> int:
-        """How many look at the scene."""
-        return self._server.viewers
-
     async def show(self, send: Send) -> None:
         """Hand the scene to ``send`` until cancelled; see ``PortlessServer.show``."""
         await self._server.show(send)

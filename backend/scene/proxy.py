@@ -23,6 +23,9 @@ from backend.scene.portless import PROTOCOL, SceneEndedError
 MOST_VIEWERS = 32
 """How many may look at one scene: each costs about a hundredth of a core."""
 
+OPENING_S = 0.1
+"""The whole scene, a megabyte, is put together for one after the other, with a pause [s]: STOP comes in between."""
+
 MOST_BYTES = 4096
 MOST_PER_S = 100.0
 MOST_AT_ONCE = 300.0
@@ -72,7 +75,7 @@ def router(authorise: Callable[[HTTPConnection], object], scene: SceneMirror, pa
     """Return the routes under ``path`` to ``scene``. ``authorise`` raises for who is not signed in."""
     routes = APIRouter(include_in_schema=False)
     html = page()
-    complaints = _Complaints(path)
+    gallery = _Gallery(scene, path)
 
     @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
@@ -88,9 +91,59 @@ def router(authorise: Callable[[HTTPConnection], object], scene: SceneMirror, pa
     @routes.websocket(f"{path}/")
     async def messages(websocket: WebSocket) -> None:
         authorise(websocket)
-        await _serve(websocket, scene, complaints)
+        await gallery.serve(websocket)
 
     return routes
+
+
+class _Gallery:
+    """Those who look at one scene, or wait to be let in."""
+
+    def __init__(self, scene: SceneMirror, path: str) -> None:
+        self._scene = scene
+        self._complaints = _Complaints(path)
+        self._inside = 0
+        self._door = asyncio.Lock()
+
+    async def serve(self, websocket: WebSocket) -> None:
+        """Show the scene until either side has enough."""
+        offered = websocket.scope.get("subprotocols", [])
+        if PROTOCOL not in offered:
+            await _refuse_version(websocket, offered)
+            return
+        await websocket.accept(subprotocol=PROTOCOL)
+        if self._inside >= MOST_VIEWERS:
+            await websocket.close(LATER, f"{MOST_VIEWERS} look at the scene already")
+            return
+        self._inside += 1
+        try:
+            end = await self._show(websocket)
+        finally:
+            self._inside -= 1
+        if end is not None:
+            self._complaints.tell(end.reason)
+            with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
+                await websocket.close(end.code, end.reason)
+
+    async def _show(self, websocket: WebSocket) -> SentAwayError | None:
+        """Show the scene; return why the browser is to be sent away, None when it has gone by itself."""
+        tasks = [asyncio.create_task(_hear(websocket)), asyncio.create_task(self._send(websocket))]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            return _reason_of(done.pop())
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _send(self, websocket: WebSocket) -> None:
+        async def send(message: bytes) -> None:
+            async with asyncio.timeout(PATIENCE_S):
+                await websocket.send_bytes(message)
+
+        async with self._door:
+            await asyncio.sleep(OPENING_S)
+        await self._scene.show(send)
 
 
 class _Complaints:
@@ -101,29 +154,13 @@ class _Complaints:
         self._due_s = 0.0
         self._untold = 0
 
-    def tell(self, reason: object) -> None:
+    def tell(self, reason: str) -> None:
+        """Count one that is sent away."""
         self._untold += 1
         now_s = time.monotonic()
         if now_s >= self._due_s:
             _LOG.warning("%s: browsers sent away: %d, the last because: %s", self._path, self._untold, reason)
             self._due_s, self._untold = now_s + TELL_PERIOD_S, 0
-
-
-async def _serve(websocket: WebSocket, scene: SceneMirror, complaints: _Complaints) -> None:
-    offered = websocket.scope.get("subprotocols", [])
-    if PROTOCOL not in offered:
-        await _refuse_version(websocket, offered)
-        return
-    await websocket.accept(subprotocol=PROTOCOL)
-    if scene.viewers >= MOST_VIEWERS:
-        await websocket.close(LATER, f"{MOST_VIEWERS} look at the scene already")
-        return
-    end = await _show(websocket, scene)
-    if end is None:
-        return
-    complaints.tell(end.reason)
-    with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
-        await websocket.close(end.code, end.reason)
 
 
 async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
@@ -132,23 +169,6 @@ async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
     if pages:
         await websocket.accept(subprotocol=pages[0])
     await websocket.close(WRONG_VERSION, "the page is of another version: load it again")
-
-
-async def _show(websocket: WebSocket, scene: SceneMirror) -> SentAwayError | None:
-    """Show the scene until either side has enough; return why we have, None when the browser has gone by itself."""
-
-    async def send(message: bytes) -> None:
-        async with asyncio.timeout(PATIENCE_S):
-            await websocket.send_bytes(message)
-
-    tasks = [asyncio.create_task(_hear(websocket)), asyncio.create_task(scene.show(send))]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        return _reason_of(done.pop())
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _hear(websocket: WebSocket) -> None:

@@ -95,7 +95,7 @@ def test_the_whole_scene_comes_first_and_then_what_moves(scene: SceneMirror) -> 
         assert sum(map(len, viewer.messages[:4])) > 1_000_000
         assert max(map(len, viewer.messages[10:])) < 20_000
         looking.cancel()
-        await until(lambda: scene.viewers == 0)
+        await until(lambda: scene._server.viewers == 0)
 
     run(session)
 
@@ -115,7 +115,7 @@ def test_who_takes_slowly_gets_the_newest_and_delays_nobody(scene: SceneMirror) 
         assert sum(map(len, slow.messages[taken : taken + 5])) < 60_000
         for task in looking:
             task.cancel()
-        await until(lambda: scene.viewers == 0)
+        await until(lambda: scene._server.viewers == 0)
 
     run(session)
 
@@ -127,7 +127,7 @@ def test_a_viewer_that_fails_is_told_and_forgotten(scene: SceneMirror) -> None:
     async def session() -> None:
         with pytest.raises(ConnectionResetError, match="the cable is out"):
             await scene.show(fail)
-        await until(lambda: scene.viewers == 0)
+        await until(lambda: scene._server.viewers == 0)
 
     run(session)
 
