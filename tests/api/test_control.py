@@ -1,28 +1,24 @@
 """One holder of control: taken, taken over, lost; what stale pages and strangers send does nothing."""
 
 import asyncio
-import itertools
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from http.client import HTTPConnection
 
 import httpx
 import pytest
-from websockets.asyncio.client import connect
 
-from backend.api.control import HEADER, HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
+from backend.api.control import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
 from backend.api.errors import ApiError
 from backend.api.gate import BEARER, Person
 from backend.api.schemas.session import Role
 from backend.faults import Fault
 from tests.api.conftest import problem, wait_for
+from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
 from tests.e2e.service import Service
 
 ANA, VERA = Person("Ana", Role.OPERATOR, "a"), Person("Vera", Role.OPERATOR, "v")
 SCRIPT = Person("operator", Role.OPERATOR, BEARER)
-
 
 KEY = "a" * 16
 JSON = {"Content-Type": "application/json"}
@@ -174,53 +170,6 @@ def test_a_stamp_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ApiError) as error:
         read_stamp(text)
     assert error.value.status == 400
-
-
-class Page:
-    """A signed-in page of the running service, as the browser's is: cookie, key, sequence."""
-
-    def __init__(self, service: Service, name: str, role: str = "token") -> None:
-        self.browser = httpx.Client(base_url=service.url, timeout=60.0)
-        token = (service.data / role).read_text().strip()
-        self.browser.post("/api/session", json={"token": token, "name": name}).raise_for_status()
-        self.socket_url = service.url.replace("http", "ws") + "/api/live"
-        self._numbers = itertools.count(1)
-        self.key = KEY
-
-    def take(self, take_over: bool = False) -> httpx.Response:
-        answer = self.browser.post("/api/control", json={"take_over": take_over})
-        if answer.is_success:
-            self.key, self._numbers = answer.json()["page"], itertools.count(1)
-        return answer
-
-    def command(self, method: str, path: str, body: object = None) -> httpx.Response:
-        return self.browser.request(method, path, json=body, headers=self.stamp())
-
-    def stamp(self) -> dict[str, str]:
-        return {HEADER: f"{self.key}.{next(self._numbers)}"}
-
-    def ping(self) -> dict[str, object]:
-        async def once() -> dict[str, object]:
-            cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
-            async with connect(self.socket_url, additional_headers={"Cookie": cookies}, max_size=None) as socket:
-                await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.key}))
-                while True:
-                    message = await asyncio.wait_for(socket.recv(), 20.0)
-                    if isinstance(message, str) and '"pong"' in message:
-                        return dict(json.loads(message))
-
-        return asyncio.run(once())
-
-
-@contextmanager
-def pages(service: Service, *names: str) -> Iterator[list[Page]]:
-    opened = [Page(service, name) for name in names]
-    try:
-        yield opened
-    finally:
-        for page in opened:
-            page.command("DELETE", "/api/control")
-            page.browser.close()
 
 
 def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Service, off: httpx.Client) -> None:

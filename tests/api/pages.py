@@ -1,0 +1,60 @@
+"""A signed-in page of the running service, as a browser's is: cookie, key, sequence."""
+
+import asyncio
+import itertools
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import httpx
+from websockets.asyncio.client import connect
+
+from backend.api.control import HEADER
+from tests.e2e.service import Service
+
+
+class Page:
+    """One page; ``take`` gives it control and its key."""
+
+    def __init__(self, service: Service, name: str, role: str = "token") -> None:
+        self.browser = httpx.Client(base_url=service.url, timeout=60.0)
+        token = (service.data / role).read_text().strip()
+        self.browser.post("/api/session", json={"token": token, "name": name}).raise_for_status()
+        self.socket_url = service.url.replace("http", "ws") + "/api/live"
+        self._numbers = itertools.count(1)
+        self.key = "a" * 16
+
+    def take(self, take_over: bool = False) -> httpx.Response:
+        answer = self.browser.post("/api/control", json={"take_over": take_over})
+        if answer.is_success:
+            self.key, self._numbers = answer.json()["page"], itertools.count(1)
+        return answer
+
+    def command(self, method: str, path: str, body: object = None) -> httpx.Response:
+        return self.browser.request(method, path, json=body, headers=self.stamp())
+
+    def stamp(self) -> dict[str, str]:
+        return {HEADER: f"{self.key}.{next(self._numbers)}"}
+
+    def ping(self) -> dict[str, object]:
+        async def once() -> dict[str, object]:
+            cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
+            async with connect(self.socket_url, additional_headers={"Cookie": cookies}, max_size=None) as socket:
+                await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.key}))
+                while True:
+                    message = await asyncio.wait_for(socket.recv(), 20.0)
+                    if isinstance(message, str) and '"pong"' in message:
+                        return dict(json.loads(message))
+
+        return asyncio.run(once())
+
+
+@contextmanager
+def pages(service: Service, *names: str) -> Iterator[list[Page]]:
+    opened = [Page(service, name) for name in names]
+    try:
+        yield opened
+    finally:
+        for page in opened:
+            page.command("DELETE", "/api/control")
+            page.browser.close()
