@@ -34,7 +34,6 @@ MOST_AT_ONCE = 300.0
 PATIENCE_S = 20.0
 """A browser that takes nothing for so long is sent away [s]."""
 
-TELL_PERIOD_S = 60.0
 VERSION = re.compile(r"viser-v[0-9.]{1,20}")
 
 POLICY_VIOLATION, TOO_BIG, WRONG_VERSION, FAILED, LATER = 1008, 1009, 1002, 1011, 1013
@@ -101,7 +100,7 @@ class _Gallery:
 
     def __init__(self, scene: SceneMirror, path: str) -> None:
         self._scene = scene
-        self._complaints = _Complaints(path)
+        self._path = path
         self._inside = 0
         self._door = asyncio.Lock()
 
@@ -121,7 +120,7 @@ class _Gallery:
         finally:
             self._inside -= 1
         if end is not None:
-            self._complaints.tell(end.reason)
+            _LOG.warning("%s: a browser was sent away: %s", self._path, end.reason)
             with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
                 await websocket.close(end.code, end.reason)
 
@@ -144,23 +143,6 @@ class _Gallery:
         async with self._door:
             await asyncio.sleep(OPENING_S)
         await self._scene.show(send)
-
-
-class _Complaints:
-    """Writes what was wrong with browsers into the log, at most once in ``TELL_PERIOD_S``."""
-
-    def __init__(self, path: str) -> None:
-        self._path = path
-        self._due_s = 0.0
-        self._untold = 0
-
-    def tell(self, reason: str) -> None:
-        """Count one that is sent away."""
-        self._untold += 1
-        now_s = time.monotonic()
-        if now_s >= self._due_s:
-            _LOG.warning("%s: browsers sent away: %d, the last because: %s", self._path, self._untold, reason)
-            self._due_s, self._untold = now_s + TELL_PERIOD_S, 0
 
 
 async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:

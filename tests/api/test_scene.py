@@ -151,7 +151,7 @@ def test_junk_leaves_no_traceback_and_few_lines_in_the_log(service: Service, vie
     viewer.get("/api/state").raise_for_status()
     written = service.log.read_bytes()[before:].decode()
     assert "Traceback" not in written
-    assert len(written.splitlines()) <= 2
+    assert len(written.splitlines()) <= 10
 
 
 @pytest.mark.parametrize(("protocol", "answer"), [("viser-v0.2.7", 1002), ("junk", 403), ("viser-vx", 403)])
