@@ -26,6 +26,7 @@ ONLY_COMPUTES = {
     "storage",
     "tuning",
     "wire",
+    "test_forks.py",
     "test_house.py",
     "test_lanes.py",
 }
