@@ -38,13 +38,14 @@ _log = logging.getLogger(__name__)
 class Place:
     """One connection. ``end`` closes it at once; ``is_answered`` tells whether it waits for its answer, not for words.
 
-    Both change hands as the connection goes from the accepted socket to its protocol.
+    Both change hands as the connection goes from the accepted socket to its protocol, which takes ``first_words`` over.
     """
 
     def __init__(self, address: str, end: Callable[[], None]) -> None:
         self.network = _network(address)
         self.end = end
         self.is_answered: Callable[[], bool] = lambda: False
+        self.first_words = b""
         self.holder: Person | None = None
         self.costs = 0
 

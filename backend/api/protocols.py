@@ -116,11 +116,13 @@ class HttpProtocol(_Placed, H11Protocol):
         self._patience: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as in uvicorn
-        """Take over the place."""
+        """Take over the place, and what was said already."""
         super().connection_made(transport)
         self.place.end = self.end
         self.place.is_answered = lambda: self._waiting() is _Wait.NOTHING
         self._watch()
+        # Not at once: until this returns the transport cannot be told to pause.
+        self.loop.call_soon(self._take_first_words)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Wait for nothing more."""
@@ -160,6 +162,11 @@ class HttpProtocol(_Placed, H11Protocol):
         ):
             self.transport.write(self.conn.send(sent) or b"")
         self.transport.close()
+
+    def _take_first_words(self) -> None:
+        words, self.place.first_words = self.place.first_words, b""
+        if not self.transport.is_closing():
+            self.data_received(words)
 
     def _waiting(self) -> _Wait:
         cycle: Any = self.cycle  # None before the first request, which uvicorn does not declare

@@ -19,6 +19,11 @@ BACKLOG = 512
 SILENCE_S = 10.0
 """So long a connection may say nothing."""
 
+TURN_S = 0.005
+"""So long [s] connections are taken before others have their turn."""
+
+FIRST_BYTES = 16 * 1024
+
 PAUSE_S = 0.05
 """Pause [s] after the kernel has refused to give a connection."""
 
@@ -40,9 +45,6 @@ class Reception:
         self._loop = asyncio.get_running_loop()
         self._listening = listening
         self._highest = highest
-        # A guest's first words are read a few turns of the event loop after the guest was let in: nobody gives way
-        # before that, as long as only a part of the places is given away in each turn.
-        self._batch = max(1, door.room.guests // 8)
         self._retry: asyncio.TimerHandle | None = None
         listening.setblocking(False)
         listening.listen(BACKLOG)
@@ -59,7 +61,10 @@ class Reception:
         self._loop.add_reader(self._listening, self._accept)
 
     def _accept(self) -> None:
-        for _ in range(self._batch):
+        until = self._loop.time() + TURN_S
+        for _ in range(self.door.room.guests // 2):
+            if self._loop.time() > until:
+                return
             try:
                 connection, address = self._listening.accept()
             except (BlockingIOError, InterruptedError, ConnectionAbortedError):
@@ -71,7 +76,7 @@ class Reception:
                 _log.warning("a connection was refused: no descriptors left for it")
                 connection.close()
                 continue
-            _Silent(self, connection, str(address[0]))
+            _Newcomer(self, connection, str(address[0]))
 
     def _accept_later(self, error: OSError) -> None:
         """Leave the connections in the kernel for a moment."""
@@ -82,8 +87,8 @@ class Reception:
         self._retry = self._loop.call_later(PAUSE_S, self._accept_from_now_on)
 
 
-class _Silent:
-    """A connection until its first word, or its end."""
+class _Newcomer:
+    """A connection until its first words are handed over, or its end."""
 
     def __init__(self, reception: Reception, connection: socket.socket, address: str) -> None:
         self._reception = reception
@@ -95,11 +100,25 @@ class _Silent:
         self._place = Place(address, self._end)
         reception.door.enter(self._place)
         self._patience = self._loop.call_later(SILENCE_S, self._end)
-        self._loop.add_reader(connection, self._speaks)
+        # Under a crowd it has waited in the kernel, and its words with it: each turn of the event loop counts then.
+        self._listen()
+        if self._handover is None and not self._sent_away:
+            self._loop.add_reader(connection, self._listen)
 
-    def _speaks(self) -> None:
+    def _listen(self) -> None:
+        try:
+            words = self._connection.recv(FIRST_BYTES)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:
+            words = b""
+        if not words:
+            self._end()
+            return
         self._patience.cancel()
         self._loop.remove_reader(self._connection)
+        self._place.first_words = words
+        self._place.is_answered = lambda: True  # gives way last: its words are not read yet
         self._handover = self._loop.create_task(self._hand_over())
 
     async def _hand_over(self) -> None:
