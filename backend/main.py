@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import APIRouter, FastAPI
 
 from backend.api import logs
-from backend.api.app import create_app
+from backend.api.app import create_app, put_routes_together
 from backend.api.auth import signed_in
 from backend.api.bench import Bench
 from backend.api.care import Care
@@ -20,6 +20,8 @@ from backend.api.control import Control
 from backend.api.desk import Desk
 from backend.api.door import raise_limit
 from backend.api.downloads import Downloads
+from backend.api.dry_runs import DryRuns
+from backend.api.evaluations import Evaluations
 from backend.api.gate import PART as GATE
 from backend.api.gate import Gate
 from backend.api.history import History
@@ -29,8 +31,8 @@ from backend.api.kept_tuning import KeptTuning
 from backend.api.library import Library
 from backend.api.live import PART as LIVE
 from backend.api.live import LiveStream
-from backend.api.offload import Offload
 from backend.api.picture import Picture
+from backend.api.processes import Processes
 from backend.api.replay import Replay
 from backend.api.retention import PART as RETENTION
 from backend.api.retention import Retention
@@ -70,6 +72,7 @@ from plant.parameters import load_parameters
 
 SEED = 0
 NICENESS = -10
+
 _log = logging.getLogger(__name__)
 
 
@@ -107,11 +110,11 @@ async def _serve(
     try:
         # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
         supervision = Supervision()
-        parts.callback(supervision.close)
+        parts.push_async_callback(supervision.close)
         supervisor, recorder, service, scenes = _build(settings, folder, gate, supervision, parts)
         app = create_app(lifespan, scenes, settings.allowed_hosts)
         app.state.service, app.state.gate = service, gate
-        await _put_routes_together(app)
+        await put_routes_together(app)
         await _start_loop(supervisor, recorder, supervision, ending, parts)
         parts.push_async_callback(lambda: service.tasks.close(ending.cause))
     except BaseException:
@@ -156,7 +159,7 @@ def _build(
 
     def problems() -> list[str]:
         parts = watch, care, recorder, flights, journal, supervisor.guard, retention, gate.sessions
-        return [*(part.problem for part in parts if part.problem), *supervision.problems]
+        return [*(part.problem for part in parts if part.problem), *supervision.problems, *tasks.problems]
 
     retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
@@ -170,7 +173,7 @@ def _build(
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, picture.tick))
     safe_stop = SafeStop(supervisor, picture, supervision)
     sessions = SessionRuns(database, settings.plant, parameters)
-    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow)
+    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
     control = Control(bench.operator_lost, bench.note_control)
     picture.holder, picture.people = control.view, gate.people
     keep(GATE, gate.run)
@@ -184,23 +187,21 @@ def _build(
     keep(FOLDER, watch.run)
     care.start()
 
-    library = Library(database, lambda: picture.task)
     history = History(database, parameters, lambda: _id_of_bank(picture.tuning))
-    offload = Offload()
-    stack.callback(offload.close)
-    downloads = Downloads(database, offload)
-    # In a process of its own: a fit keeps Python's lock for longer than the loop waits for a heartbeat.
-    computing = Offload(niceness=0)
-    stack.callback(computing.close)
-    shelf = Shelf(database, computing, lambda: picture.tuning)
-    station = Station(supervisor, database, settings.plant, parameters, computing.run)
+    processes = Processes(supervision)
+    stack.callback(processes.close)
+    downloads = Downloads(database, processes.reports)
+    evaluations = Evaluations(database, processes.computing, lambda: picture.task)
+    library = Library(database, lambda: picture.task, evaluations.includes)
+    shelf = Shelf(database, processes.computing, lambda: picture.tuning)
+    station = Station(supervisor, database, settings.plant, parameters, processes.computing.run)
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""
-        computing.prepare(evaluate)
+        processes.computing.prepare(evaluate)
         downloads.prepare()
 
-    tasks = Tasks(station, bench, shelf, prepare, SEED, offload)
+    tasks = Tasks(station, bench, shelf, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop)
 
     replay = Replay(database)
     mirrors = {
@@ -213,7 +214,19 @@ def _build(
     scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
     upkeep = Upkeep(database, settings.data, supervisor)
     service = Service(
-        bench, control, tasks, library, shelf, Desk(database), history, replay, downloads, live, upkeep, retention
+        bench,
+        control,
+        tasks,
+        library,
+        evaluations,
+        shelf,
+        Desk(database),
+        history,
+        replay,
+        downloads,
+        live,
+        upkeep,
+        retention,
     )
     return supervisor, recorder, service, scenes
 
@@ -232,25 +245,6 @@ async def _start_loop(
     stack.push_async_callback(asyncio.to_thread, recorder.close)
     stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
     stack.push_async_callback(stop)
-
-
-async def _put_routes_together(app: FastAPI) -> None:
-    """Send the application its first request: FastAPI prepares its routes only then, for a third of a second."""
-    request = {
-        "type": "http",
-        "method": "GET",
-        "path": "/api/docs",
-        "query_string": b"",
-        "headers": [(b"host", b"localhost")],
-    }
-
-    async def receive() -> dict[str, object]:
-        return {"type": "http.request", "body": b""}
-
-    async def send(_message: object) -> None:
-        return None
-
-    await app(request, receive, send)
 
 
 def _close_interrupted(database: Database) -> None:

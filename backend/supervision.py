@@ -53,6 +53,7 @@ class Supervision:
         self._clock = clock
         self._deaths: dict[str, _Deaths] = {}
         self._threads: list[KeptThread] = []
+        self._tasks: list[KeptTask] = []
         self._listeners: list[Callable[[str], None]] = []
         self._look_due: asyncio.TimerHandle | None = None
 
@@ -64,7 +65,9 @@ class Supervision:
         self, part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
     ) -> "KeptTask":
         """Run ``work()`` as a task until it returns or is ended; ``on_death`` is called at once when it dies."""
-        return KeptTask(part, work, self.died, on_death)
+        kept = KeptTask(part, work, self.died, on_death)
+        self._tasks = [*(earlier for earlier in self._tasks if not earlier.is_over), kept]
+        return kept
 
     def keep_thread(self, part: Part, work: Callable[[], None], tell: Callable[[], None]) -> "KeptThread":
         """Run ``work()`` in a thread until it returns; ``tell`` tells it to."""
@@ -97,10 +100,12 @@ class Supervision:
         now = self._clock()
         return [_sentence(deaths, now) for deaths in self._deaths.values() if now - deaths.again_at < WELL_S]
 
-    def close(self) -> None:
-        """Look at threads no longer. What is kept is ended by whoever began it."""
+    async def close(self) -> None:
+        """End the tasks that are left and look at threads no longer; those are ended by whoever began them."""
         if self._look_due is not None:
             self._look_due.cancel()
+        for kept in self._tasks:
+            await kept.end()
 
     def _tell(self, sentence: str) -> None:
         for told in self._listeners:
@@ -133,6 +138,11 @@ class KeptTask:
         self._over = asyncio.Event()
         self._again: asyncio.TimerHandle | None = None
         self._task = self._start()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the work has returned or was ended."""
+        return self._over.is_set()
 
     async def ended(self) -> None:
         """Wait until the work has returned or was ended."""

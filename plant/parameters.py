@@ -129,20 +129,29 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
         ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ParameterError(f"{path.name} is not a TOML file: {error}") from error
+    return parameters_of(path.stem, document, path.name)
+
+
+def parameters_of(name: str, document: dict[str, Any], file: str = "") -> PlantParameters:
+    """Build the set called ``name`` from a document as ``PlantParameters.document`` gives it and TOML files hold it.
+
+    Raises ParameterError naming the entry, its bound and unit, and the ``file``.
+    """
+    file = file or name
     kinds = SECTIONS | SIDED
     for section in document:
         if section not in kinds:
-            raise ParameterError(f"{path.name}: unknown section {section!r}; known are {', '.join(kinds)}")
+            raise ParameterError(f"{file}: unknown section {section!r}; known are {', '.join(kinds)}")
     sources: dict[str, str] = {}
     entries: dict[str, dict[str, Value]] = {}
     for section, kind in kinds.items():
         if section in SECTIONS or section in document:
-            entries[section], given = read_section(path.name, section, kind, document.get(section, {}))
+            entries[section], given = read_section(file, section, kind, document.get(section, {}))
             sources |= {f"{section}.{name}": source for name, source in given.items()}
-    parts = {name: kind(**completed(path.name, name, kind, entries[name])) for name, kind in SECTIONS.items()}
-    sided = {name: _only_one_curve(entries[name]) for name in SIDED if name in entries}
-    parameters = PlantParameters(name=path.stem, sources=sources, sided=sided, **parts)
-    _check(path.name, parameters)
+    parts = {section: kind(**completed(file, section, kind, entries[section])) for section, kind in SECTIONS.items()}
+    sided = {section: _only_one_curve(entries[section]) for section in SIDED if section in entries}
+    parameters = PlantParameters(name=name, sources=sources, sided=sided, **parts)
+    _check(file, parameters)
     return parameters
 
 

@@ -17,7 +17,7 @@ def run(session: Callable[[Supervision], Awaitable[None]]) -> None:
     async def whole() -> None:
         supervision = Supervision()
         await asyncio.wait_for(session(supervision), TIMEOUT_S)
-        supervision.close()
+        await supervision.close()
 
     asyncio.run(whole())
 

@@ -29,6 +29,7 @@ from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.refusal import require_within
 from backend.storage.banks import Bank
+from backend.supervision import Supervision
 from plant.breakage import Broken
 
 STOP_PROOF_S = 1.0
@@ -52,6 +53,7 @@ class Bench:
         journal: Journal,
         kept: KeptTuning,
         on_new_ring: Callable[[Ring], None],
+        supervision: Supervision,
     ) -> None:
         self.picture = picture
         self._supervisor = supervisor
@@ -62,7 +64,7 @@ class Bench:
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
         self._turn = asyncio.Lock()
-        self._trial = Trial(self._end_trial)
+        self._trial = Trial(self._end_trial, supervision)
         picture.trial = self._trial.view
         supervisor.listen(self._hear)
 

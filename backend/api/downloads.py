@@ -55,7 +55,7 @@ class Downloads:
         source = load_source(self._database, run_id)
         if source.run.end_state == EndState.RUNNING:
             raise ApiError(409, f"run {run_id} is not over yet: its report follows when it is")
-        if source.result is None and source.run.kind != RunKind.SESSION and _just_ended(source):
+        if source.result is None and source.run.kind != RunKind.SESSION and _is_awaited(source):
             raise ApiError(409, f"the result of run {run_id} is being computed: its report follows in a moment")
         return source
 
@@ -71,6 +71,10 @@ class Downloads:
                 results.add_report(session, run_id, kind, content)
 
 
-def _just_ended(source: Source) -> bool:
+def _is_awaited(source: Source) -> bool:
     ended = source.run.ended_at
-    return ended is not None and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
+    return (
+        source.run.evaluation_problem == ""
+        and ended is not None
+        and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
+    )

@@ -9,7 +9,9 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from backend.api.offload import WorkerDiedError
 from backend.api.schemas.base import UNITS, Problem, Refusal
+from backend.experiments.again import NotEvaluableError
 from backend.experiments.bank_consistency import BankError
 from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.settings import SettingError
@@ -58,7 +60,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         411: "the length of the body is not told",
         413: "the body is too large",
         422: "a value is refused",
-        429: "too many wrong tokens",
+        429: "too many wrong tokens, or too much asked for at once",
         503: "the loop process does not answer",
     }.items()
 }
@@ -75,7 +77,9 @@ _STATUS: dict[type[Exception], int] = {
     ChannelError: 422,
     NotRemovableError: 409,
     LoopDiedError: 503,
+    NotEvaluableError: 409,
     StorageError: 503,
+    WorkerDiedError: 503,
 }
 """Refusals of the parts below whose message says everything."""
 

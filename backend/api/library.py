@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from backend import __version__, wire
 from backend.api import stored
@@ -11,7 +12,7 @@ from backend.api.schemas.curves import IdentificationCurves
 from backend.api.schemas.experiment import ExperimentView
 from backend.api.schemas.flight import FlightList
 from backend.api.schemas.identification import IdentificationView, SpringTableView
-from backend.api.schemas.run import RunList, RunView, SamplesView
+from backend.api.schemas.run import Evaluation, RunList, RunView, SamplesView
 from backend.api.schemas.state import TaskView
 from backend.api.shelf import newest_estimate
 from backend.experiments.identification_curves import curves_of
@@ -20,7 +21,7 @@ from backend.recording.reader import Envelope, read_envelope
 from backend.storage import Database, Session, flights, identifications, recordings, results, runs
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
-from backend.storage.runs import Run, RunKind
+from backend.storage.runs import EndState, Run, RunKind
 
 IDENTIFICATIONS = (
     RunKind.ACTUATOR_IDENTIFICATION,
@@ -43,12 +44,15 @@ class Excerpt:
 class Library:
     """Reads and writes the database in threads, so that the event loop never waits for the disk.
 
-    ``task`` tells what the service is doing at present.
+    ``task`` tells what the service is doing at present, ``is_evaluated`` whether a run's result is being computed.
     """
 
-    def __init__(self, database: Database, task: Callable[[], TaskView | None]) -> None:
+    def __init__(
+        self, database: Database, task: Callable[[], TaskView | None], is_evaluated: Callable[[int], bool]
+    ) -> None:
         self._database = database
         self._task = task
+        self._is_evaluated = is_evaluated
 
     # Runs ---------------------------------------------------------------------------------------------------
 
@@ -123,12 +127,13 @@ class Library:
     def _runs(self, kinds: Sequence[RunKind], search: str, limit: int, offset: int) -> RunList:
         with self._database.reading() as session:
             found = runs.find(session, kinds=kinds, search=search, limit=limit, offset=offset)
-            views = [_view(session, run) for run in found]
+            with_result = results.present(session, [run.id for run in found])
+            views = [self._view(session, run, run.id in with_result) for run in found]
             return RunList(runs=views, total=runs.count(session, kinds=kinds, search=search))
 
     def _run(self, run_id: int) -> RunView:
         with self._database.reading() as session:
-            return _view(session, runs.get(session, run_id))
+            return self._view(session, runs.get(session, run_id), bool(results.present(session, [run_id])))
 
     def _flights(self) -> FlightList:
         with self._database.reading() as session:
@@ -199,22 +204,30 @@ class Library:
             run = runs.get(session, run_id)
             return stored.experiment_view(run, results.newest(session, run_id), self._progress(run))
 
+    def _view(self, session: Session, run: Run, has_result: bool) -> RunView:
+        """Return a run with the extent of what was recorded of it."""
+        view = partial(stored.run_view, run, self._evaluation(run, has_result))
+        try:
+            recording = recordings.get(session, run.id)
+        except UnknownRecordError:
+            return view(samples=0, duration_s=0.0, missed=0)
+        try:
+            extent = recordings.extent(session, run.id)
+        except UnknownRecordError:
+            return view(0, 0.0, recording.missed, recording.removed_at)
+        duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
+        return view(extent.count, duration_s, recording.missed, recording.removed_at)
+
+    def _evaluation(self, run: Run, has_result: bool) -> Evaluation:
+        task = self._task()
+        if run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
+            return Evaluation.NONE
+        if self._is_evaluated(run.id) or (task is not None and task.run == run.id):
+            return Evaluation.UNDER_WAY
+        return Evaluation.DONE if has_result else Evaluation.MISSING
+
     def _progress(self, run: Run) -> float:
         task = self._task()
         if task is None or task.run != run.id:
             return 1.0
         return min(0.99, task.elapsed_s / task.duration_s) if task.phase == "program" else 0.0
-
-
-def _view(session: Session, run: Run) -> RunView:
-    """Return a run with the extent of what was recorded of it."""
-    try:
-        recording = recordings.get(session, run.id)
-    except UnknownRecordError:
-        return stored.run_view(run, samples=0, duration_s=0.0, missed=0)
-    try:
-        extent = recordings.extent(session, run.id)
-    except UnknownRecordError:
-        return stored.run_view(run, 0, 0.0, recording.missed, recording.removed_at)
-    duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
-    return stored.run_view(run, extent.count, duration_s, recording.missed, recording.removed_at)

@@ -5,6 +5,7 @@ reads nothing for ``PATIENCE_S`` is dropped.
 """
 
 import asyncio
+import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
@@ -24,6 +25,8 @@ from backend.supervision import Part
 from plant.interface import T_s
 
 PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
+
+_log = logging.getLogger(__name__)
 
 RATE_HZ = 30.0
 STATE_PERIOD_S = 0.5
@@ -158,7 +161,9 @@ class LiveStream:
             self._clients.discard(client)
             for task in tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            for ended in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(ended, Exception):
+                    _log.error("a live stream to a page failed; the page connects again", exc_info=ended)
 
     def _restart(self) -> None:
         self._ring = self._samples()

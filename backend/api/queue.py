@@ -1,6 +1,5 @@
 """Experiments that wait for their turn: one after the other, until one does not complete."""
 
-import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from itertools import count
@@ -8,10 +7,12 @@ from itertools import count
 from backend.api.errors import ApiError
 from backend.api.schemas.experiment import ExperimentRequest, QueuedView, QueueView
 from backend.storage.runs import EndState
+from backend.supervision import Part, Supervision
 
 _log = logging.getLogger(__name__)
 
 LONGEST = 50
+_PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
 
 Start = Callable[[ExperimentRequest, str], Awaitable[int]]
 
@@ -19,7 +20,8 @@ Start = Callable[[ExperimentRequest, str], Awaitable[int]]
 class Queue:
     """Belongs to the service's event loop. ``start`` starts one experiment; ``check`` raises for one that cannot be."""
 
-    def __init__(self, start: Start, check: Callable[[ExperimentRequest], object]) -> None:
+    def __init__(self, start: Start, check: Callable[[ExperimentRequest], object], supervision: Supervision) -> None:
+        self._supervision = supervision
         self._start = start
         self._check = check
         self._items: list[QueuedView] = []
@@ -27,7 +29,6 @@ class Queue:
         self._running = False
         self._problem = ""
         self._run: int | None = None
-        self._next: asyncio.Task[None] | None = None
 
     def view(self) -> QueueView:
         """Return what waits and whether the queue goes on by itself."""
@@ -76,7 +77,7 @@ class Queue:
         elif not self._items:
             self._running = False
         elif self._running:
-            self._next = asyncio.create_task(self._go_on())
+            self._supervision.keep_task(_PART, self._go_on)
 
     async def _go_on(self) -> None:
         try:

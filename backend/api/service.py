@@ -12,6 +12,7 @@ from backend.api.bench import Bench
 from backend.api.control import HEADER, Control, read_stamp
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
+from backend.api.evaluations import Evaluations
 from backend.api.gate import Person
 from backend.api.history import History
 from backend.api.library import Library
@@ -33,6 +34,7 @@ class Service:
     control: Control
     tasks: Tasks
     library: Library
+    evaluations: Evaluations
     shelf: Shelf
     desk: Desk
     history: History

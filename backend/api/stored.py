@@ -19,7 +19,7 @@ from backend.api.schemas.identification import (
     SpringTableView,
     SpringView,
 )
-from backend.api.schemas.run import Envelope, RunView, SamplesView
+from backend.api.schemas.run import Envelope, Evaluation, RunView, SamplesView
 from backend.recording import reader
 from backend.sample import STORED
 from backend.storage.banks import Bank
@@ -33,7 +33,12 @@ _UNITS = {field.name: field.unit for field in STORED}
 
 
 def run_view(
-    run: Run, samples: int, duration_s: float, missed: int, samples_deleted: datetime | None = None
+    run: Run,
+    evaluation: Evaluation,
+    samples: int,
+    duration_s: float,
+    missed: int,
+    samples_deleted: datetime | None = None,
 ) -> RunView:
     """Return a run with the extent of what was recorded of it."""
     return RunView(
@@ -52,6 +57,8 @@ def run_view(
         samples_deleted=samples_deleted,
         settings=run.settings,
         note=run.note,
+        evaluation=evaluation,
+        evaluation_problem=run.evaluation_problem,
     )
 
 
@@ -92,7 +99,7 @@ def identification_view(run: Run, estimate: Identification | None, progress: flo
         G_S=None if actuator is None else _model_view(actuator, "G_S"),
         motors=_motors(estimate) if estimate is not None and kind == "motor" else [],
         springs=_springs(estimate) if estimate is not None and kind == "spring" else [],
-        message=run.end_detail if estimate is None else estimate.verdict,
+        message=_message(run, None) if estimate is None else estimate.verdict,
     )
 
 
@@ -181,6 +188,8 @@ def _criteria(result: Result | None) -> list[Criterion]:
 
 
 def _message(run: Run, result: Result | None) -> str:
+    if result is None and run.evaluation_problem:
+        return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
     return run.end_detail or str("" if result is None else result.metrics.get("problem", ""))
 
 

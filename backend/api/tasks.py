@@ -2,33 +2,32 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from typing import Any
 
+from backend.api.auth import Person
 from backend.api.bench import Bench
+from backend.api.dry_runs import DryRuns
 from backend.api.errors import ApiError
 from backend.api.identification_orders import plans_of, prediction_of
-from backend.api.offload import Offload
 from backend.api.queue import Queue
+from backend.api.safe_stop import SafeStop
 from backend.api.schemas.experiment import DryRunView, ExperimentKind, ExperimentRequest, SettingView
 from backend.api.schemas.identification import IdentificationKind, IdentificationRequest, Prediction
 from backend.api.schemas.state import TaskView
 from backend.api.shelf import Shelf
-from backend.api.stored import dry_run_view
 from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS, experiment
-from backend.experiments.dry_run import dry_run
 from backend.experiments.loop_settings import LoopSettings, split_values
 from backend.experiments.plans import Plan
 from backend.experiments.playing import BenchNotReadyError, require_ready
 from backend.experiments.runner import Order, Station, create_run, perform
 from backend.experiments.settings import Setting, SettingError, describe
+from backend.faults import Fault
 from backend.storage.runs import EndState, Run
+from backend.supervision import Supervision
 
 _log = logging.getLogger(__name__)
-
-DRY_RUN_SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
-DRY_RUN_POINTS = 1200
 
 
 class Tasks:
@@ -41,17 +40,27 @@ class Tasks:
         shelf: Shelf,
         prepare_report: Callable[[], None],
         seed: int,
-        offload: Offload,
+        dry_runs: DryRuns,
+        supervision: Supervision,
+        safe_stop: SafeStop,
     ) -> None:
         self._station = station
         self._bench = bench
         self._shelf = shelf
         self._prepare_report = prepare_report
         self._seed = seed
-        self._offload = offload
-        self.queue = Queue(self.start_experiment, self._order)
+        self._dry_runs = dry_runs
+        self._safe_stop = safe_stop
+        self.queue = Queue(self.start_experiment, self._order, supervision)
+        self._problem = ""
         self._running: asyncio.Task[None] | None = None
+        self._closing = False
         self._starting = asyncio.Lock()
+
+    @property
+    def problems(self) -> list[str]:
+        """What became of the last run that failed, until another one is started."""
+        return [self._problem] if self._problem else []
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
@@ -92,15 +101,14 @@ class Tasks:
                 await self._use(wanted, who)
             return await self._start(Order(plan, wanted, who))
 
-    async def dry_run(self, request: ExperimentRequest, who: str) -> DryRunView:
-        """Play an experiment on a simulator beside this service. Raises SettingError, OutOfRangeError."""
+    async def dry_run(
+        self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
+    ) -> DryRunView:
+        """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         plan, wanted = self._order(request)
         bank = await self._shelf.stored_bank(wanted.bank) if wanted.bank else None
-        order = Order(plan, wanted, who)
-        played = await self._offload.run(
-            dry_run, self._bench.picture.tuning.parameters, order, bank, DRY_RUN_SIGNALS, DRY_RUN_POINTS
-        )
-        return dry_run_view(played.run, played.result, played.curves, plan.program().duration_s)
+        order = Order(plan, wanted, person.name)
+        return await self._dry_runs.play(self._bench.picture.tuning.parameters, order, bank, person, left)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification, or several in turn, and return the first run.
@@ -121,6 +129,7 @@ class Tasks:
 
     async def close(self, cause: str = "service ended") -> None:
         """Give up what is running; its run is closed as ended by ``cause``."""
+        self._closing = True
         if self._running is not None:
             self._running.cancel(cause)
             await asyncio.gather(self._running, return_exceptions=True)
@@ -134,14 +143,16 @@ class Tasks:
 
     async def _start(self, *orders: Order) -> int:
         run = await asyncio.to_thread(create_run, self._station, orders[0])
+        self._problem = ""
         self._show(orders[0], run, len(orders) - 1, "starting", 0.0)
-        self._prepare_report()
         self._running = asyncio.create_task(self._perform(orders, run))
+        self._prepare_report()
         return run.id
 
     async def _perform(self, orders: Sequence[Order], run: Run) -> None:
         """Perform orders in turn; ``run`` is that of the first. One that does not complete ends the sequence."""
         end_state: EndState | None = None
+        playing = True
         try:
             for position, order in enumerate(orders):
                 if position > 0:
@@ -149,13 +160,23 @@ class Tasks:
                 show = partial(self._show, order, run, len(orders) - 1 - position)
                 outcome = await perform(self._station, order, run, show)
                 end_state = EndState(outcome.run.end_state)
+                if outcome.evaluation.result is None and end_state is EndState.COMPLETED:
+                    end_state = None  # whoever waits for the result, the queue too, waits for a person
+                    self._problem = f"Run {run.id} is complete, but {outcome.evaluation.problem}. Evaluate it again."
                 if end_state is not EndState.COMPLETED:
                     break
+            playing = False
         except BenchNotReadyError as error:
+            playing = False
             _log.warning("no run follows run %s: %s", run.id, error)
-        except Exception:
+        except Exception as error:
             _log.exception("run %s failed", run.id)
+            self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
         finally:
+            if playing and not self._closing:
+                # Nobody watches over the program any more, and its run is closed: it must not play on.
+                self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
+                self._safe_stop.begin(Fault.SERVICE_LOST)
             self._bench.picture.task = None
             self._bench.changed()
             self.queue.ended(run.id, end_state)

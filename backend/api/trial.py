@@ -6,21 +6,24 @@ from collections.abc import Awaitable, Callable
 
 from backend.api.schemas.state import TrialView
 from backend.api.tuning_in_use import TuningInUse
+from backend.supervision import KeptTask, Part, Supervision
 
 _log = logging.getLogger(__name__)
 
 _RETRY_S = 0.5
+_PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")
 
 
 class Trial:
     """At most one trial at a time. ``put_back`` puts a tuning in force again."""
 
-    def __init__(self, put_back: Callable[[TuningInUse], Awaitable[None]]) -> None:
+    def __init__(self, put_back: Callable[[TuningInUse], Awaitable[None]], supervision: Supervision) -> None:
         self._put_back = put_back
+        self._supervision = supervision
         self._before: TuningInUse | None = None
         self._ends = 0.0
         self._duration_s = 0.0
-        self._timer: asyncio.Task[None] | None = None
+        self._timer: KeptTask | None = None
 
     @property
     def before(self) -> TuningInUse | None:
@@ -32,12 +35,12 @@ class Trial:
         self.forget()
         self._before, self._duration_s = before, duration_s
         self._ends = asyncio.get_running_loop().time() + duration_s
-        self._timer = asyncio.create_task(self._count_down(before, duration_s))
+        self._timer = self._supervision.keep_task(_PART, lambda: self._count_down(before))
 
     def forget(self) -> None:
         """Let what is in force stay."""
         self._before = None
-        if self._timer is not None and self._timer is not asyncio.current_task():
+        if self._timer is not None and not self._timer.is_current:
             self._timer.cancel()
         self._timer = None
 
@@ -55,8 +58,8 @@ class Trial:
             interpolate=self._before.interpolate,
         )
 
-    async def _count_down(self, before: TuningInUse, duration_s: float) -> None:
-        await asyncio.sleep(duration_s)
+    async def _count_down(self, before: TuningInUse) -> None:
+        await asyncio.sleep(self._ends - asyncio.get_running_loop().time())
         while True:
             try:
                 await self._put_back(before)

@@ -48,6 +48,7 @@ def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
     from backend.api.tokens import TokenError
     from backend.data_folder import AlreadyRunningError, DataFolderError
+    from backend.experiments.again import NotEvaluableError
     from backend.experiments.bank_consistency import BankError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
@@ -69,6 +70,7 @@ def _expected() -> tuple[type[Exception], ...]:
         CannotListenError,
         DataFolderError,
         LoopDiedError,
+        NotEvaluableError,
         OSError,
         OutOfRangeError,
         ParameterError,

@@ -2,12 +2,15 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, database_of, settings_with
+
+if TYPE_CHECKING:
+    from backend.storage.runs import Run
 
 app = typer.Typer(help="Stored runs: search, show, export, report.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -22,14 +25,18 @@ def list_runs(
     as_json: AsJson = False,
 ) -> None:
     """List runs, newest first."""
-    from backend.storage import runs
+    from backend.storage import results, runs
 
     with database_of(settings_with(data=data)) as database, database.reading() as session:
         found = runs.find(session, search=search, limit=limit)
+        evaluated = results.present(session, [run.id for run in found])
     if as_json:
-        print_json([asdict(run) for run in found])
+        print_json([{**asdict(run), "evaluated": run.id in evaluated} for run in found])
         return
-    rows = [(r.id, f"{r.started_at:%Y-%m-%d %H:%M}", r.kind, r.parameters_name, r.who, r.end_state) for r in found]
+    rows = [
+        (r.id, f"{r.started_at:%Y-%m-%d %H:%M}", r.kind, r.parameters_name, r.who, _end(r, r.id in evaluated))
+        for r in found
+    ]
     print_table(("run", "started (UTC)", "kind", "parameters", "by", "end"), rows)
 
 
@@ -41,6 +48,18 @@ def show(run: RunNumber, data: DataFolder = None) -> None:
 
     with database_of(settings_with(data=data)) as database:
         print_json(metrics_document(load_source(database, run)))
+
+
+@app.command()
+def evaluate(run: RunNumber, data: DataFolder = None) -> None:
+    """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
+    from backend.experiments.again import evaluate_again
+
+    with database_of(settings_with(data=data)) as database:
+        evaluation = evaluate_again(database, run)
+    if evaluation.problem:
+        fail(f"run {run}: {evaluation.problem}", status=2)
+    out.print(f"run {run} is evaluated; see it with: sinew runs show {run}", highlight=False, markup=False)
 
 
 @app.command()
@@ -76,3 +95,11 @@ def report(
     with database_of(settings_with(data=data)) as database:
         for path in write_files(database, run, folder):
             out.print(f"wrote {path}", highlight=False, markup=False)
+
+
+def _end(run: "Run", is_evaluated: bool) -> str:
+    from backend.storage.runs import EndState, RunKind
+
+    if is_evaluated or run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
+        return run.end_state
+    return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'it was never done'}"

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from backend.experiments.headless_station import headless_station
 from backend.experiments.runner import Order, run_experiment
@@ -30,13 +29,15 @@ class DryRun:
 
 
 def dry_run(
-    parameters: PlantParameters, order: Order, bank: Bank | None, signals: Sequence[str], points: int
+    parameters: PlantParameters, order: Order, bank: Bank | None, signals: Sequence[str], points: int, folder: Path
 ) -> DryRun:
     """Play ``order`` with the models of ``bank`` and return its result with ``points`` buckets of ``signals``.
 
+    ``folder`` takes the database; whoever gives it throws it away.
+
     Raises OutOfRangeError for λ that is not safe on these models.
     """
-    with TemporaryDirectory(prefix="sinew-dry-run-") as folder, closing(open_database(Path(folder))) as database:
+    with closing(open_database(folder)) as database:
         settings = order.loop_settings
         if bank is not None:
             with database.session() as session:

@@ -14,7 +14,7 @@ from backend.experiments.plans import ActuatorIdentificationPlan, Identification
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
 from backend.experiments.sequence_plan import SequencePlan
 from backend.recording.columns import Columns, recorded_columns
-from backend.storage import Database, identifications, results
+from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
@@ -33,7 +33,7 @@ class Evaluation:
 
 
 def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
-    """Compute what the plan's kind of run gives, and store it."""
+    """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
     columns, missed = recorded_columns(database, run.id)
     estimate: NewIdentification | None = None
     criteria: list[Document] = []
@@ -47,11 +47,14 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
             case _:
                 metrics, criteria = _tracked(columns, parameters, plan, run)
     except NoSamplesError as error:
+        with database.session() as session:
+            runs.set_evaluation_problem(session, run.id, str(error))
         return Evaluation(None, None, str(error))
     metrics |= {"missing_samples": missed, "problem": problem}
     with database.session() as session:
         result = results.add(session, NewResult(run.id, metrics, criteria, __version__))
         stored = None if estimate is None else identifications.add(session, estimate)
+        runs.set_evaluation_problem(session, run.id, "")
     return Evaluation(result, stored, problem)
 
 

@@ -4,6 +4,7 @@ What is handed over is plain data; reports are made from what is stored here.
 """
 
 import asyncio
+import logging
 import platform
 from collections.abc import Awaitable, Callable
 from dataclasses import asdict, dataclass
@@ -17,13 +18,14 @@ from backend.experiments.plans import Plan
 from backend.experiments.playing import SLICE_S, Ending, Notify, play, require_ready
 from backend.experiments.settings import declared_values
 from backend.loop.access import LoopAccess, LoopDiedError
-from backend.storage import Database, runs
+from backend.storage import Database, StorageError, runs
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from plant.parameters import PlantParameters
 
 STORING_TIMEOUT_S = 10.0
 """The recorder stores what is left of a run within a second; after this long [s] something is wrong with it."""
 
+_LOG = logging.getLogger(__name__)
 _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-control": "control"}
 
 
@@ -88,6 +90,7 @@ async def perform(station: Station, order: Order, run: Run, notify: Notify) -> O
     """Play the order's program as ``run``, wait until it is stored, compute, and store the result.
 
     Whatever stops it midway, the run is closed with its end state, and what was played is evaluated as incomplete.
+    An evaluation that fails is told by the outcome and kept with the run.
     """
     try:
         ending = await play(station.loop, order.plan.program(), run.id, notify)
@@ -97,7 +100,7 @@ async def perform(station: Station, order: Order, run: Run, notify: Notify) -> O
         raise
     closed = _close(station, run.id, ending)
     notify("evaluation", 0.0)
-    return Outcome(closed, await station.compute(evaluate, station.database, station.parameters, order.plan, closed))
+    return Outcome(closed, await _evaluated(station, order.plan, closed))
 
 
 async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:
@@ -114,6 +117,29 @@ async def _stored(station: Station, run_id: int) -> None:
         except LoopDiedError:
             await asyncio.sleep(SLICE_S)
         waited_s += SLICE_S
+
+
+async def _evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
+    """Compute the result. A run is over whatever becomes of that: where it fails, the run says why, and goes on."""
+    try:
+        evaluation: Evaluation = await station.compute(evaluate, station.database, station.parameters, plan, run)
+        return evaluation
+    except Exception as error:
+        _LOG.exception("run %s could not be evaluated", run.id)
+        problem = f"{type(error).__name__}: {error}"
+    except BaseException:
+        _keep_problem(station, run.id, "the service ended before the run was evaluated")
+        raise
+    _keep_problem(station, run.id, problem)
+    return Evaluation(None, None, f"it could not be evaluated: {problem}")
+
+
+def _keep_problem(station: Station, run_id: int, problem: str) -> None:
+    try:
+        with station.database.session() as session:
+            runs.set_evaluation_problem(session, run_id, problem)
+    except StorageError:
+        _LOG.exception("why run %s has no result could not be kept: %s", run_id, problem)
 
 
 def _is_open(station: Station, run_id: int) -> bool:

@@ -47,7 +47,7 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "parameters": run.parameters_name,
         "settings": run.settings,
         "complete": metrics.get("complete", False),
-        "problem": metrics.get("problem", ""),
+        "problem": metrics.get("problem", "") if source.result else run.evaluation_problem,
         "missing_samples": metrics.get("missing_samples"),
         "metrics": {item["name"]: item["value"] for item in figures},
         "units": {item["name"]: item["unit"] for item in figures},

@@ -1,5 +1,6 @@
 """What was computed from a run: metrics with pass or fail per criterion, and the reports handed out."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 
@@ -51,6 +52,11 @@ def newest(session: Session, run_id: int) -> Result | None:
     """Return the newest result of a run, None when there is none yet."""
     row = session.scalar(select(ResultRow).where(ResultRow.run_id == run_id).order_by(ResultRow.id.desc()).limit(1))
     return None if row is None else to_record(Result, row)
+
+
+def present(session: Session, run_ids: Sequence[int]) -> set[int]:
+    """Return which of these runs have a result."""
+    return set(session.scalars(select(ResultRow.run_id).where(ResultRow.run_id.in_(run_ids)).distinct()))
 
 
 def add_report(session: Session, run_id: int, report_format: str, content: bytes) -> Report:

@@ -56,7 +56,10 @@ class NewRun:
 
 @dataclass(frozen=True)
 class Run:
-    """A stored run. ``end_state`` is an ``EndState`` value; ``ended_at`` is None while it runs."""
+    """A stored run. ``end_state`` is an ``EndState`` value; ``ended_at`` is None while it runs.
+
+    ``evaluation_problem`` says why there is no result, where somebody tried to compute one in vain.
+    """
 
     id: int
     kind: str
@@ -72,12 +75,18 @@ class Run:
     end_state: str
     end_detail: str
     note: str
+    evaluation_problem: str = ""
 
 
 def create(session: Session, new: NewRun) -> Run:
     """Store a run as running from now."""
     row = RunRow(
-        **asdict(new), started_at=datetime.now(UTC), ended_at=None, end_state=EndState.RUNNING.value, end_detail=""
+        **asdict(new),
+        started_at=datetime.now(UTC),
+        ended_at=None,
+        end_state=EndState.RUNNING.value,
+        end_detail="",
+        evaluation_problem="",
     )
     row.kind = new.kind.value
     session.add(row)
@@ -128,6 +137,11 @@ def set_note(session: Session, run_id: int, note: str) -> Run:
     row.note = note
     session.flush()
     return to_record(Run, row)
+
+
+def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
+    """Keep why a run could not be evaluated; empty once it could. Raises UnknownRecordError."""
+    require(session, RunRow, run_id, "run").evaluation_problem = problem
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:

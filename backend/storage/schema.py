@@ -91,6 +91,7 @@ class RunRow(Numbered, Base):
     end_state: Mapped[str] = mapped_column(String(20), index=True)
     end_detail: Mapped[str] = mapped_column(Text)
     note: Mapped[str] = mapped_column(Text)
+    evaluation_problem: Mapped[str] = mapped_column(Text)
 
 
 class RecordingRow(Base):

@@ -1,6 +1,6 @@
 """Experiments: the kinds, starting one, its result."""
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.schemas.experiment import (
@@ -29,9 +29,14 @@ async def start_experiment(body: ExperimentRequest, service: ServiceInUse, perso
 
 
 @router.post("/dry-run")
-async def dry_run_experiment(body: ExperimentRequest, service: ServiceInUse, person: SignedIn) -> DryRunView:
-    """Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored."""
-    return await service.tasks.dry_run(body, person.name)
+async def dry_run_experiment(
+    request: Request, body: ExperimentRequest, service: ServiceInUse, person: SignedIn
+) -> DryRunView:
+    """Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored.
+
+    One per person at a time, of ten minutes at most; it ends when the connection does.
+    """
+    return await service.tasks.dry_run(body, person, request.is_disconnected)
 
 
 @router.get("/queue")

@@ -62,6 +62,13 @@ async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person:
     return await service.library.set_note(id, body.note)
 
 
+@router.post("/{id}/evaluation")
+async def evaluate_run(id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
+    """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
+    await service.evaluations.again(id)
+    return await service.library.run(id)
+
+
 @router.get("/{id}/lineage")
 async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
     """Return where a run came from, back to raw data and parameters, and what came of it."""

@@ -1,10 +1,22 @@
 """Stored runs and their samples."""
 
 from datetime import datetime
+from enum import StrEnum
 
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
+
+
+class Evaluation(StrEnum):
+    """Whether a run has its result."""
+
+    NONE = "none"
+    """of a session, and of a run that is not over"""
+    UNDER_WAY = "under_way"
+    DONE = "done"
+    MISSING = "missing"
+    """it could not be computed; asked for again, it may be"""
 
 
 class RunView(Schema):
@@ -25,6 +37,8 @@ class RunView(Schema):
     samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
     settings: dict[str, object]
     note: str
+    evaluation: Evaluation
+    evaluation_problem: str = Field(description="why the run has no result, where that is known")
 
 
 class RunList(Schema):

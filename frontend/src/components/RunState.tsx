@@ -8,6 +8,7 @@ import {
   IconSkull,
   IconUrgent,
 } from "@tabler/icons-react";
+import type { Run } from "../wire/types";
 import styles from "./RunState.module.css";
 
 const STATES: Record<string, { text: string; Icon: typeof IconCheck; abnormal: boolean }> = {
@@ -19,13 +20,35 @@ const STATES: Record<string, { text: string; Icon: typeof IconCheck; abnormal: b
   service_died: { text: "service died", Icon: IconSkull, abnormal: true },
 };
 
-export function RunState({ state, reason = "" }: { state: string; reason?: string }) {
+/** `unevaluated` says why a run has no result; undefined where it has one, or is to have none. */
+export function RunState({
+  state,
+  reason = "",
+  unevaluated,
+}: {
+  state: string;
+  reason?: string;
+  unevaluated?: string | undefined;
+}) {
   const known = STATES[state];
-  const Icon = known?.Icon ?? IconUrgent;
+  const lacksResult = unevaluated !== undefined;
+  const Icon = lacksResult ? IconUrgent : (known?.Icon ?? IconUrgent);
   return (
-    <span className={styles.state} data-abnormal={known?.abnormal ?? true} data-state={state} title={reason}>
+    <span
+      className={styles.state}
+      data-abnormal={lacksResult || (known?.abnormal ?? true)}
+      data-state={state}
+      title={[reason, unevaluated ?? ""].filter((text) => text !== "").join("; ")}
+    >
       <Icon size={15} aria-hidden="true" />
       {known?.text ?? state.replaceAll("_", " ")}
+      {lacksResult && ", not evaluated"}
     </span>
   );
+}
+
+/** Why a run has no result, for `RunState`. */
+export function unevaluated(run: Run): string | undefined {
+  if (run.evaluation !== "missing") return undefined;
+  return run.evaluation_problem === "" ? "the service ended before it was evaluated" : run.evaluation_problem;
 }

@@ -154,3 +154,12 @@ export function useSignIn() {
     onSuccess: () => queries.invalidateQueries(),
   });
 }
+
+/** Computes the result of a run from what is stored of it. */
+export function useEvaluate(run: number) {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.POST("/api/runs/{id}/evaluation", { params: { path: { id: run } } })),
+    onSettled: () => queries.invalidateQueries({ queryKey: ["runs"] }),
+  });
+}

@@ -167,7 +167,8 @@ export function runQuery(id: number) {
   return queryOptions({
     queryKey: ["runs", id],
     queryFn: () => answered(api.GET("/api/runs/{id}", { params: { path: { id } } })),
-    refetchInterval: (query) => (isRunning(query.state.data?.end_state ?? "") ? 2000 : false),
+    refetchInterval: ({ state: { data } }) =>
+      isRunning(data?.end_state ?? "") || data?.evaluation === "under_way" ? 2000 : false,
   });
 }
 

@@ -846,6 +846,8 @@ export interface paths {
         /**
          * Dry Run Experiment
          * @description Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored.
+         *
+         *     One per person at a time, of ten minutes at most; it ends when the connection does.
          */
         post: operations["dry_run_experiment"];
         delete?: never;
@@ -1000,6 +1002,26 @@ export interface paths {
          * @description Write the note of a run.
          */
         patch: operations["set_note"];
+        trace?: never;
+    };
+    "/api/runs/{id}/evaluation": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Evaluate Run
+         * @description Compute the result of a run again, from what is stored of it; earlier results stay beside the new one.
+         */
+        post: operations["evaluate_run"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
         trace?: never;
     };
     "/api/runs/{id}/lineage": {
@@ -1830,6 +1852,12 @@ export interface components {
             /** Maximum */
             maximum: (number | null)[];
         };
+        /**
+         * Evaluation
+         * @description Whether a run has its result.
+         * @enum {string}
+         */
+        Evaluation: "none" | "under_way" | "done" | "missing";
         /**
          * EventMessage
          * @description A mark on the time axis.
@@ -3158,6 +3186,12 @@ export interface components {
             };
             /** Note */
             note: string;
+            evaluation: components["schemas"]["Evaluation"];
+            /**
+             * Evaluation Problem
+             * @description why the run has no result, where that is known
+             */
+            evaluation_problem: string;
         };
         /**
          * SamplesView
@@ -3966,7 +4000,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4076,7 +4110,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4190,7 +4224,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4298,7 +4332,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4412,7 +4446,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4522,7 +4556,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4632,7 +4666,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4746,7 +4780,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4860,7 +4894,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -4971,7 +5005,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5081,7 +5115,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5191,7 +5225,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5304,7 +5338,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5421,7 +5455,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5538,7 +5572,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5655,7 +5689,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5765,7 +5799,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5880,7 +5914,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -5991,7 +6025,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6101,7 +6135,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6217,7 +6251,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6327,7 +6361,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6444,7 +6478,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6561,7 +6595,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6674,7 +6708,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6787,7 +6821,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -6897,7 +6931,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7007,7 +7041,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7122,7 +7156,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7235,7 +7269,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7345,7 +7379,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7462,7 +7496,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7576,7 +7610,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7686,7 +7720,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7799,7 +7833,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -7912,7 +7946,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8022,7 +8056,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8136,7 +8170,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8249,7 +8283,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8362,7 +8396,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8472,7 +8506,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8586,7 +8620,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8700,7 +8734,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8815,7 +8849,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -8928,7 +8962,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9041,7 +9075,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9159,7 +9193,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9272,7 +9306,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9388,7 +9422,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9498,7 +9532,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9615,7 +9649,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9729,7 +9763,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9839,7 +9873,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -9953,7 +9987,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10066,7 +10100,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10176,7 +10210,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10289,7 +10323,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10402,7 +10436,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10519,7 +10553,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10632,7 +10666,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10749,7 +10783,120 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    evaluate_run: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["RunView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10862,7 +11009,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -10975,7 +11122,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11090,7 +11237,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11212,7 +11359,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11334,7 +11481,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11447,7 +11594,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11560,7 +11707,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11676,7 +11823,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11786,7 +11933,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -11896,7 +12043,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -12006,7 +12153,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -12116,7 +12263,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;
@@ -12230,7 +12377,7 @@ export interface operations {
                     "application/json": components["schemas"]["Refusal"];
                 };
             };
-            /** @description too many wrong tokens */
+            /** @description too many wrong tokens, or too much asked for at once */
             429: {
                 headers: {
                     [name: string]: unknown;

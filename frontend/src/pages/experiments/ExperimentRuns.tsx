@@ -3,7 +3,7 @@
 import { Table } from "@mantine/core";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { RunState } from "../../components/RunState";
+import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration } from "../../samples/format";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -44,7 +44,7 @@ export function ExperimentRuns({
                   <Table.Td className={page.number}>{duration(run.duration_s)}</Table.Td>
                   <Table.Td>{run.who}</Table.Td>
                   <Table.Td>
-                    <RunState state={run.end_state} reason={run.end_reason} />
+                    <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
                   </Table.Td>
                 </Table.Tr>
               ))}

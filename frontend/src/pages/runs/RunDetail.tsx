@@ -7,10 +7,10 @@ import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { Refusal } from "../../components/Refusal";
-import { RunState } from "../../components/RunState";
+import { RunState, unevaluated } from "../../components/RunState";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { useSetNote } from "../../service/commands";
+import { useEvaluate, useSetNote } from "../../service/commands";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -50,7 +50,7 @@ function Facts({ run }: { run: Run }) {
   return (
     <Card
       title={run.kind.replaceAll("_", " ")}
-      aside={<RunState state={run.end_state} reason={run.end_reason} />}
+      aside={<RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />}
     >
       <dl className={page.facts}>
         <dt>Started</dt>
@@ -70,6 +70,10 @@ function Facts({ run }: { run: Run }) {
           {run.ended === null ? "still running" : dateTime(run.ended)}
           {run.end_reason !== "" && `: ${run.end_reason}`}
         </dd>
+        <dt>Result</dt>
+        <dd>
+          <Result run={run} />
+        </dd>
         <dt>Completeness</dt>
         <dd>
           <Verdict good={run.missing_samples === 0}>
@@ -84,6 +88,24 @@ function Facts({ run }: { run: Run }) {
         <dd>{settingsText(run.settings)}</dd>
       </dl>
     </Card>
+  );
+}
+
+function Result({ run }: { run: Run }) {
+  const evaluate = useEvaluate(run.id);
+  if (run.evaluation === "none") return <>none to be had</>;
+  if (run.evaluation === "under_way" || evaluate.isPending) return <>being computed</>;
+  if (run.evaluation === "done") return <>computed</>;
+  return (
+    <>
+      not evaluated: {unevaluated(run)}
+      <div className={page.actions}>
+        <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
+          Evaluate again
+        </Button>
+        <Refusal text={evaluate.error?.message} />
+      </div>
+    </>
   );
 }
 

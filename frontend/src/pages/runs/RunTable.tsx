@@ -7,7 +7,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { RunState } from "../../components/RunState";
+import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration, fixed } from "../../samples/format";
 import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
@@ -131,7 +131,7 @@ function Rows({ runs }: { runs: readonly Run[] }) {
                 {run.plant}, {run.parameters}
               </Table.Td>
               <Table.Td>
-                <RunState state={run.end_state} reason={run.end_reason} />
+                <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
               </Table.Td>
               <Table.Td className={page.number}>{fixed(run.missing_samples, 0)}</Table.Td>
               <Table.Td maw={260}>{run.note}</Table.Td>

@@ -1,0 +1,99 @@
+"""Experiments played on a simulator beside the service: one after the other, in a process of their own.
+
+Who asks for many of them waits for oneself only: reports, exports and evaluations have other processes.
+"""
+
+import asyncio
+import shutil
+from collections.abc import Awaitable, Callable, Coroutine
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any, TypeVar
+
+from backend.api.auth import Person
+from backend.api.errors import ApiError
+from backend.api.offload import Offload
+from backend.api.schemas.experiment import DryRunView
+from backend.api.schemas.session import Role
+from backend.api.stored import dry_run_view
+from backend.experiments.dry_run import dry_run
+from backend.experiments.runner import Order
+from backend.refusal import require_within
+from backend.storage.banks import Bank
+from plant.parameters import PlantParameters
+
+T = TypeVar("T")
+
+SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
+POINTS = 1200
+
+LONGEST_S = 600.0
+"""Longest program that is played dry [s]: half a minute of computing. What is longer runs with ``sinew experiment``."""
+
+PLACES = 4
+"""Dry runs under way or waiting."""
+
+VIEWERS_PLACES = 2
+"""So many of them for viewers, so that an operator always finds one."""
+
+LOOK_S = 0.5
+
+
+class DryRuns:
+    """One dry run per person, PLACES in all. Belongs to the service's event loop."""
+
+    def __init__(self, offload: Offload) -> None:
+        self._offload = offload
+        self._people: list[Person] = []
+
+    async def play(
+        self,
+        parameters: PlantParameters,
+        order: Order,
+        bank: Bank | None,
+        person: Person,
+        left: Callable[[], Awaitable[bool]],
+    ) -> DryRunView:
+        """Play an order, as long as whoever asked has not ``left()``.
+
+        Raises OutOfRangeError when it takes too long, ApiError 429 where there is no place, WorkerDiedError.
+        """
+        duration_s = order.plan.program().duration_s
+        remedy = "play it with `sinew experiment` on the command line"
+        require_within("duration of a dry run", duration_s, None, LONGEST_S, "s", remedy)
+        self._require_place(person)
+        self._people.append(person)
+        folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
+        try:
+            played = await _unless_left(
+                self._offload.run(dry_run, parameters, order, bank, SIGNALS, POINTS, Path(folder)), left
+            )
+        finally:
+            self._people.remove(person)
+            # Here, not in the process: one that is killed clears up nothing.
+            shutil.rmtree(folder, ignore_errors=True)
+        return dry_run_view(played.run, played.result, played.curves, duration_s)
+
+    def _require_place(self, person: Person) -> None:
+        if any(other.name == person.name and other.role == person.role for other in self._people):
+            raise ApiError(429, "a dry run of yours is under way or waits: wait for it, or leave it", code="busy")
+        viewers = sum(not _is_operator(other) for other in self._people)
+        if len(self._people) >= PLACES or (not _is_operator(person) and viewers >= VIEWERS_PLACES):
+            raise ApiError(429, f"{len(self._people)} dry runs are under way or wait: try again later", code="busy")
+
+
+def _is_operator(person: Person) -> bool:
+    return person.role is Role.OPERATOR
+
+
+async def _unless_left(work: Coroutine[Any, Any, T], left: Callable[[], Awaitable[bool]]) -> T:
+    """Return what ``work`` gives; cancel it when whoever waits for it has left."""
+    working = asyncio.ensure_future(work)
+    try:
+        while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
+            if await left():
+                raise ApiError(503, "whoever asked for this dry run has left: it was ended")
+        return working.result()
+    finally:
+        working.cancel()
+        await asyncio.gather(working, return_exceptions=True)

@@ -1,0 +1,219 @@
+"""The whole service in this process, so that each of its tasks and threads can be killed where it runs."""
+
+import asyncio
+import ctypes
+import gc
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType, CoroutineType
+from typing import TypeVar
+
+import httpx
+import pytest
+import uvicorn
+
+from backend import main
+from backend.loop.heartbeat import Heart
+from backend.settings import Settings
+from backend.supervision import KeptTask
+from tests.api.conftest import wait_for
+
+T = TypeVar("T")
+TIMEOUT_S = 60.0
+OWN = str(Path(main.__file__).parent)
+TASKS = {
+    "The watch over lost pages",
+    "The live stream",
+    "The journal",
+    "The flight recorder",
+    "The watch over the loop process",
+    "The sign of life to the loop process",
+}
+THREADS = {"The recorder", "A 3D view", "The heartbeat to the loop process"}
+FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor", "QueueFeederThread", "Thread-")
+"""Those of this test, of awaited calls, and of libraries."""
+
+
+def existing(kind: type[T]) -> list[T]:
+    return [found for found in gc.get_objects() if type(found) is kind]
+
+
+def kill(thread: threading.Thread) -> None:
+    """Let a thread end at its next step in Python, of what it cannot expect."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit))
+
+
+@dataclass(frozen=True)
+class Running:
+    loop: asyncio.AbstractEventLoop
+    client: httpx.Client
+
+    def call(self, work: Callable[[], T]) -> T:
+        """Call ``work`` in the service's event loop."""
+
+        async def called() -> T:
+            return work()
+
+        return asyncio.run_coroutine_threadsafe(called(), self.loop).result(TIMEOUT_S)
+
+    def tasks(self) -> dict[str, "asyncio.Task[object]"]:
+        return self.call(lambda: {task.get_name(): task for task in asyncio.all_tasks()})
+
+    def problems(self) -> list[str]:
+        return list(self.client.get("/api/state").raise_for_status().json()["problems"])
+
+    def told(self, name: str) -> str:
+        found = until(lambda: next((text for text in self.problems() if text.startswith(f"{name} died")), ""))
+        return found
+
+
+def until(wanted: Callable[[], T]) -> T:
+    end = time.monotonic() + TIMEOUT_S
+    while not (found := wanted()):
+        assert time.monotonic() < end, "it never happened"
+        time.sleep(0.02)
+    return found
+
+
+@pytest.fixture(scope="module")
+def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    ready: list[tuple[str, asyncio.AbstractEventLoop, str]] = []
+
+    def announce(address: str, tokens: object) -> None:
+        ready.append((address, asyncio.get_running_loop(), getattr(tokens, "operator", "")))
+
+    settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
+    serving = threading.Thread(target=main.serve, args=(settings, announce), name="the service")
+    serving.start()
+    until(lambda: ready or not serving.is_alive())
+    address, loop, token = ready[0]
+    with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=60.0) as client:
+        yield Running(loop, client)
+    for server in [found for found in gc.get_objects() if isinstance(found, uvicorn.Server)]:
+        server.should_exit = True
+    serving.join(TIMEOUT_S)
+    assert not serving.is_alive()
+
+
+@pytest.fixture
+def moving(inside: Running) -> Running:
+    """The joint under pretension, so that a stop can be seen."""
+    inside.client.post("/api/stop").raise_for_status()
+    inside.client.post("/api/reset").raise_for_status()
+    inside.client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_for(inside.client, "mode", "pretension")
+    return inside
+
+
+def test_everything_that_runs_is_supervised(inside: Running) -> None:
+    """A task or thread that is new has to be put under supervision, or into the lists of this file."""
+    tasks = inside.tasks()
+    assert set(tasks) >= TASKS
+    kept = {kept._task for kept in existing(KeptTask)}
+    own = {name for name, task in tasks.items() if OWN in code_of(task).co_filename and task not in kept}
+    assert {code_of(tasks[name]).co_name for name in own} == {"_serve"}  # asyncio.run's own: its end ends the service
+    threads = {thread.name for thread in threading.enumerate()}
+    assert threads >= THREADS
+    assert {name for name in threads if not name.startswith(FOREIGN_THREADS)} == THREADS
+
+
+def code_of(task: "asyncio.Task[object]") -> CodeType:
+    coroutine = task.get_coro()
+    assert isinstance(coroutine, CoroutineType)
+    return coroutine.cr_code
+
+
+def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> None:
+    kept = {kept._task for kept in existing(KeptTask)}
+    victims = {name: task for name, task in inside.tasks().items() if task in kept}
+    assert set(victims) >= TASKS
+    for victim in victims.values():
+        inside.call(victim.cancel)
+    for name, victim in victims.items():
+        assert "it was cancelled" in inside.told(name)
+        until(lambda name=name, victim=victim: inside.tasks().get(name, victim) is not victim)  # type: ignore[misc]
+        until(lambda name=name: "was started anew" in inside.told(name))  # type: ignore[misc]
+    assert inside.client.get("/api/health").json()["alive"]
+
+
+@pytest.mark.parametrize("name", ["The recorder", "A 3D view"])
+def test_a_thread_that_is_killed_is_told_and_runs_again(inside: Running, name: str) -> None:
+    victims = {thread for thread in threading.enumerate() if thread.name == name}
+    for thread in victims:
+        kill(thread)
+    assert "SystemExit" in inside.told(name)
+
+    def again() -> bool:
+        present = {thread for thread in threading.enumerate() if thread.name == name}
+        return len(present) == len(victims) and not present & victims
+
+    until(again)
+
+
+def test_the_joint_is_stopped_softly_when_nobody_watches_over_lost_pages(moving: Running) -> None:
+    moving.call(moving.tasks()["The watch over lost pages"].cancel)
+    state = wait_for(moving.client, "mode", "tripped")
+    assert isinstance(state["fault"], dict)
+    assert state["fault"]["code"] == "operator_lost"
+
+
+def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running) -> None:
+    def stop_beating() -> bool:
+        for heart in existing(Heart):
+            heart._words[0] = 1  # what a thread of compiled code can be ended by
+        return bool(moving.client.get("/api/state").json()["mode"] == "tripped")
+
+    until(stop_beating)
+    state = moving.client.get("/api/state").json()
+    assert state["fault"]["code"] == "service_lost"
+    assert "ended without being told" in moving.told("The heartbeat to the loop process")
+    until(lambda: moving.client.post("/api/reset").is_success)
+    assert wait_for(moving.client, "mode", "off")
+
+
+def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(moving: Running) -> None:
+    segments = '[{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}]'
+    body = {"name": "sequence", "settings": {"segments": segments}}
+    run = moving.client.post("/api/experiments", json=body).raise_for_status().json()["id"]
+    wait_for(moving.client, "mode", "experiment")
+    for task in moving.tasks().values():
+        if "_perform" in str(task.get_coro()):
+            moving.call(task.cancel)
+    wait_for(moving.client, "mode", "tripped")
+    state = wait_for(moving.client, "task", None)
+    assert any(f"run {run}" in text.lower() for text in state["problems"])  # type: ignore[attr-defined]
+    assert moving.client.get(f"/api/runs/{run}").json()["end_state"] == "service_died"
+
+
+def test_the_clock_of_a_trial_keeps_its_promise_when_it_is_killed(inside: Running) -> None:
+    inside.client.post("/api/stop").raise_for_status()
+    inside.client.post("/api/reset").raise_for_status()
+    before = inside.client.get("/api/tuning").json()["lam_q"]
+    inside.client.post("/api/tuning/trial", json={"lam_q": before + 0.1, "duration_s": 5.0}).raise_for_status()
+    inside.call(inside.tasks()["The clock of a tuning on trial"].cancel)
+    wait_for(inside.client, "trial", None)
+    assert inside.client.get("/api/tuning").json()["lam_q"] == before
+
+
+def test_deaths_are_in_the_journal_and_no_run_lacks_a_sample(moving: Running) -> None:
+    until(lambda: moving.client.get("/api/state").json()["pretension_done"])
+    moving.client.post("/api/mode", json={"mode": "run"}).raise_for_status()
+    state = wait_for(moving.client, "mode", "run")
+    run = until(lambda: moving.client.get("/api/state").json()["recording_run"])
+    (recording,) = (thread for thread in threading.enumerate() if thread.name == "The recorder")
+    kill(recording)
+    until(lambda: any(thread.name == "The recorder" and thread is not recording for thread in threading.enumerate()))
+    until(lambda: int(str(moving.client.get("/api/state").json()["tick"])) > int(str(state["tick"])) + 2000)
+    moving.client.post("/api/stop").raise_for_status()
+    view = until(lambda: _ended(moving, run))
+    assert view is not None
+    assert view["missing_samples"] == 0
+    assert int(str(view["samples"])) > 1000
+
+
+def _ended(running: Running, run: int) -> dict[str, object] | None:
+    view: dict[str, object] = running.client.get(f"/api/runs/{run}").json()
+    return None if view["end_state"] == "running" else view

@@ -1,0 +1,141 @@
+"""The process for long work, killed for real: idle, at work, over and over, and by a caller that leaves."""
+
+import asyncio
+import os
+import signal
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import pytest
+
+from backend.api.offload import Offload, WorkerDiedError
+
+TIMEOUT_S = 60.0
+
+
+def run(session: Callable[[Offload, list[str]], Awaitable[None]]) -> None:
+    async def whole() -> None:
+        deaths: list[str] = []
+        offload = Offload(deaths.append)
+        try:
+            await asyncio.wait_for(session(offload, deaths), TIMEOUT_S)
+        finally:
+            offload.close()
+
+    asyncio.run(whole())
+
+
+def die_once(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+def die_always(marker: Path) -> None:
+    marker.write_text(str(int(marker.read_text() or 0) + 1))
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def sleep_long(marker: Path) -> None:
+    marker.write_text(str(os.getpid()))
+    time.sleep(3600.0)
+
+
+def is_there(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists()
+
+
+async def until(reached: Callable[[], bool]) -> None:
+    while not reached():
+        await asyncio.sleep(0.01)
+
+
+def test_a_process_killed_idle_is_told_at_once_and_replaced() -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        first = await offload.run(os.getpid)
+        os.kill(first, signal.SIGKILL)
+        await until(lambda: len(deaths) == 1)
+        second = await offload.run(os.getpid)
+        assert second != first
+        assert len(deaths) == 1
+
+    run(session)
+
+
+def test_work_that_its_process_dies_over_is_done_again(tmp_path: Path) -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        waiting = [offload.run(die_once, tmp_path / "killed"), offload.run(os.getpid), offload.run(os.getpid)]
+        said, *pids = await asyncio.gather(*waiting)
+        assert said == "done"
+        assert pids[0] == pids[1]
+        assert len(deaths) == 1
+
+    run(session)
+
+
+def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: Path) -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        tried = tmp_path / "tried"
+        tried.touch()
+        bad, good = offload.run(die_always, tried), offload.run(os.getpid)
+        failed, pid = await asyncio.gather(bad, good, return_exceptions=True)
+        assert isinstance(failed, WorkerDiedError)
+        assert "memory" in str(failed)
+        assert isinstance(pid, int)
+        assert (tried.read_text(), len(deaths)) == ("2", 2)
+
+    run(session)
+
+
+def test_a_process_killed_while_it_loads_is_replaced() -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        offload.prepare(Offload)
+        (first,) = await _children()
+        os.kill(first, signal.SIGKILL)
+        await until(lambda: len(deaths) == 1)
+        assert await offload.run(os.getpid) != first
+
+    run(session)
+
+
+async def _children() -> list[int]:
+    """Numbers of the processes for work that this process has, once there is one."""
+    found: list[int] = []
+    while not found:
+        await asyncio.sleep(0.01)
+        for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
+            if b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes():
+                found.append(int(child))
+    return found
+
+
+def test_a_caller_that_leaves_ends_the_work_and_nothing_is_told(tmp_path: Path) -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        marker = tmp_path / "started"
+        leaving = asyncio.create_task(offload.run(sleep_long, marker))
+        await until(lambda: marker.exists() and marker.read_text() != "")
+        pid = int(marker.read_text())
+        leaving.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await leaving
+        await until(lambda: not is_there(pid))
+        assert await offload.run(os.getpid) != pid
+        assert deaths == []
+
+    run(session)
+
+
+def test_closing_ends_whatever_is_under_way(tmp_path: Path) -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        marker = tmp_path / "started"
+        under_way = asyncio.create_task(offload.run(sleep_long, marker))
+        await until(lambda: marker.exists() and marker.read_text() != "")
+        pid = int(marker.read_text())
+        offload.close()
+        await until(lambda: not is_there(pid))
+        under_way.cancel()
+        assert deaths == []
+
+    run(session)

@@ -1,0 +1,69 @@
+"""Runs evaluated again from nothing but what is stored of them."""
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+
+from backend.experiments.again import NotEvaluableError, evaluate_again
+from backend.experiments.evaluation import Evaluation
+from backend.experiments.headless_station import headless_station
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.runner import Order, create_run, run_experiment
+from backend.storage import open_database, results, runs
+from backend.storage.runs import EndState
+from plant.parameters import SHIPPED, load_parameters, parameters_of
+
+SETTINGS = LoopSettings(seed=3)
+
+
+@pytest.mark.parametrize(
+    "plan", [TrackingPlan(q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)]
+)
+def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
+    database = open_database(tmp_path)
+    with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+        outcome = asyncio.run(run_experiment(station, Order(plan, SETTINGS, "Ana")))
+    first = outcome.evaluation
+    again = evaluate_again(database, outcome.run.id)
+    assert first.result is not None
+    assert again.result is not None
+    assert again.result.id == first.result.id + 1
+    assert again.result.metrics == first.result.metrics
+    assert again.result.criteria == first.result.criteria
+    assert (again.identification is None) == (first.identification is None)
+    if first.identification is not None and again.identification is not None:
+        assert again.identification.model == first.identification.model
+    database.close()
+
+
+def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+
+    async def compute(*_: object) -> Evaluation:
+        raise MemoryError("no more of it")
+
+    with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+        object.__setattr__(station, "compute", compute)
+        plan = TrackingPlan(q_duration_s=0.6, S_duration_s=0.5)
+        outcome = asyncio.run(run_experiment(station, Order(plan, SETTINGS, "Ana")))
+        running = create_run(station, Order(plan, SETTINGS, "Ana"))
+    assert (outcome.run.end_state, outcome.evaluation.result) == (EndState.COMPLETED, None)
+    with database.reading() as session:
+        assert runs.get(session, outcome.run.id).evaluation_problem == "MemoryError: no more of it"
+        assert results.present(session, [outcome.run.id]) == set()
+    evaluate_again(database, outcome.run.id)
+    with database.reading() as session:
+        assert runs.get(session, outcome.run.id).evaluation_problem == ""
+        assert results.present(session, [outcome.run.id, running.id]) == {outcome.run.id}
+    with pytest.raises(NotEvaluableError, match="not over yet"):
+        evaluate_again(database, running.id)
+    database.close()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_parameters_come_back_from_their_stored_document(name: str) -> None:
+    parameters = load_parameters(name)
+    assert parameters_of(name, json.loads(json.dumps(parameters.document()))) == parameters
