@@ -4,6 +4,7 @@ import asyncio
 import logging
 import os
 import socket
+import sys
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from typing import Any
@@ -72,6 +73,8 @@ from plant.parameters import load_parameters
 
 SEED = 0
 NICENESS = -10
+SWITCH_S = 0.5e-3
+"""Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
 
 _log = logging.getLogger(__name__)
 
@@ -92,6 +95,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     with only_service_on(settings.data) as folder, _listening(settings) as listening:
         make_private(settings.data)
         _ask_for_priority()
+        sys.setswitchinterval(SWITCH_S)
         asyncio.run(_serve(settings, folder, listening, ready))
 
 
