@@ -9,7 +9,7 @@ import ipaddress
 import logging
 import os
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from backend.api.gate import BEARER, OPEN, Person
@@ -90,17 +90,27 @@ class Door:
         self._guests.setdefault(place.network, {})[place] = None
 
     def make_room(self) -> bool:
-        """Send one guest away: of the network with the most, the oldest, rather one that waits for no answer.
+        """Send one guest away, the oldest of a network, rather one that waits for no answer. False when there is none.
 
-        False when there is no guest.
+        A network with more than half of the places gives way first. Else somebody who has not asked for anything does,
+        of the network with the most of these: many who ask from one address are not pushed out by an idle crowd.
         """
-        crowd = max(self._guests.values(), key=len, default=None)
-        if crowd is None:
+        going = self._who_gives_way()
+        if going is None:
             return False
-        going = next((place for place in crowd if not place.is_answered()), next(iter(crowd)))
         self.leave(going)
         going.end()
         return True
+
+    def _who_gives_way(self) -> Place | None:
+        largest = max(self._guests.values(), key=len, default=None)
+        if largest is None:
+            return None
+        crowds: Iterable[dict[Place, None]] = (
+            [largest] if 2 * len(largest) > self.room.guests else self._guests.values()
+        )
+        silent = max(([place for place in crowd if not place.is_answered()] for crowd in crowds), key=len)
+        return silent[0] if silent else next(iter(largest))
 
     def leave(self, place: Place) -> None:
         """Take back a place, whoever held it."""

@@ -64,6 +64,14 @@ def test_who_waits_for_an_answer_gives_way_last(crowd: Crowd) -> None:
     assert only_answered.gone == ["a"]
 
 
+def test_an_idle_crowd_of_many_addresses_does_not_push_out_who_asked(crowd: Crowd) -> None:
+    for name in ("asked", "asked too"):
+        crowd.comes(name, "10.0.0.1", is_answered=True)
+    for number in range(2, 9):
+        crowd.comes(str(number), f"10.0.0.{number}")
+    assert crowd.gone == list("23456")
+
+
 def test_who_is_recognised_stays(crowd: Crowd) -> None:
     assert crowd.door.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR)
     for name in "abcdef":

@@ -7,8 +7,8 @@ from backend.api import attempts, control, door, logs, protocols, security, sess
 from backend.faults import Fault
 from backend.loop import card_guard
 from backend.settings import Settings
-from tests.docs.faults_page import documented_ms
-from tests.soak.attack import kill_service, parts, tally
+from tests.docs.faults_page import SECTIONS, documented_ms
+from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
@@ -58,6 +58,8 @@ def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
     both = outputs["watchdog and loop at once"]
     assert f"every {1000 * card_guard.LOOK_S:g} ms" in both
     assert f"for {card_guard.LAST_RESORT_S:g} s" in both
+    assert f"within {kill_watchdog.BOTH_DEAD_S:g} s" in both
+    assert f"within {kill_watchdog.BOTH_DEAD_S:g} s of the loop's last write" in SECTIONS[Fault.WATCHDOG_DEAD]
 
 
 def test_promises_are_those_that_the_attack_measures_by() -> None:

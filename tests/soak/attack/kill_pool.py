@@ -71,7 +71,7 @@ def kill_pool(times: int, console: Console) -> bool:
     with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
         loop, button, accounts, pools = Loop(bench.service.pid), StopButton(bench), Accounts(), Pools(bench.service.pid)
         run = _evaluated(bench, loop, tally, lambda: None)
-        dry_run = partial(bench.client.post, "/api/experiments/dry-run", json=sequence(30, 30))
+        dry_run = partial(bench.client.post, "/api/experiments/dry-run", json=sequence(10, 10))
         asked = {
             "dry run": dry_run,
             "report": partial(bench.client.get, f"/api/runs/{run}/report.pdf"),

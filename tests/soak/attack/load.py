@@ -11,6 +11,7 @@ from rich.console import Console
 from tests.soak.attack import junk, sockets, viewers
 from tests.soak.attack.crowd import Crowd, Signals, crowds, usual_descriptors
 from tests.soak.attack.isolation import isolate
+from tests.soak.attack.processes import strangers
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import Tally
 from tests.soak.live_service import Bench, Loop, bench_on
@@ -96,7 +97,9 @@ class _Service:
         )
         tally.take("log grown by [MB]", log / 1e6, LOG_GROWTH_MB)
         tally.take("memory grown by [MB]", memory, MEMORY_GROWTH_MB)
-        tally.lost(tracebacks > 0, f"{tracebacks} tracebacks in the log")
+        if tracebacks > 0:
+            last = self._bench.service.log.read_text(encoding="utf-8", errors="replace").rpartition("Traceback")[2]
+            tally.lost(True, f"{tracebacks} tracebacks in the log, the last: {last[-600:]}")
         tally.lost(children > 0, f"{children} processes more than before")
 
     def _look(self) -> tuple[float, int, int, int]:
@@ -104,10 +107,7 @@ class _Service:
         status = process.joinpath("status").read_text(encoding="ascii")
         memory = next(int(line.split()[1]) / 1e3 for line in status.splitlines() if line.startswith("VmRSS"))
         log = self._bench.service.log.read_bytes()
-        children = sum(
-            len(task.joinpath("children").read_text().split()) for task in process.joinpath("task").iterdir()
-        )
-        return memory, len(log), log.count(b"Traceback"), children
+        return memory, len(log), log.count(b"Traceback"), strangers(self._bench.service.pid)
 
 
 def _count(signals: list[Signals]) -> str:

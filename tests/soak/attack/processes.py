@@ -6,8 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-WATCHDOG, POOL = b"plant.card", b"spawn_main"
-"""Words of the command lines: the card's watchdog, and a worker of a pool for computing."""
+WATCHDOG, POOL, TRACKER = b"plant.card", b"spawn_main", b"resource_tracker"
+"""Words of the command lines: the card's watchdog, a worker of a pool for computing, and what Python starts beside."""
 
 
 class Busy(NamedTuple):
@@ -40,6 +40,12 @@ def named(pid: int, word: bytes) -> list[int]:
 def pool_workers(service: int) -> list[Busy]:
     """Return the workers of a service's pools."""
     return [Busy(pid, cpu_s) for pid in named(service, POOL) if (cpu_s := _cpu_s(pid)) is not None]
+
+
+def strangers(service: int) -> int:
+    """Count the children of a service that come and go with no pool: its loop, and whatever should not be there."""
+    lines = map(_command_line, children(service))
+    return sum(POOL not in line and TRACKER not in line for line in lines)
 
 
 def is_there(pid: int) -> bool:
