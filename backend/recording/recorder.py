@@ -126,7 +126,9 @@ class Recorder:
             pass
         if self._ended_run in self._cut_short:
             with self._database.session() as session:
-                runs.end(session, self._ended_run, EndState.STOPPED, "the program was ended before its end")
+                # Corrects what samples alone show as complete; a fault in them says more.
+                if runs.get(session, self._ended_run).end_state == EndState.COMPLETED:
+                    runs.end(session, self._ended_run, EndState.STOPPED, "the program was ended before its end")
             self._cut_short.remove(self._ended_run)
 
     def _heed(self, note: _Note) -> None:

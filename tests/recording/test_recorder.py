@@ -116,14 +116,19 @@ def test_a_program_ended_early_is_stopped_whenever_that_is_told(database: Databa
     assert stored_run(database, run.id).end_state == EndState.STOPPED
 
 
-def test_a_trip_stays_a_trip_although_its_program_ended_early(database: Database, writer: Writer) -> None:
+@pytest.mark.parametrize(
+    ("fault", "end"), [(Fault.SLACK, EndState.TRIPPED), (Fault.SERVICE_LOST, EndState.SERVICE_DIED)]
+)
+def test_a_fault_stays_the_reason_although_its_program_ended_early(
+    database: Database, writer: Writer, fault: Fault, end: EndState
+) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
     writer.write(10, run.id)
     recorder.hear(ProgramEnded(tick=10, run=run.id, completed=False))
-    writer.write(1, fault=FAULT_CODE[Fault.SLACK])
+    writer.write(1, fault=FAULT_CODE[fault])
     recorder.drain()
-    assert stored_run(database, run.id).end_state == EndState.TRIPPED
+    assert stored_run(database, run.id).end_state == end
 
 
 def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer) -> None:
