@@ -91,7 +91,8 @@ def test_check_finds_what_is_wrong(database: Database) -> None:
 
 def test_check_finds_references_to_nothing(sqlite: Database, tmp_path: Path) -> None:
     careless = sqlite3.connect(tmp_path / "sinew.db")
-    careless.execute("INSERT INTO recording VALUES (77, '[]', 0.001, 0, '')")
+    names = "run_id, fields, period_s, missed, problem, size_bytes"
+    careless.execute(f"INSERT INTO recording ({names}) VALUES (77, '[]', 0.001, 0, '', 0)")
     careless.commit()
     careless.close()
     assert check(sqlite.engine) == ["table recording refers to rows that are not there"]
