@@ -42,7 +42,7 @@ def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
 def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
     (tmp_path / "test_hangs.py").write_text("import time\n\ndef test_it():\n    time.sleep(60)  # here\n")
     command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--timeout=1", str(tmp_path)]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=50)
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=50)
     assert ended.returncode == 1
     assert "time.sleep(60)  # here" in ended.stdout
     assert "Timeout" in ended.stdout
