@@ -1,6 +1,6 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
-# Further: check, format, test-newest (the tests on the newest Python), bench, soak (attacks and long runs),
+# Further: check, format, test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
 # screenshots. Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest or the soak; EXTRAS=rig or postgres adds what these need, from the first install on.
 
@@ -10,8 +10,11 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
+# Generated requests for each operation and kind of token, and the seed that they are made from.
+EXAMPLES ?= 120
+SEED ?= 1
 
-.PHONY: run test test-newest check format bench soak screenshots install install-dev install-newest frontend
+.PHONY: run test test-newest fuzz check format bench soak screenshots install install-dev install-newest frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -24,6 +27,9 @@ test: install-dev frontend
 test-newest: install-newest
 	.ci/provide browser compose
 	.venv-newest/bin/python -m tests.lanes $(ARGS)
+
+fuzz: install-dev frontend
+	FUZZ_EXAMPLES=$(EXAMPLES) FUZZ_SEED=$(SEED) $(BIN)/python -m pytest tests/fuzz $(ARGS)
 
 check: install-dev
 	$(BIN)/ruff format --check

@@ -1,5 +1,6 @@
 """What all tests share: property tests that are the same on each run; which tests want the machine to themselves."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ settings.register_profile("sinew", deadline=None, derandomize=True, database=Non
 settings.load_profile("sinew")
 
 TESTS = Path(__file__).parent
+collect_ignore = [] if "FUZZ_EXAMPLES" in os.environ else ["fuzz"]
+"""Thousands of requests are a lane of their own, `make fuzz`."""
 ONLY_COMPUTES = {
     "bench",
     "cli",

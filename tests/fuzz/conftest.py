@@ -1,0 +1,42 @@
+"""One real service to throw things at, in a state where most of what it offers can be reached."""
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from tests.e2e.service import running_service
+from tests.fuzz.target import Target, furnish
+
+EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "4"))
+"""Generated requests for each operation and kind of token."""
+SEED = int(os.environ.get("FUZZ_SEED", "1"))
+
+
+def pytest_report_header() -> str:
+    return f"fuzz: FUZZ_EXAMPLES={EXAMPLES} FUZZ_SEED={SEED}"
+
+
+@pytest.fixture(scope="session")
+def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
+    data = tmp_path_factory.mktemp("fuzz")
+    furnish(data)
+    with running_service(data, params="ideal") as service:
+        made = Target(service)
+        yield made
+        made.close()
+
+
+@pytest.fixture(autouse=True)
+def _unharmed(target: Target) -> Iterator[None]:
+    """Whatever a test threw: the service said nothing of a traceback, its processes are the same, it answers."""
+    before = target.log_size()
+    yield
+    said = target.log_since(before)
+    assert "Traceback" not in said, said[-8000:]
+    assert target.alive()
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    for line in Target.summary:
+        terminalreporter.write_line(f"fuzz: {line}")
