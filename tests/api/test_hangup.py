@@ -11,8 +11,10 @@ from backend.api.offload import Offload
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])
 def test_a_computing_process_leaves_the_terminal_to_the_service(number: signal.Signals) -> None:
+    deaths: list[str] = []
+
     async def compute() -> tuple[int, int]:
-        offload = Offload()
+        offload = Offload(deaths.append)
         try:
             before = await offload.run(os.getpid)
             os.kill(before, number)
@@ -22,3 +24,4 @@ def test_a_computing_process_leaves_the_terminal_to_the_service(number: signal.S
 
     before, after = asyncio.run(compute())
     assert before == after
+    assert deaths == []
