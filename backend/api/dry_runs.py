@@ -63,15 +63,17 @@ class DryRuns:
         require_within("duration of a dry run", duration_s, None, LONGEST_S, "s", remedy)
         self._require_place(person)
         self._people.append(person)
-        folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
         try:
-            played = await _unless_left(
-                self._offload.run(dry_run, parameters, order, bank, SIGNALS, POINTS, Path(folder)), left
-            )
+            folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
+            try:
+                played = await _unless_left(
+                    self._offload.run(dry_run, parameters, order, bank, SIGNALS, POINTS, Path(folder)), left
+                )
+            finally:
+                # Here, not in the process: one that is killed clears up nothing.
+                shutil.rmtree(folder, ignore_errors=True)
         finally:
             self._people.remove(person)
-            # Here, not in the process: one that is killed clears up nothing.
-            shutil.rmtree(folder, ignore_errors=True)
         return dry_run_view(played.run, played.result, played.curves, duration_s)
 
     def _require_place(self, person: Person) -> None:
