@@ -12,6 +12,7 @@ from backend import __version__
 from backend.api import errors
 from backend.api.attendance import Attendance
 from backend.api.entrance import Entrance
+from backend.api.pace import Pace
 from backend.api.routes import (
     banks,
     control,
@@ -89,6 +90,7 @@ def create_app(
         app.include_router(router)
     site.mount_static(app)
     errors.install(app)
+    app.add_middleware(Pace)
     app.add_middleware(Attendance)
     app.add_middleware(Entrance)
     return app

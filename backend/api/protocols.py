@@ -24,6 +24,9 @@ HEAD_S = 10.0
 BODY_S = 10.0
 """So long a body may take: it is 256 kB at most."""
 
+LONGEST_HEAD = 16 * 1024
+"""Bytes that the head of a request may have: cookies, an address with its query, and room to spare."""
+
 REST_S = 1.0
 """So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
 
@@ -119,7 +122,7 @@ class HttpProtocol(_Placed, H11Protocol):
         """Take over the place, and what was said already."""
         super().connection_made(transport)
         self.place.end = self.end
-        self.place.is_answered = lambda: self._waiting() is _Wait.NOTHING
+        self.place.is_answered = lambda: bool(self.place.first_words) or self._waiting() is _Wait.NOTHING
         self._watch()
         # Not at once: until this returns the transport cannot be told to pause.
         self.loop.call_soon(self._take_first_words)
@@ -130,8 +133,14 @@ class HttpProtocol(_Placed, H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take the next bytes; the time that is left goes on, unless they end what was waited for."""
-        super().data_received(data)
+        """Take the next bytes; the time that is left goes on, unless they end what was waited for.
+
+        They go on in pieces, so that a head that is too long is refused by its length, before its lines are looked at.
+        """
+        for begin in range(0, len(data), LONGEST_HEAD):
+            if self.transport.is_closing():
+                return
+            super().data_received(data[begin : begin + LONGEST_HEAD])
         self._watch()
 
     def on_response_complete(self) -> None:
@@ -161,6 +170,9 @@ class HttpProtocol(_Placed, H11Protocol):
             h11.EndOfMessage(),
         ):
             self.transport.write(self.conn.send(sent) or b"")
+        if self.cycle is not None:
+            self.cycle.disconnected = True  # a request whose body went wrong: its route's own answer goes nowhere
+            self.cycle.message_event.set()
         self.transport.close()
 
     def _take_first_words(self) -> None:

@@ -8,7 +8,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from backend.api.door import RESERVE, Door, Place, Room, descriptor_limit, open_descriptors
-from backend.api.protocols import HttpProtocol, SocketProtocol
+from backend.api.protocols import LONGEST_HEAD, HttpProtocol, SocketProtocol
 from backend.api.reception import Reception
 from backend.ending import Ending, EndingServer
 
@@ -24,6 +24,7 @@ class Server(EndingServer):
                 app,
                 http=HttpProtocol,
                 ws=SocketProtocol,
+                h11_max_incomplete_event_size=LONGEST_HEAD,
                 log_config=None,  # the service's own handler writes, and limits, all there is to say
                 log_level="warning",
                 access_log=False,  # it would write the token of the sign-in link

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from backend.api.auth import Person
@@ -65,16 +65,14 @@ class Tasks:
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         in_force = _values(self._loop_settings())
+        of_the_loop = [_setting_view(setting, in_force[setting.name]) for setting in describe(LoopSettings)]
         return [
             ExperimentKind(
                 name=name,
                 title=entry.title,
                 description=entry.description,
-                duration_s=entry.plan().program().duration_s,
-                settings=[
-                    _setting_view(setting, in_force.get(setting.name, setting.default))
-                    for setting in (*describe(entry.plan), *describe(LoopSettings))
-                ],
+                duration_s=_usual_duration_s(name),
+                settings=[*_DECLARED[entry.plan], *of_the_loop],
             )
             for name, entry in EXPERIMENTS.items()
         ]
@@ -86,7 +84,7 @@ class Tasks:
                 kind=kind,
                 title=entry.title,
                 description=entry.description,
-                settings=[_setting_view(setting, setting.default) for setting in describe(entry.plan)],
+                settings=_DECLARED[entry.plan],
             )
             for kind, entry in IDENTIFICATIONS.items()
         ]
@@ -211,6 +209,11 @@ def _values(settings: LoopSettings) -> dict[str, Any]:
     return {setting.name: getattr(settings, setting.name) for setting in describe(LoopSettings)}
 
 
+@cache
+def _usual_duration_s(name: str) -> float:
+    return EXPERIMENTS[name].plan().program().duration_s
+
+
 def _setting_view(setting: Setting, default: float | int | str) -> SettingView:
     return SettingView(
         name=setting.name,
@@ -221,3 +224,10 @@ def _setting_view(setting: Setting, default: float | int | str) -> SettingView:
         maximum=setting.maximum,
         choices=list(setting.choices) or None,
     )
+
+
+_PLANS: list[type[Any]] = [
+    *(entry.plan for entry in EXPERIMENTS.values()),
+    *(entry.plan for entry in IDENTIFICATIONS.values()),
+]
+_DECLARED = {plan: [_setting_view(setting, setting.default) for setting in describe(plan)] for plan in _PLANS}

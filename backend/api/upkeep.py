@@ -4,6 +4,7 @@ import asyncio
 import platform
 import shutil
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
@@ -69,8 +70,7 @@ class Upkeep:
                 LatenessClass(from_us=low, to_us=high if high < float("inf") else None, ticks=ticks)
                 for (low, high), ticks in zip(pairwise(edges_us), lateness_histogram(ring), strict=True)
             ],
-            versions={"Sinew": __version__, "Python": platform.python_version(), "Linux": platform.release()}
-            | {name: version(name) for name in _PACKAGES},
+            versions=_versions(),
             database=self._database_view(),
             backups=[_backup_view(copy) for copy in copies],
         )
@@ -84,6 +84,12 @@ class Upkeep:
             size_bytes=_size_with_log(Path(file)) if file else None,
             disk_free_bytes=shutil.disk_usage(self._data).free,
         )
+
+
+@cache
+def _versions() -> dict[str, str]:
+    own = {"Sinew": __version__, "Python": platform.python_version(), "Linux": platform.release()}
+    return own | {name: version(name) for name in _PACKAGES}
 
 
 def _size_with_log(file: Path) -> int:
