@@ -12,7 +12,7 @@ from backend.api import protocols, reception
 from backend.api.door import Door
 from backend.api.security import Guard
 from tests.api.serving import served
-from tests.api.sockets import connected, everything_from, is_closed, seconds_until_refused
+from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
 
 SHORT_S = 0.2
 HOST = b"Host: localhost\r\n"
@@ -111,3 +111,36 @@ def test_what_is_no_http_is_answered_with_every_header(address: tuple[str, int],
 def test_nonsense_behind_a_request_ends_the_connection(address: tuple[str, int]) -> None:
     with connected(address, b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n\x00\x00\r\n\r\n") as stranger:
         assert everything_from(stranger).startswith(b"HTTP/1.1 200 ")
+
+
+def test_a_head_that_is_too_long_is_refused_by_its_length(address: tuple[str, int]) -> None:
+    lines = b"X: y\r\n" * (2 * protocols.LONGEST_HEAD // 6)
+    with connected(address, b"GET /thing HTTP/1.1\r\n" + HOST + lines + b"\r\n") as stranger:
+        assert everything_from(stranger).startswith(b"HTTP/1.1 400 ")
+
+
+def test_a_long_body_comes_whole(address: tuple[str, int]) -> None:
+    body = b'{"a": 1' + b" " * 5 * protocols.LONGEST_HEAD + b"}"
+    answer = httpx.post(
+        f"http://localhost:{address[1]}/thing", content=body, headers={"Content-Type": "application/json"}
+    )
+    assert answer.text == '"changed"'
+
+
+def test_a_body_that_breaks_while_its_request_waits_is_answered_once(
+    address: tuple[str, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    head = b"POST /thing HTTP/1.1\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n" + HOST + b"\r\n"
+    with connected(address, head + b"3\r\nabc\r\n\r\n") as stranger:
+        answer = everything_from(stranger)
+    assert answer.count(b"HTTP/1.1 ") == 1
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert guests(address) == 1  # answered after the other
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_who_has_just_spoken_is_not_sent_away_by_a_crowd(address: tuple[str, int]) -> None:
+    for _ in range(20):
+        said = b"GET /thing HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n"
+        with connected(address, said) as guest, many(address, 150):
+            assert everything_from(guest).endswith(b'"here"')
