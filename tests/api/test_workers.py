@@ -1,18 +1,33 @@
 """The service's own processes killed as a person or the kernel would, and dry runs that must not hold anybody up."""
 
+import json
 import os
 import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
 from tests.api.conftest import problem, wait_for
+from tests.api.sockets import connected
 from tests.api.test_orders import finished
 from tests.e2e.service import Service
 
 SHORT = {"name": "sequence", "settings": {"segments": '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'}}
 COMPUTING, POLITE = 0, 10
+ASKED = 3000
+
+
+def lasting(duration_s: float) -> dict[str, object]:
+    segments = f'[{{"duration_s": {duration_s}, "q_ref": 0.1, "S_ref": 10}}]'
+    return {"name": "sequence", "settings": {"segments": segments}}
 
 
 def workers(service: Service, niceness: int) -> list[int]:
@@ -32,6 +47,24 @@ def kill_all(service: Service, niceness: int) -> int:
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
     return len(pids)
+
+
+@contextmanager
+def all_killed(service: Service, niceness: int) -> Iterator[None]:
+    """Kill every process of this niceness as soon as it is there."""
+    over = threading.Event()
+
+    def kill() -> None:
+        while not over.wait(0.005):
+            kill_all(service, niceness)
+
+    killing = threading.Thread(target=kill)
+    killing.start()
+    try:
+        yield
+    finally:
+        over.set()
+        killing.join()
 
 
 def begin(client: httpx.Client) -> int:
@@ -68,6 +101,37 @@ def test_an_experiment_ends_with_its_result_although_its_process_was_killed(
     assert off.get(f"/api/runs/{again}").json()["evaluation"] == "done"
 
 
+def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
+    service: Service, off: httpx.Client, run: int, data: Path
+) -> None:
+    with all_killed(service, COMPUTING):
+        without = begin(off)
+        finished(off, f"/api/experiments/{without}")
+    view = off.get(f"/api/runs/{without}").json()
+    assert (view["end_state"], view["evaluation"]) == ("completed", "missing")
+    assert "died over it twice" in view["evaluation_problem"]
+    assert any(f"Run {without} is complete, but" in text for text in off.get("/api/state").json()["problems"])
+    assert "not evaluated" in off.get(f"/api/experiments/{without}").json()["message"]
+    listed = sinew("runs", "list", data=data)
+    assert "not evaluated" in listed.stdout
+    assert off.post("/api/experiments", json={"name": "levitation"}).status_code == 422  # nothing is under way
+
+    again = off.post(f"/api/runs/{without}/evaluation").raise_for_status().json()
+    assert (again["evaluation"], again["evaluation_problem"]) == ("done", "")
+    assert any(metric["value"] is not None for metric in off.get(f"/api/experiments/{without}").json()["metrics"])
+    assert sinew("runs", "evaluate", str(without), data=data).returncode == 0
+    assert begin(off) == without + 1
+    assert off.get("/api/state").json()["problems"] == [
+        text for text in off.get("/api/state").json()["problems"] if "started anew" in text
+    ]
+    wait_for(off, "task", None)
+
+
+def sinew(*words: str, data: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "backend", *words, "--data", str(data)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | {"COLUMNS": "200"})
+
+
 def test_what_has_no_result_is_not_evaluated(off: httpx.Client, viewer: httpx.Client, run: int) -> None:
     assert off.post("/api/runs/999999/evaluation").status_code == 404
     assert viewer.post(f"/api/runs/{run}/evaluation").status_code == 403
@@ -95,3 +159,37 @@ def test_a_dry_run_has_a_longest_length(viewer: httpx.Client) -> None:
         600.0,
         "s",
     )
+
+
+@pytest.fixture
+def hanging(service: Service, viewer: httpx.Client) -> Iterator[socket.socket]:
+    """A connection that waits for a viewer's long dry run."""
+    parts = urlsplit(service.url)
+    token = (service.data / "viewer-token").read_text().strip()
+    body = json.dumps(lasting(600)).encode()
+    head = f"POST /api/experiments/dry-run HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {token}\r\n"
+    head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
+    with connected((str(parts.hostname), int(parts.port or 0)), head.encode() + body) as connection:
+        while viewer.post("/api/experiments/dry-run", json=SHORT).status_code != 429:
+            pass
+        yield connection
+
+
+def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
+    service: Service, off: httpx.Client, viewer: httpx.Client, run: int, hanging: socket.socket
+) -> None:
+    assert off.get(f"/api/runs/{run}/report.html").is_success
+    assert off.get(f"/api/runs/{run}/data.csv").is_success
+    refused = viewer.post("/api/experiments/dry-run", json=SHORT)
+    assert refused.status_code == 429  # the long one is under way still
+    assert "of yours" in str(problem(refused)["message"])
+    before = set(workers(service, POLITE))
+    hanging.close()
+    for _ in range(ASKED):
+        again = viewer.post("/api/experiments/dry-run", json=SHORT)
+        if again.status_code != 429:
+            break
+    assert again.status_code == 200, again.text
+    assert again.json()["status"] == "completed"
+    assert len(before - set(workers(service, POLITE))) == 1
+    assert not any("dry runs" in text for text in off.get("/api/state").json()["problems"])
