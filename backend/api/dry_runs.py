@@ -28,7 +28,7 @@ SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
 POINTS = 1200
 
 LONGEST_S = 600.0
-"""Longest program that is played dry [s]: half a minute of computing. What is longer runs with ``sinew experiment``."""
+"""Longest program that is played dry [s]. What is longer is played with ``sinew experiment``."""
 
 PLACES = 4
 """Dry runs under way or waiting."""

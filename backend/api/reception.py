@@ -129,6 +129,11 @@ class _Newcomer:
         except OSError:
             self._reception.door.leave(self._place)
             return
+        except Exception:
+            _log.exception("a connection could not be handed over")
+            self._reception.door.leave(self._place)
+            self._connection.close()
+            return
         if self._sent_away:
             transport.abort()
 

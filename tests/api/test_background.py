@@ -134,8 +134,8 @@ def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> Non
         inside.call(victim.cancel)
     for name, victim in victims.items():
         assert "it was cancelled" in inside.told(name)
-        until(lambda name=name, victim=victim: inside.tasks().get(name, victim) is not victim)  # type: ignore[misc]
-        until(lambda name=name: "was started anew" in inside.told(name))  # type: ignore[misc]
+        until(lambda name=name, victim=victim: inside.tasks().get(name, victim) is not victim)  # type: ignore[misc] # defaults bind the loop's names
+        until(lambda name=name: "was started anew" in inside.told(name))  # type: ignore[misc] # defaults bind the loop's names
     assert inside.client.get("/api/health").json()["alive"]
 
 
@@ -184,7 +184,7 @@ def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(mo
             moving.call(task.cancel)
     wait_for(moving.client, "mode", "tripped")
     state = wait_for(moving.client, "task", None)
-    assert any(f"run {run}" in text.lower() for text in state["problems"])  # type: ignore[attr-defined]
+    assert any(f"run {run}" in text.lower() for text in state["problems"])  # type: ignore[attr-defined] # JSON
     assert moving.client.get(f"/api/runs/{run}").json()["end_state"] == "service_died"
 
 

@@ -108,7 +108,7 @@ def test_a_bank_is_brought_in_compared_and_taken_out(operator: httpx.Client, vie
     assert viewer.get(f"/api/banks/{bank['id']}/difference").status_code == 422
     assert viewer.post("/api/banks/file", json=FILE).status_code == 403
 
-    wrong = {**FILE, "entries": [{**FILE["entries"][0], "K_q": 0.09}]}  # type: ignore[dict-item]
+    wrong = {**FILE, "entries": [{**FILE["entries"][0], "K_q": 0.09}]}  # type: ignore[dict-item] # JSON
     refused = operator.post("/api/banks/file", json=wrong)
     assert refused.status_code == 422
     assert "geometry" in str(problem(refused)["message"])

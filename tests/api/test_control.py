@@ -209,7 +209,7 @@ def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service
             assert page["silent_s"] < LOST_S + HOLD_S + 1.0
         state = wait_for(off, "mode", "tripped")
         assert seen_lost
-        assert state["fault"]["code"] == "operator_lost"  # type: ignore[index]
+        assert state["fault"]["code"] == "operator_lost"  # type: ignore[index] # JSON
         assert state["stop_proof"] is not None
         assert state["holder"] is None
         run = off.get("/api/runs", params={"limit": 1}).json()["runs"][0]

@@ -56,7 +56,7 @@ def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
     assert off.put("/api/tuning", json={"lam_q": 0.7}).status_code == 409
     view = finished(off, f"/api/experiments/{run}")
     assert view["status"] == "completed", view["message"]
-    metrics = {metric["name"]: metric["value"] for metric in view["metrics"]}  # type: ignore[index, union-attr]
+    metrics = {metric["name"]: metric["value"] for metric in view["metrics"]}  # type: ignore[index, union-attr] # JSON
     assert metrics["min_tension_N"] > 5.0
 
     pdf = off.get(f"/api/runs/{run}/report.pdf").raise_for_status()

@@ -23,12 +23,13 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 
 def test_numbers_are_those_of_the_code() -> None:
     settings = Settings(_env_file=None)
-    assert dict(cells("### Numbers\n", 2)[:14]) == {
+    assert dict(cells("### Numbers\n", 2)[:15]) == {
         "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
         "connections of those who have not shown who they are": f"{door.GUESTS}",
         "connections in all, as far as descriptors allow": f"{door.PLACES}",
         "connections of one browser session": f"{door.BROWSER_PLACES}",
         "descriptors kept for everything else": f"{door.RESERVE}",
+        "largest head of a request": f"{protocols.LONGEST_HEAD // 1024} kB",
         "time for the head of a request, and for its body": f"{protocols.HEAD_S:g} s each",
         "time without a byte taken of an answer": f"{protocols.STALL_S:g} s",
         "wrong tokens of one address in a minute before it is slowed": f"{attempts.ATTEMPTS}",

@@ -159,7 +159,7 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
 )
 def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: str, parameters: str, reason: str) -> None:
     async def session() -> None:
-        impossible = Setup(plant=plant, parameters=parameters, seed=0, tuning=setup.tuning)  # type: ignore[arg-type]
+        impossible = Setup(plant=plant, parameters=parameters, seed=0, tuning=setup.tuning)  # type: ignore[arg-type] # impossible on purpose
         supervisor = Supervisor(impossible)
         with pytest.raises(LoopDiedError, match=reason):
             await supervisor.start()

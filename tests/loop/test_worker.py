@@ -70,7 +70,7 @@ class Bench:
         self.each_tick(self.ring.count)
 
     def say(self, message: object, sequence: int = 0) -> None:
-        assert self.service.send(encode(message, sequence))  # type: ignore[arg-type]
+        assert self.service.send(encode(message, sequence))  # type: ignore[arg-type] # any kind on purpose
 
     def hear(self) -> list[object]:
         while (packet := self.service.receive()) is not None:

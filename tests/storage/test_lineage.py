@@ -102,7 +102,7 @@ def test_search_finds_by_words_kind_and_number(database: Database) -> None:
     with database.reading() as session:
 
         def found(**query: object) -> list[int]:
-            return [run.id for run in runs.find(session, **query)]  # type: ignore[arg-type]
+            return [run.id for run in runs.find(session, **query)]  # type: ignore[arg-type] # one keyword at a time
 
         assert found() == [second.id, first.id]
         assert found(search="WORN ana") == [first.id]
