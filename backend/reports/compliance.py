@@ -10,6 +10,8 @@ from backend.reports.provenance import facts, lineage, parameter_section, settin
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
 
+_LEAST_N = 0.1
+"""Least reach of the axis of a difference of forces: below the load cells' noise there is only rounding to see."""
 _REST_S = 1.0
 
 _NOTES = (
@@ -84,7 +86,9 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
         axes[1].set_ylabel("Force [N]")
         axes[2].plot(*thinned(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
         axes[2].plot(*thinned(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")
-        axes[2].set(xlabel="t [s]", ylabel="Difference [N]", xlim=(t[0], t[-1]))
+        low, high = axes[2].get_ylim()
+        reach = (min(low, -_LEAST_N), max(high, _LEAST_N))
+        axes[2].set(xlabel="t [s]", ylabel="Difference [N]", xlim=(t[0], t[-1]), ylim=reach)
         for panel, letter in zip(axes, "ABC", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)

@@ -6,6 +6,7 @@ import { useEffect, useRef } from "react";
 import uPlot from "uplot";
 import styles from "./CurvePlot.module.css";
 import { type ChartColours, readColours } from "./colours";
+import { logLabels, tickLabels } from "./ticks";
 
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
@@ -106,8 +107,10 @@ function configuration(
     grid,
     ticks: { show: false },
     gap: 4,
-    values: (_plot, splits) => splits.map(written),
   };
+  const linear: uPlot.Axis.DynamicValues = (_plot, splits, _axis, _space, step) => tickLabels(splits, step);
+  const logarithmic: uPlot.Axis.DynamicValues = (_plot, splits) => logLabels(splits);
+  const labels = (log = false) => ({ values: log ? logarithmic : linear });
   return {
     width,
     height,
@@ -120,15 +123,10 @@ function configuration(
     },
     series: [{}, ...props.curves.map((curve) => seriesOf(curve, colours))],
     axes: [
-      { ...axis, label: props.xLabel, labelSize: 16, size: 22, space: 60 },
-      { ...axis, label: props.yLabel, labelSize: 16, size: 50, space: 28 },
+      { ...axis, ...labels(props.xLog), label: props.xLabel, labelSize: 16, size: 22, space: 60 },
+      { ...axis, ...labels(props.yLog), label: props.yLabel, labelSize: 16, size: 50, space: 28 },
     ],
   };
-}
-
-/** A logarithmic axis names its decades only and leaves the rest out. */
-function written(value: number | null): string {
-  return value === null ? "" : String(Number(value.toPrecision(6))).replace("-", "−");
 }
 
 function seriesOf(curve: Curve, colours: ChartColours): uPlot.Series {

@@ -11,6 +11,7 @@ import { PERIOD_S } from "../wire/sample.gen";
 import { readColours } from "./colours";
 import { decadeRange } from "./range";
 import styles from "./Spectrum.module.css";
+import { logLabels } from "./ticks";
 
 type Quantity = "density" | "amplitude";
 
@@ -106,7 +107,12 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
     const element = host.current;
     if (element === null) return;
     const colours = readColours(element);
-    const axis = { stroke: colours.axis, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false } };
+    const axis: uPlot.Axis = {
+      stroke: colours.axis,
+      grid: { stroke: colours.grid, width: 1 },
+      ticks: { show: false },
+      values: (_plot, splits) => logLabels(splits),
+    };
     const shown = panel.traces.flatMap((trace, index) => {
       const spectrum = spectra[index];
       return spectrum ? [{ trace, spectrum }] : [];
@@ -120,7 +126,7 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
           x: { time: false, distr: 3 },
           y: { distr: 3, range: (_plot, min, max) => decadeRange(min, max) },
         },
-        axes: [axis, { ...axis, size: 64, values: (_plot, splits) => splits.map(powerOfTen) }],
+        axes: [axis, { ...axis, size: 64 }],
         series: [
           {},
           ...shown.map(({ trace }) => ({
@@ -151,8 +157,4 @@ function aligned(spectra: readonly Spectrum[], quantity: Quantity): uPlot.Aligne
     ],
   );
   return uPlot.join(tables);
-}
-
-function powerOfTen(value: number | null): string {
-  return value === null || Math.abs(Math.log10(value) % 1) > 1e-9 ? "" : value.toExponential(0);
 }

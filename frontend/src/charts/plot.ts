@@ -1,7 +1,7 @@
 /** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
 
 import uPlot from "uplot";
-import { clockTime, fixed } from "../samples/format";
+import { clockTime } from "../samples/format";
 import type { Panel } from "../theme/signals";
 import { paintsInSoftware, withMemoryCanvases } from "./canvas";
 import type { ChartColours } from "./colours";
@@ -9,6 +9,7 @@ import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } 
 import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
 import type { Curves } from "./source";
+import { tickLabels } from "./ticks";
 import type { Stretch } from "./viewport";
 
 export const AXIS_WIDTH = 52;
@@ -23,6 +24,8 @@ const LINE_WIDTH = 1.6;
 /** Lines of one pixel are painted several times faster in software. */
 const HAIRLINE = 1;
 const LABEL_CLEARANCE_PX = 5;
+/** Least height of a value axis scaled by hand, as a share of the usual least: labels stay within their margin. */
+const FINEST = 1e-3;
 
 export interface PlotOptions {
   readonly panel: Panel;
@@ -85,9 +88,11 @@ export class SignalPlot {
   scaleValues(factor: number, fraction: number): void {
     const { min, max } = this.manualRange ?? this.range;
     const fixedPoint = min + fraction * (max - min);
+    const least = this.panel.narrowest * FINEST;
+    const wanted = Math.max((max - min) * factor, least) / (max - min);
     this.manualRange = {
-      min: fixedPoint - (fixedPoint - min) * factor,
-      max: fixedPoint + (max - fixedPoint) * factor,
+      min: fixedPoint - (fixedPoint - min) * wanted,
+      max: fixedPoint + (max - fixedPoint) * wanted,
     };
   }
 
@@ -170,7 +175,7 @@ export class SignalPlot {
           space: 20,
           gap: 6,
           size: AXIS_WIDTH,
-          values: (plot, splits, _axis, _space, step) => splits.map((split) => valueLabel(plot, split, step)),
+          values: (plot, splits, _axis, _space, step) => clearOfHead(plot, splits, tickLabels(splits, step)),
         },
       ],
       hooks: {
@@ -186,8 +191,9 @@ function asAsked(_plot: uPlot, min: number | null, max: number | null): uPlot.Ra
   return [min, max];
 }
 
-/** Label of a grid line; none at the very top, where it would run into the head of the chart. */
-function valueLabel(plot: uPlot, split: number, step: number): string {
-  if (plot.valToPos(split, "y") < LABEL_CLEARANCE_PX) return "";
-  return fixed(split, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
+/** No label at the very top, where it would run into the head of the chart. */
+function clearOfHead(plot: uPlot, splits: readonly number[], labels: readonly string[]): string[] {
+  return labels.map((label, index) =>
+    plot.valToPos(splits[index] as number, "y") < LABEL_CLEARANCE_PX ? "" : label,
+  );
 }

@@ -1,6 +1,6 @@
 /** Numbers and times as text of steady width. Pure. */
 
-const MINUS = "−";
+export const MINUS = "−";
 /** Stands for a value that is not there; as wide as a digit. */
 export const ABSENT = "–";
 
@@ -11,6 +11,13 @@ export function fixed(value: number | null | undefined, decimals: number): strin
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
 
+/** Decimals that tell multiples of `step` exactly; below zero where it is a multiple of a power of ten. */
+export function decimalsOf(step: number): number {
+  const [digits, exponent] = step.toExponential(3).split("e") as [string, string];
+  const behind = digits.replace(/\.?0+$/, "").split(".")[1]?.length ?? 0;
+  return behind - Number(exponent);
+}
+
 /** A number with so many significant digits, without exponent where that stays short. */
 export function significant(value: number | null | undefined, digits: number): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
@@ -18,6 +25,11 @@ export function significant(value: number | null | undefined, digits: number): s
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
   if (magnitude < -5 || magnitude > 6) return value.toExponential(digits - 1).replaceAll("-", MINUS);
   return fixed(value, Math.max(0, digits - 1 - magnitude));
+}
+
+/** A number as short as it can be told to four digits: 0.5, 8.25, 50. */
+export function short(value: number): string {
+  return String(Number(value.toPrecision(4))).replaceAll("-", MINUS);
 }
 
 /** Rate of the loop, from Hz. */
@@ -45,7 +57,7 @@ export function duration(seconds: number): string {
 
 /** A point on the time axis as m:ss, with as many decimals as the step between points needs. */
 export function clockTime(seconds: number, step_s: number): string {
-  const decimals = step_s >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step_s) - 1e-9));
+  const decimals = Math.min(6, Math.max(0, decimalsOf(step_s)));
   const sign = seconds < 0 ? MINUS : "";
   const scaled = Math.round(Math.abs(seconds) * 10 ** decimals);
   const minutes = Math.floor(scaled / (60 * 10 ** decimals));

@@ -1,7 +1,7 @@
 /** Where the operator's inputs end and what the plant can bear, as lines of the charts. Pure. */
 
 import type { LimitLine } from "../../charts/decorations";
-import { fixed } from "../../samples/format";
+import { short } from "../../samples/format";
 import { DEGREES, FORCE, POSITION, STIFFNESS, VOLTAGE } from "../../theme/signals";
 import type { Limits } from "../../wire/types";
 
@@ -19,11 +19,8 @@ export function limitLines(limits: Limits | undefined): ReadonlyMap<string, read
     [STIFFNESS.title, [line(S_min, "lowest S_ref"), line(S_max, "highest S_ref")]],
     [
       FORCE.title,
-      [line(F_min, `slack ${fixed(F_min, 0)} N`, true), line(F_max, `limit ${fixed(F_max, 0)} N`, true)],
+      [line(F_min, `slack ${short(F_min)} N`, true), line(F_max, `limit ${short(F_max)} N`, true)],
     ],
-    [
-      VOLTAGE.title,
-      [line(-u_max, `−${fixed(u_max, 0)} V`, true), line(u_max, `+${fixed(u_max, 0)} V`, true)],
-    ],
+    [VOLTAGE.title, [line(-u_max, `−${short(u_max)} V`, true), line(u_max, `+${short(u_max)} V`, true)]],
   ]);
 }

@@ -1,6 +1,7 @@
 /** Paints the position-stiffness plane: what tensions and joint allow, entries of the bank, trail, references, joint. */
 
 import type { Surface } from "../../charts/useCanvas";
+import { short } from "../../samples/format";
 import type { SampleWindow } from "../../samples/window";
 import { DEGREES, HUES } from "../../theme/signals";
 import type { Limits, References } from "../../wire/types";
@@ -73,7 +74,7 @@ function paintTensions(
   pen.font = "10px system-ui, sans-serif";
   pen.textAlign = "left";
   for (const { F, S } of limits.tensions) {
-    pen.fillText(`${F.toFixed(0)} N`, xOf(plane, limits.q_trip) + 5, yOf(plane, S) + 3);
+    pen.fillText(`${short(F)} N`, xOf(plane, limits.q_trip) + 5, yOf(plane, S) + 3);
   }
 }
 
