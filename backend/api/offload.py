@@ -84,7 +84,7 @@ class Offload:
         """Forget a worker whose process has died; what is asked next starts another one."""
         if self._worker is worker:
             self._worker = None
-            worker.end()
+            worker.forget()
             self._died("its process was killed, or ended by itself")
 
     def _end(self, worker: "_Worker") -> None:
@@ -106,8 +106,16 @@ class _Worker:
 
     def end(self) -> None:
         """Kill the process, as soon as it is there, and watch it no longer."""
-        self._ended = True
         self.pool.shutdown(wait=False, cancel_futures=True)
+        self._unwatch()
+
+    def forget(self) -> None:
+        """Let go of a process that has died: what waited for it is told so by the pool, and not cancelled."""
+        self.pool.shutdown(wait=False)
+        self._unwatch()
+
+    def _unwatch(self) -> None:
+        self._ended = True
         if self._process is not None:
             self._loop.remove_reader(self._process)
             with suppress(ProcessLookupError):

@@ -100,6 +100,32 @@ def test_a_process_killed_while_it_loads_is_replaced() -> None:
     run(session)
 
 
+class SlowToLoad:
+    """Takes a while to be unpickled."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return time.sleep, (0.2,)
+
+    def __call__(self) -> None:
+        """Do nothing."""
+
+
+def test_work_behind_others_is_done_although_the_process_is_killed_before_its_turn() -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        pid = await offload.run(os.getpid)  # so that it is watched
+        for killed in range(1, 11):
+            for _ in range(4):
+                offload.prepare(SlowToLoad())
+            waiting = asyncio.create_task(offload.run(os.getpid))
+            await asyncio.sleep(0.1)
+            os.kill(pid, signal.SIGKILL)
+            assert await waiting != pid
+            assert len(deaths) == killed
+            pid = await offload.run(os.getpid)
+
+    run(session)
+
+
 async def _children() -> list[int]:
     """Numbers of the processes for work that this process has, once there is one."""
     found: list[int] = []
