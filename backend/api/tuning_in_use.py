@@ -15,16 +15,14 @@ from backend.api.schemas.tuning import (
     TuningView,
 )
 from backend.experiments.bank_building import points_of
-from backend.experiments.loop_settings import LAM_MOTOR_MIN, LoopSettings
+from backend.experiments.loop_settings import LoopSettings
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
-from backend.refusal import require_within
 from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.preview import Previewer
-from backend.tuning.robustness import LAM_MOTOR_MAX
 from plant.parameters import PlantParameters
 
 LAMBDAS = Lambdas()
@@ -90,6 +88,7 @@ class TuningInUse:
     def view(self, entry: float) -> TuningView:
         """Return what the page shows; ``entry`` is the active entry of the bank."""
         lam_q_min, lam_S_min = self.previewer.safe_range()
+        lam_motor_min, lam_motor_max = self.previewer.motor_range()
         bank = self.bank
         return TuningView(
             lam_q=self.lambdas.lam_q,
@@ -99,8 +98,8 @@ class TuningInUse:
             lam_q_max=LAM_MAX,
             lam_S_min=lam_S_min,
             lam_S_max=LAM_MAX,
-            lam_motor_min=LAM_MOTOR_MIN,
-            lam_motor_max=LAM_MOTOR_MAX,
+            lam_motor_min=lam_motor_min,
+            lam_motor_max=lam_motor_max,
             bank=None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version),
             entry=entry,
             interpolate=self.interpolate,
@@ -114,6 +113,7 @@ class TuningInUse:
             motor=MotorPreview(
                 M_s=motor.M_s,
                 gain_margin=_finite(motor.gain_margin),
+                gain_reduction_margin=motor.gain_reduction or None,
                 phase_margin_deg=_finite(degrees(motor.phase_margin)),
             ),
             position=_loop(lam_q, predicted.position),
@@ -143,7 +143,6 @@ def initial(
 def _checked(
     parameters: PlantParameters, lambdas: Lambdas, bank: Bank | None, interpolate: bool, before: TuningInUse | None
 ) -> TuningInUse:
-    require_within("lam_motor", lambdas.lam_motor, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s")
     if before is not None and before.lambdas.lam_motor == lambdas.lam_motor and before.bank == bank:
         previewer = before.previewer
     else:

@@ -6,10 +6,7 @@ from typing import TypeVar
 
 from backend.experiments.settings import SettingError, boolean, describe, from_values, integer, number
 from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
-from backend.tuning.robustness import LAM_MOTOR_MAX
-
-LAM_MOTOR_MIN = 0.05
-"""Below it [s] the motors saturate on ordinary steps (erratum E5)."""
+from backend.tuning.motor_loop import LAM_MOTOR_MAX, LAM_MOTOR_MIN
 
 _LAM_LEAST = 0.01
 _T = TypeVar("_T")

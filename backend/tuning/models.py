@@ -34,10 +34,11 @@ class PointModel:
 
 @dataclass(frozen=True)
 class MotorModel:
-    """``K_m`` [rad/(V·s)] and ``T_m`` [s] of K_m/(s (T_m s + 1))."""
+    """``K_m`` [rad/(V·s)] and ``T_m`` [s] of K_m/(s (T_m s + 1)); ``tau_e`` [s], the electrical lag it leaves out."""
 
     K_m: float
     T_m: float
+    tau_e: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,6 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
 
 
 def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
-    """Model of the motor of one side, as identified (equation 17)."""
+    """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
     known = parameters.identified_of(side)
-    return MotorModel(known.K_m, known.T_m)
+    return MotorModel(known.K_m, known.T_m, parameters.motor_of(side).tau_e)

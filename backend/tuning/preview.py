@@ -21,7 +21,8 @@ from backend.tuning.gains import (
 )
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
-from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, motor_lambda, motor_robustness, safe_lambda
+from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
+from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
 from plant.interface import T_s
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
@@ -69,7 +70,10 @@ class Preview:
 
 
 class Previewer:
-    """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only."""
+    """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only.
+
+    Raises OutOfRangeError for a ``lam_motor`` [s] that is not offered.
+    """
 
     def __init__(
         self,
@@ -80,23 +84,26 @@ class Previewer:
     ) -> None:
         self._parameters = parameters
         self._motor = motor
+        self._motors = [motor] if motor else [motor_model(parameters, side) for side in SIDES]
+        require_within("lam_motor", lam_motor, *self.motor_range(), "s")
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
         gains = motor_loops(parameters, lam_motor, motor)
         models = [decoupled_model(parameters, gains, point.S_nominal) for point in self.points]
         self._q = [OuterProcess(model[0, 0]) for model in models]
         self._S = [OuterProcess(model[1, 1]) for model in models]
         self._lam_motor = lam_motor
-        self._motors = [motor] if motor else [motor_model(parameters, side) for side in SIDES]
-        loops = [
-            motor_robustness(known.K_m, known.T_m, motor_gains(known.K_m, known.T_m, lam_motor))
-            for known in self._motors
-        ]
+        loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
         self._motor_robustness = max(loops, key=lambda loop: loop.M_s)
         self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
 
     def safe_range(self) -> tuple[float, float]:
         """Smallest lam_q and lam_S [s] that are robust and leave the voltage unclipped at every point of the bank."""
         return max(q for q, _ in self._ranges), max(S for _, S in self._ranges)
+
+    def motor_range(self) -> tuple[float, float]:
+        """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""
+        ranges = [motor_range(known) for known in self._motors]
+        return max(low for low, _ in ranges), min(high for _, high in ranges)
 
     def require_safe(self, lambdas: Lambdas) -> None:
         """Raise OutOfRangeError unless both λ lie in the offered range."""
@@ -125,17 +132,20 @@ class Previewer:
     def lambdas_for(self, M_s: float) -> dict[str, float | TuningError]:
         """Smallest λ [s] by name with which each loop, at every point of the bank, keeps its sensitivity peak at M_s.
 
-        Where no λ does, the error that says why. lam_q and lam_S are for λ_motor as it is.
+        Where no λ that is offered does, the error that says why. lam_q and lam_S are for λ_motor as it is.
         """
+        lam_q_min, lam_S_min = self.safe_range()
 
         def position() -> float:
-            return max(self._robust_q(entry, M_s) for entry in range(len(self.points)))
+            lam = max(self._robust_q(entry, M_s) for entry in range(len(self.points)))
+            return _within_offer("lam_q", lam, lam_q_min, M_s)
 
         def stiffness() -> float:
-            return max(self._robust_S(entry, M_s) for entry in range(len(self.points)))
+            lam = max(self._robust_S(entry, M_s) for entry in range(len(self.points)))
+            return _within_offer("lam_S", lam, lam_S_min, M_s)
 
         def inner() -> float:
-            return max(motor_lambda(known.K_m, known.T_m, M_s) for known in self._motors)
+            return max(motor_lambda(known, M_s) for known in self._motors)
 
         return {"lam_motor": _found(inner), "lam_q": _found(position), "lam_S": _found(stiffness)}
 
@@ -186,6 +196,15 @@ def _found(search: Callable[[], float]) -> float | TuningError:
         return search()
     except TuningError as error:
         return error
+
+
+def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
+    if lam < least:
+        raise TuningError(
+            f"M_s = {M_s:g} would take {name} = {lam:.3f} s, and what is offered begins at {least:.3f} s: "
+            "choose a smaller M_s"
+        )
+    return lam
 
 
 def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float) -> float:

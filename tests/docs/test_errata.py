@@ -13,6 +13,7 @@ r_m, r_j = 7.5e-3, 75e-3
 k_0, k_1, k_2 = -2.498, 331.49, 8543.8
 K_m, T_m = 2.86, 0.22
 LAM_MOTOR = 0.0854
+T_s, L_OVER_R = 1e-3, 2e-3
 
 # Table 1, one row per tension: stiffness, (K, T) of G_q, (K, T) of G_S, (a2, a1) of G_q in its third-order form.
 TABLE_1 = {
@@ -58,12 +59,38 @@ def four_lag_sensitivity(lam: float) -> float:
     return max_sensitivity((k_p + k_i / jw) / (LAM_MOTOR * jw + 1) ** 4)
 
 
-def inner_sensitivity(lam: float) -> float:
-    jw = 1j * FREQUENCIES
+def inner_gains(lam: float) -> tuple[float, float, float, float]:
+    """k_p, k_i, k_d, t_f of table 2."""
     D = 4 * T_m - lam
-    k_p, k_i = 4 * T_m**2 / (K_m * lam**2 * D), T_m**2 / (K_m * lam**3 * D)
-    k_d, t_f = (6 * T_m**2 - lam * D) / (K_m * lam * D), T_m * lam / D
-    return max_sensitivity((k_p + k_i / jw + k_d * jw) / (t_f * jw + 1) * K_m / (jw * (T_m * jw + 1)))
+    return (
+        4 * T_m**2 / (K_m * lam**2 * D),
+        T_m**2 / (K_m * lam**3 * D),
+        (6 * T_m**2 - lam * D) / (K_m * lam * D),
+        T_m * lam / D,
+    )
+
+
+def inner_loop(lam: float, L_over_R: float) -> np.ndarray:
+    jw = 1j * FREQUENCIES
+    k_p, k_i, k_d, t_f = inner_gains(lam)
+    return (k_p + k_i / jw + k_d * jw) / (t_f * jw + 1) * K_m / (jw * (T_m * jw + 1) * (L_over_R * jw + 1))
+
+
+def sampled_inner_loop(lam: float) -> np.ndarray:
+    """At FREQUENCIES up to half the sampling frequency: process under a hold, the lag of the law by its exact step."""
+    below = np.searchsorted(FREQUENCIES, np.pi / T_s)
+    z = np.exp(1j * FREQUENCIES[:below] * T_s)
+    k_p, k_i, k_d, t_f = inner_gains(lam)
+    lag = (1 - np.exp(-T_s / t_f)) / (1 - np.exp(-T_s / t_f) / z)
+    process = control.sample_system(K_m / (s * (T_m * s + 1) * (L_OVER_R * s + 1)), T_s)
+    return process(z) * (lag * (k_p + k_i * T_s / (z - 1)) + k_d / t_f * (1 - lag))
+
+
+def crossings(loop: np.ndarray) -> np.ndarray:
+    """Gains that put the loop on −1, from those at which it crosses the negative real axis."""
+    at = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0))
+    share = loop.imag[at] / (loop.imag[at] - loop.imag[at + 1])
+    return -1 / (loop.real[at] + share * (loop.real[at + 1] - loop.real[at]))
 
 
 def test_e1_printed_gain_rings_and_the_corrected_one_does_not() -> None:
@@ -123,12 +150,34 @@ def test_e4_cubic_spring_off_equilibrium() -> None:
 
 def test_e5_sensitivity_of_the_inner_loop() -> None:
     text = section("E5")
-    assert f"s is {inner_sensitivity(LAM_MOTOR):.3f} for" in text
-    assert f"A value of {inner_sensitivity(0.0258):.2f} belongs" in text
-    assert f"λ = 0.2 s ({inner_sensitivity(0.2):.2f})" in text
-    assert f"λ → 0 ({inner_sensitivity(1e-3):.2f})" in text
-    above = "({:.2f} at 0.3, {:.2f} at 0.4, {:.2f} at 0.6 s)".format(*map(inner_sensitivity, (0.3, 0.4, 0.6)))
-    assert above in text
+    assert f"of table 2 it is {max_sensitivity(inner_loop(LAM_MOTOR, 0.0)):.3f}." in text
+    assert f"it is {max_sensitivity(inner_loop(LAM_MOTOR, L_OVER_R)):.3f}, and" in text
+    assert f"as well it is {max_sensitivity(sampled_inner_loop(LAM_MOTOR)):.3f}: the paper is right" in text
+    rows = re.findall(r"\| (0\.\d{4}) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+)° \|", text)
+    assert len(rows) == 4
+    for lam, *shown in rows:
+        loop = sampled_inner_loop(float(lam))
+        gains = crossings(loop)
+        turn = np.flatnonzero(np.diff(np.sign(np.abs(loop) - 1)))
+        expected = (
+            f"{max_sensitivity(inner_loop(float(lam), 0.0)):.3f}",
+            f"{max_sensitivity(loop):.3f}",
+            f"{gains[gains > 1].min():.1f}",
+            f"{gains[gains < 1].max():.3f}" if np.any(gains < 1) else "0",
+            f"{180 + np.degrees(np.angle(loop[turn])).min():.1f}",
+        )
+        assert tuple(shown) == expected, lam
+
+
+def test_e5_where_the_inner_loop_is_conditionally_stable_and_where_M_s_turns() -> None:
+    text = section("E5")
+    lambdas = np.arange(0.0550, 0.0650, 0.0001)
+    conditional = [lam for lam in lambdas if np.any(crossings(sampled_inner_loop(lam)) < 1)]
+    assert f"conditionally stable below λ = {max(conditional) + 0.0001:.4f} s" in text
+    peaks = {lam: max_sensitivity(sampled_inner_loop(lam)) for lam in np.arange(0.05, 0.41, 0.05)}
+    lowest = min(peaks, key=lambda lam: peaks[lam])
+    assert f"up to {lowest:.2f} s ({peaks[lowest]:.3f})" in text
+    assert f"({max_sensitivity(sampled_inner_loop(0.4)):.3f} at 0.4 s)" in text
 
 
 def test_e6_loops_tuned_on_table_1_are_unstable() -> None:

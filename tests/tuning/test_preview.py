@@ -7,10 +7,12 @@ import pytest
 
 from backend.refusal import OutOfRangeError
 from backend.tuning.closed_loop import run
-from backend.tuning.formulas import TuningError
+from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
+from backend.tuning.models import Lambdas, motor_model
+from backend.tuning.motor_loop import motor_range, motor_robustness
 from backend.tuning.preview import Previewer
+from backend.tuning.robustness import M_S_MAX
 from plant.parameters import load_parameters
 
 
@@ -83,15 +85,39 @@ def test_lambda_for_a_wanted_sensitivity(previewer: Previewer) -> None:
     preview = previewer.preview(Lambdas(lam_q=lam_q, lam_S=lam_S))
     assert preview.position.robustness.M_s == pytest.approx(1.4, abs=1e-3)
     assert preview.stiffness.robustness.M_s == pytest.approx(1.4, abs=1e-3)
-    faster = Previewer(load_parameters("ideal"), lam_motor=lam_motor).preview(Lambdas(lam_q=0.6, lam_S=0.6))
-    assert faster.motor.M_s == pytest.approx(1.4, abs=1e-3)
-    # Erratum E5: not 0.0854 but 0.0258 s gives 1.4, and 0.0854 s gives 1.346.
-    assert lam_motor == pytest.approx(0.0258, abs=2e-4)
-    assert preview.motor.M_s == pytest.approx(1.346, abs=1e-3)
+    slower = Previewer(load_parameters("ideal"), lam_motor=lam_motor).preview(Lambdas(lam_q=0.6, lam_S=0.6))
+    assert slower.motor.M_s == pytest.approx(1.4, abs=1e-3)
+    # Erratum E5: the paper's 1.4 at 0.0854 s is near what the sampled loop with its electrical lag has.
+    assert lam_motor == pytest.approx(0.0933, abs=2e-4)
+    assert preview.motor.M_s == pytest.approx(1.413, abs=1e-3)
 
 
 def test_a_sensitivity_out_of_reach_says_the_span(previewer: Previewer) -> None:
     found = previewer.lambdas_for(1.6)
     assert isinstance(found["lam_motor"], TuningError)
-    assert "1.30" in str(found["lam_motor"])
+    assert "1.321 (lam = 0.2 s) to 1.512 (lam = 0.05 s)" in str(found["lam_motor"])
     assert isinstance(found["lam_q"], float)
+
+
+@pytest.mark.parametrize("M_s", [1.45, 1.6, 1.69, 1.9])
+def test_no_lambda_is_given_that_would_be_refused(previewer: Previewer, M_s: float) -> None:
+    """What a wanted M_s gives can be put in force, or the refusal says where the offer begins."""
+    found = previewer.lambdas_for(M_s)
+    given = {name: lam for name, lam in found.items() if isinstance(lam, float)}
+    low, high = previewer.motor_range()
+    assert low <= given.pop("lam_motor", low) <= high
+    previewer.require_safe(Lambdas(**given))
+    refused = [str(reason) for reason in found.values() if isinstance(reason, TuningError)]
+    assert all("choose" in reason for reason in refused)
+    assert ("lam_q" in given) == (M_s <= M_S_MAX)
+
+
+def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
+    """With L/R = 20 ms the loop at 0.0854 s peaks above 1.7: it is refused, and the offer begins where 1.7 is met."""
+    ideal = load_parameters("ideal")
+    slow = replace(ideal, motor=replace(ideal.motor, tau_e=0.02))
+    with pytest.raises(OutOfRangeError, match=r"lam_motor = 0\.0854 s .* at least 0\.1205"):
+        Previewer(slow)
+    motor = motor_model(slow, "A")
+    low, _ = motor_range(motor)
+    assert motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, low)).M_s == pytest.approx(M_S_MAX, abs=1e-3)

@@ -7,29 +7,71 @@ import pytest
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
 from backend.tuning.linear_model import decoupled_model
-from backend.tuning.models import Lambdas, designed_point
-from backend.tuning.robustness import OuterProcess, motor_lambda, motor_robustness, safe_lambda
+from backend.tuning.models import Lambdas, MotorModel, designed_point
+from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
+from backend.tuning.robustness import OuterProcess, peak, safe_lambda
+from plant.interface import T_s
 from plant.parameters import load_parameters
 
-K_m, T_m, LAM = 2.86, 0.22, 0.0854
+K_m, T_m, TAU_E, LAM = 2.86, 0.22, 2e-3, 0.0854
+MOTOR = MotorModel(K_m, T_m, TAU_E)
 
 
-def test_motor_loop_at_the_papers_lambda_has_M_s_1_346() -> None:
-    robustness = motor_robustness(K_m, T_m, motor_gains(K_m, T_m, LAM))
-    assert robustness.M_s == pytest.approx(1.346, abs=5e-4)
-    omega = np.logspace(-1, 4, 200_000)
-    k_p, k_i, k_d, t_f = motor_gains(K_m, T_m, LAM)
-    s = 1j * omega
-    loop = K_m / (s * (T_m * s + 1.0)) * (k_p + k_i / s + k_d * s) / (t_f * s + 1.0)
-    assert robustness.M_s == pytest.approx(np.max(1.0 / np.abs(1.0 + loop)), rel=1e-6)
+def exact_loop(omega: np.ndarray, lam: float, tau_e: float) -> np.ndarray:
+    """The sampled loop as the sum over all images of the continuous one under a hold (Poisson), not by its poles."""
+    k_p, k_i, k_d, t_f = motor_gains(K_m, T_m, lam)
+    z = np.exp(1j * omega * T_s)
+    images = 1j * (omega[:, np.newaxis] + 2.0 * np.pi / T_s * np.arange(-200, 201))
+    process = K_m / (images * (T_m * images + 1.0) * (tau_e * images + 1.0))
+    held = (process * (1.0 - np.exp(-images * T_s)) / (images * T_s)).sum(axis=1)
+    filtered = (1.0 - np.exp(-T_s / t_f)) / (1.0 - np.exp(-T_s / t_f) / z)
+    return held * (filtered * (k_p + k_i * T_s / (z - 1.0)) + k_d / t_f * (1.0 - filtered))
+
+
+@pytest.mark.parametrize(("lam", "M_s"), [(0.0854, 1.413), (0.05, 1.512), (0.0258, 1.725)])
+def test_motor_loop_is_the_sampled_one_with_its_electrical_lag(lam: float, M_s: float) -> None:
+    robustness = motor_robustness(MOTOR, motor_gains(K_m, T_m, lam))
+    omega = np.geomspace(1.0, np.pi / T_s, 3000)
+    exact = float(np.max(1.0 / np.abs(1.0 + exact_loop(omega, lam, TAU_E))))
+    assert robustness.M_s == pytest.approx(exact, rel=1e-5)
+    assert robustness.M_s == pytest.approx(M_s, abs=1e-3)
+    turn = np.flatnonzero(np.diff(np.sign(exact_loop(omega, lam, TAU_E).imag)))[-1]
+    assert robustness.gain_margin == pytest.approx(-1.0 / exact_loop(omega[[turn]], lam, TAU_E).real[0], rel=0.01)
+
+
+def test_margins_of_the_motor_loop_are_named_by_their_direction() -> None:
+    """A gain that may fall to 4 % is not "the gain that is left": that is the factor by which it may grow."""
+    fast = motor_robustness(MOTOR, motor_gains(K_m, T_m, 0.05))
+    assert fast.gain_margin == pytest.approx(14.0, abs=0.05)
+    assert fast.gain_reduction == pytest.approx(0.0402, abs=5e-4)
+    assert np.degrees(fast.phase_margin) == pytest.approx(42.2, abs=0.1)
+    papers = motor_robustness(MOTOR, motor_gains(K_m, T_m, LAM))
+    assert papers.gain_margin == pytest.approx(24.8, abs=0.1)
+    assert papers.gain_reduction == 0.0
+    assert np.degrees(papers.phase_margin) == pytest.approx(46.6, abs=0.1)
 
 
 def test_motor_lambda_inverts_M_s_and_refuses_outside_its_span() -> None:
-    assert motor_lambda(K_m, T_m, 1.40) == pytest.approx(0.0258, abs=1e-4)
-    assert motor_lambda(K_m, T_m, 1.346) == pytest.approx(0.0851, abs=3e-4)
-    for M_s in (1.2, 1.5):
-        with pytest.raises(TuningError, match=r"1\.300 .* 1\.430"):
-            motor_lambda(K_m, T_m, M_s)
+    for lam in (0.06, LAM, 0.15):
+        M_s = motor_robustness(MOTOR, motor_gains(K_m, T_m, lam)).M_s
+        assert motor_lambda(MOTOR, M_s) == pytest.approx(lam, abs=1e-6)
+    for M_s in (1.2, 1.6):
+        with pytest.raises(TuningError, match=r"1\.321 .* 1\.512"):
+            motor_lambda(MOTOR, M_s)
+
+
+@pytest.mark.parametrize(
+    ("T_m", "words"), [(0.012, r"T_m = 0\.012 s leaves no lam_motor"), (0.05, "no lam_motor up to")]
+)
+def test_a_motor_without_a_robust_lambda_is_refused(T_m: float, words: str) -> None:
+    with pytest.raises(TuningError, match=words):
+        motor_range(MotorModel(K_m, T_m, tau_e=0.05))
+
+
+@pytest.mark.parametrize("offset", [-0.04, 0.0, 0.03, 0.049])
+def test_a_peak_between_grid_points_is_found(offset: float) -> None:
+    sensitivity = 2.0 - 0.8 * (np.arange(-0.5, 0.6, 0.1) + offset) ** 2
+    assert peak(1.0 / sensitivity.astype(complex) - 1.0) == pytest.approx(2.0, rel=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ class TuningView(Schema):
     lam_q_max: float = quantity("s", "largest λ_q offered")
     lam_S_min: float = quantity("s", "smallest λ_S offered (M_s = 1.7 on the high-order model)")
     lam_S_max: float = quantity("s", "largest λ_S offered")
-    lam_motor_min: float = quantity("s", "smallest λ_motor offered")
+    lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor offered")
     bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
     entry: float = Field(description="active entry of the bank, fractional while interpolating")
@@ -75,7 +75,7 @@ class LoopPreview(Schema):
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
     gain_margin: float | None = Field(
-        description="factor of gain left before instability; null when unstable or unlimited"
+        description="factor by which the gain may grow before instability; null when unstable or unlimited"
     )
     phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
     t: list[float] = quantity("s", "time of the predicted unit step")
@@ -84,17 +84,24 @@ class LoopPreview(Schema):
 
 
 class MotorPreview(Schema):
-    """How robust the motor loops are at the λ_motor in force: the less robust of the two."""
+    """How robust the motor loops are at the λ_motor in force, as sampled and with L/R: the less robust of the two."""
 
     M_s: float = Field(description="maximum of the sensitivity function")
-    gain_margin: float | None = Field(description="factor of gain left before instability; null when unlimited")
+    gain_margin: float | None = Field(
+        description="factor by which the gain may grow before instability; null when unlimited"
+    )
+    gain_reduction_margin: float | None = Field(
+        description="factor to which the gain may fall before instability; null when it may fall to nothing"
+    )
     phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unlimited")
 
 
 class RobustLambda(Schema):
     """The λ of one loop for a wanted M_s, or why there is none."""
 
-    lam: float | None = quantity("s", "smallest λ with this M_s at every entry of the bank; null where there is none")
+    lam: float | None = quantity(
+        "s", "smallest λ offered that has this M_s at every entry of the bank; null where there is none"
+    )
     reason: str = Field(description="why there is none, or an empty text")
 
 

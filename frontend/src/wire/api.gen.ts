@@ -2503,7 +2503,7 @@ export interface components {
             M_s: number | null;
             /**
              * Gain Margin
-             * @description factor of gain left before instability; null when unstable or unlimited
+             * @description factor by which the gain may grow before instability; null when unstable or unlimited
              */
             gain_margin: number | null;
             /**
@@ -2652,7 +2652,7 @@ export interface components {
         };
         /**
          * MotorPreview
-         * @description How robust the motor loops are at the λ_motor in force: the less robust of the two.
+         * @description How robust the motor loops are at the λ_motor in force, as sampled and with L/R: the less robust of the two.
          */
         MotorPreview: {
             /**
@@ -2662,9 +2662,14 @@ export interface components {
             M_s: number;
             /**
              * Gain Margin
-             * @description factor of gain left before instability; null when unlimited
+             * @description factor by which the gain may grow before instability; null when unlimited
              */
             gain_margin: number | null;
+            /**
+             * Gain Reduction Margin
+             * @description factor to which the gain may fall before instability; null when it may fall to nothing
+             */
+            gain_reduction_margin: number | null;
             /**
              * Phase Margin Deg
              * @description phase left before instability; null when unlimited [deg]
@@ -3065,7 +3070,7 @@ export interface components {
         RobustLambda: {
             /**
              * Lam
-             * @description smallest λ with this M_s at every entry of the bank; null where there is none [s]
+             * @description smallest λ offered that has this M_s at every entry of the bank; null where there is none [s]
              */
             lam: number | null;
             /**
@@ -3880,7 +3885,7 @@ export interface components {
             lam_S_max: number;
             /**
              * Lam Motor Min
-             * @description smallest λ_motor offered [s]
+             * @description smallest λ_motor offered (M_s of the sampled loop at most 1.7) [s]
              */
             lam_motor_min: number;
             /**
