@@ -6,20 +6,16 @@ Every command goes to the loop and is in force only once the loop has accepted i
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 
 from backend.api.errors import ApiError
 from backend.api.event_marks import mark_of
 from backend.api.journal import Journal
 from backend.api.kept_tuning import KeptTuning
 from backend.api.picture import F_PUSH_MAX, Picture, proof_of
+from backend.api.retuning import Retuning
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import Push, References, State, StopProof
-from backend.api.schemas.tuning import RobustTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
 from backend.api.session_runs import RECORDED, SessionRuns
-from backend.api.trial import Trial
-from backend.api.tuning_in_use import TuningInUse
-from backend.experiments.loop_settings import LoopSettings
 from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
@@ -28,7 +24,6 @@ from backend.loop.mode import LEGAL, Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.refusal import require_within
-from backend.storage.banks import Bank
 from backend.supervision import Supervision
 from plant.breakage import Broken
 
@@ -40,7 +35,7 @@ _STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 
 
 class Bench:
-    """Commands to the actuator. All methods belong to the service's event loop.
+    """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
     ``on_new_ring`` is told the ring of a loop process that was started anew.
     """
@@ -59,13 +54,13 @@ class Bench:
         self._supervisor = supervisor
         self._session_runs = session_runs
         self._journal = journal
-        self._kept = kept
         self._on_new_ring = on_new_ring
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
         self._turn = asyncio.Lock()
-        self._trial = Trial(self._end_trial, supervision)
-        picture.trial = self._trial.view
+        self.retuning = Retuning(
+            supervisor, picture, journal, kept, supervision, self._command, self._turn, self.changed
+        )
         supervisor.listen(self._hear)
 
     def on_change(self, changed: Callable[[], None]) -> None:
@@ -161,95 +156,6 @@ class Bench:
         """Send the loop no heartbeat for a while, to try its reaction."""
         self._supervisor.fall_silent(duration_s)
         self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.picture.tick, who)
-
-    async def set_tuning(self, request: TuningRequest, who: str) -> TuningView:
-        """Change λ while the loop runs. Raises OutOfRangeError; nothing changes then."""
-        view = await self._retune(request, who)
-        await self._keep(who)
-        return view
-
-    async def _retune(self, request: TuningRequest, who: str) -> TuningView:
-        async with self._turn:
-            before = self.picture.tuning
-            after = await asyncio.to_thread(before.changed, request)
-            tick = await self._put_in_force(after)
-            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
-        return after.view(self.picture.entry)
-
-    async def try_tuning(self, request: TrialRequest, who: str) -> State:
-        """Change λ for a while. Raises OutOfRangeError. A trial of a trial goes back to what was before the first."""
-        before = self._trial.before or self.picture.tuning
-        await self._retune(request, who)
-        self._trial.begin(before, request.duration_s)
-        self.changed()
-        return self.picture.state()
-
-    async def end_trial(self, keep: bool, who: str) -> State:
-        """Keep what is tried, or go back at once. Raises ApiError 409 when nothing is on trial."""
-        before = self._trial.before
-        if before is None:
-            raise ApiError(409, "nothing is on trial: what is in force stays")
-        if keep:
-            self._trial.forget()
-            self._journal.note(MarkKind.TUNING, "trial kept", self.picture.tick, who)
-            await self._keep(who)
-        else:
-            await self._end_trial(before, who)
-        self.changed()
-        return self.picture.state()
-
-    async def use_bank(self, bank: Bank, who: str) -> None:
-        """Use the models of a bank from now on. Raises OutOfRangeError when λ in force is not safe on them."""
-        async with self._turn:
-            tick = await self._put_in_force(await asyncio.to_thread(self.picture.tuning.with_bank, bank))
-            self._journal.note(MarkKind.BANK, f"bank {bank.name}, version {bank.version}", tick, who)
-        await self._keep(who)
-
-    async def use_settings(self, settings: LoopSettings, bank: Bank | None, who: str) -> None:
-        """Put in force what an experiment asks for. Raises OutOfRangeError; nothing changes then."""
-        async with self._turn:
-            before = self.picture.tuning
-            after = await asyncio.to_thread(before.with_settings, settings, bank)
-            tick = await self._put_in_force(after)
-            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
-        await self._keep(who)
-
-    async def _keep(self, who: str) -> None:
-        """Let the next start of the service find this tuning; a trial is not kept."""
-        await asyncio.to_thread(self._kept.put, self.picture.tuning, who)
-
-    async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
-        """Predict what λ would do at the active entry of the bank."""
-        return await asyncio.to_thread(self.picture.tuning.preview, lam_q, lam_S, round(self.picture.entry))
-
-    async def robust(self, M_s: float) -> RobustTuning:
-        """Find the λ of each loop for a wanted M_s."""
-        return await asyncio.to_thread(self.picture.tuning.robust, M_s)
-
-    async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
-        async with self._turn:
-            tried = self.picture.tuning
-            if self._trial.before is not before:  # somebody chose another tuning while this waited
-                return
-            tick = await self._put_in_force(before) if self._supervisor.alive else self._remember(before)
-            self._journal.note(MarkKind.TUNING, f"trial over: {before.difference(tried)}", tick, who)
-
-    async def _put_in_force(self, tuning: TuningInUse) -> int:
-        task = self.picture.task
-        if task is not None:
-            raise ApiError(409, f"{task.kind} is running and its tuning is part of its record: stop it first")
-        command = tuning.command()
-        accepted = await self._command(command)
-        self._remember(tuning)
-        return accepted.tick
-
-    def _remember(self, tuning: TuningInUse) -> int:
-        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
-        self._trial.forget()
-        self.picture.tuning = tuning
-        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
-        self.changed()
-        return self.picture.tick
 
     async def _command(self, command: Command) -> Accepted:
         answer = await self._supervisor.send(command)

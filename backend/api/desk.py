@@ -7,7 +7,8 @@ from backend.api.gate import Person
 from backend.api.schemas.preferences import NEW_HERE, Preferences
 from backend.api.schemas.session import Role
 from backend.api.schemas.tuning import SavedTuning
-from backend.api.tuning_in_use import LAMBDAS, TuningInUse
+from backend.api.tuning_in_use import DEFAULTS, TuningInUse, parts_of
+from backend.experiments.tuning_choice import TuningChoice
 from backend.storage import Database, settings
 from backend.storage.settings import StoredSetting
 
@@ -32,16 +33,12 @@ class Desk:
         """Return what was saved for the bank in use; the method's defaults where nobody has saved."""
         stored = await asyncio.to_thread(self._newest, _tuning_of(tuning))
         if stored is not None:
-            return SavedTuning(**stored.value, who=stored.who, at=stored.at)
-        return SavedTuning(
-            lam_q=LAMBDAS.lam_q, lam_S=LAMBDAS.lam_S, lam_motor=LAMBDAS.lam_motor, interpolate=False, who=None, at=None
-        )
+            return _saved(stored)
+        return SavedTuning(**parts_of(DEFAULTS), who=None, at=None)
 
     async def save_tuning(self, tuning: TuningInUse, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
-        document = {name: value for name, value in tuning.document().items() if name != "bank"}
-        stored = await asyncio.to_thread(self._put, _tuning_of(tuning), document, who)
-        return SavedTuning(**stored.value, who=stored.who, at=stored.at)
+        return _saved(await asyncio.to_thread(self._put, _tuning_of(tuning), parts_of(tuning.choice), who))
 
     def _newest(self, name: str) -> StoredSetting | None:
         with self._database.reading() as session:
@@ -56,6 +53,10 @@ def _preferences_of(person: Person) -> str:
     # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
     name = person.called or person.name
     return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
+
+
+def _saved(stored: StoredSetting) -> SavedTuning:
+    return SavedTuning(**parts_of(TuningChoice.of(stored.value)), who=stored.who, at=stored.at)
 
 
 def _tuning_of(tuning: TuningInUse) -> str:

@@ -6,6 +6,7 @@ Who asks for many of them waits for oneself only: reports, exports and evaluatio
 import asyncio
 import shutil
 from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, TypeVar
@@ -74,7 +75,9 @@ class DryRuns:
                 shutil.rmtree(folder, ignore_errors=True)
         finally:
             self._people.remove(person)
-        return dry_run_view(played.run, played.result, played.curves, duration_s)
+        # not what the run says: its bank has another number in a database of its own
+        settings = {**asdict(order.plan), **asdict(order.loop_settings)}
+        return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
     def _require_place(self, person: Person) -> None:
         if any(other.name == person.name and other.role == person.role for other in self._people):

@@ -1,18 +1,17 @@
 """The tuning in force outlives the service: kept at each change, in force again at the next start."""
 
-import hashlib
-import json
 import logging
 
 from backend.api.tuning_in_use import TuningInUse, initial
+from backend.experiments import kept_choice
+from backend.experiments.kept_choice import KeptChoice
+from backend.experiments.settings import SettingError
 from backend.refusal import OutOfRangeError
-from backend.storage import Database, StorageError, banks, settings
+from backend.storage import Database, StorageError, banks
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
-from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters
 
-NAME = "tuning in force"
 _log = logging.getLogger(__name__)
 
 
@@ -24,10 +23,8 @@ class KeptTuning:
 
     def put(self, tuning: TuningInUse, who: str) -> None:
         """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
-        value = {**tuning.document(), "parameters": _digest(tuning.parameters)}
         try:
-            with self._database.session() as session:
-                settings.put(session, NAME, value, who)
+            kept_choice.put(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("the tuning in force was not kept for the next start")
 
@@ -36,29 +33,22 @@ class KeptTuning:
 
         What was kept for other parameters, or cannot be used any more, gives way to the defaults.
         """
-        with self._database.reading() as session:
-            kept = settings.newest(session, NAME)
-        if kept is None:
-            return initial(parameters), ""
-        value = kept.value
-        if value["parameters"] != _digest(parameters):
-            return initial(parameters), "defaults in force: the tuning of last time was for other parameters"
         try:
+            kept = kept_choice.newest(self._database, parameters)
+            if kept is None:
+                return initial(parameters), ""
+            if not kept.same_plant:
+                return initial(parameters), "defaults in force: the tuning of last time was for other parameters"
             with self._database.reading() as session:
-                bank = None if value["bank"] is None else banks.get(session, value["bank"])
-            lambdas = Lambdas(value["lam_q"], value["lam_S"], value["lam_motor"])
-            tuning = initial(parameters, lambdas, bank, value["interpolate"])
-        except (OutOfRangeError, TuningError, UnknownRecordError) as error:
+                bank = None if kept.choice.bank == 0 else banks.get(session, kept.choice.bank)
+            tuning = initial(parameters, kept.choice, bank)
+        except (SettingError, OutOfRangeError, TuningError, UnknownRecordError) as error:
             return initial(parameters), f"defaults in force: the tuning of last time is refused, {error}"
-        models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-        lams = f"λ_q {lambdas.lam_q:.3f} s, λ_S {lambdas.lam_S:.3f} s"
-        return tuning, f"in force again as {kept.who} left it: {models}, {lams}"
+        return tuning, _said(tuning, kept)
 
 
-def _digest(parameters: PlantParameters) -> str:
-    """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
-    values = {
-        section: {name: entry["value"] for name, entry in entries.items()}
-        for section, entries in parameters.document().items()
-    }
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+def _said(tuning: TuningInUse, kept: KeptChoice) -> str:
+    bank = tuning.bank
+    models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+    said = f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
+    return said + (f"; {', '.join(kept.lacks)} was not kept at that time: its default" if kept.lacks else "")

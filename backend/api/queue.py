@@ -15,12 +15,17 @@ LONGEST = 50
 _PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
 
 Start = Callable[[ExperimentRequest, str], Awaitable[int]]
+Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
 
 
 class Queue:
-    """Belongs to the service's event loop. ``start`` starts one experiment; ``check`` raises for one that cannot be."""
+    """Belongs to the service's event loop. ``start`` starts one experiment.
 
-    def __init__(self, start: Start, check: Callable[[ExperimentRequest], object], supervision: Supervision) -> None:
+    ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
+    what it will run with, whatever is in force by then.
+    """
+
+    def __init__(self, start: Start, check: Check, supervision: Supervision) -> None:
         self._supervision = supervision
         self._start = start
         self._check = check
@@ -34,12 +39,12 @@ class Queue:
         """Return what waits and whether the queue goes on by itself."""
         return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
 
-    def add(self, request: ExperimentRequest, who: str) -> QueueView:
+    async def add(self, request: ExperimentRequest, who: str) -> QueueView:
         """Put an experiment at the end. Raises what a start with these settings would raise; nothing starts yet."""
-        if len(self._items) >= LONGEST:
-            raise ApiError(409, f"the queue is full: it holds {LONGEST} experiments; remove one first")
-        self._check(request)
-        self._items.append(QueuedView(id=next(self._numbers), name=request.name, settings=request.settings, who=who))
+        self._require_room()
+        whole = await self._check(request)
+        self._require_room()  # others may have been added meanwhile
+        self._items.append(QueuedView(id=next(self._numbers), name=whole.name, settings=whole.settings, who=who))
         return self.view()
 
     def remove(self, item_id: int) -> QueueView:
@@ -49,6 +54,10 @@ class Queue:
             raise ApiError(404, f"experiment {item_id} does not wait in the queue")
         self._items = kept
         return self.view()
+
+    def _require_room(self) -> None:
+        if len(self._items) >= LONGEST:
+            raise ApiError(409, f"the queue is full: it holds {LONGEST} experiments; remove one first")
 
     async def run(self) -> QueueView:
         """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
@@ -72,8 +81,7 @@ class Queue:
         self._run = None
         if end_state is not EndState.COMPLETED:
             how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
-            self._problem = f"held because run {run_id} {how}"
-            self._running = False
+            self._hold(f"run {run_id} {how}")
         elif not self._items:
             self._running = False
         elif self._running:
@@ -85,8 +93,14 @@ class Queue:
         except Exception as error:
             # Whatever refuses the next one is for a person to read; those that wait stay.
             _log.warning("the queue is held: %s", error)
-            self._problem = f"held: {error}"
-            self._running = False
+            self._hold(f"the next one was refused: {error}")
+
+    def _hold(self, cause: str) -> None:
+        """Stop here, and say how to go on."""
+        count = len(self._items)
+        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
+        self._problem = f"held because {cause}; {remedy}"
+        self._running = False
 
     async def _begin(self) -> None:
         item = self._items[0]

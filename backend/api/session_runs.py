@@ -30,7 +30,7 @@ class SessionRuns:
             parameters=self._parameters.document(),
             who=who,
             software=__version__,
-            settings={"mode": str(mode), **tuning.document()},
+            settings={"mode": str(mode), "loop": tuning.choice.document()},
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )
         return await asyncio.to_thread(self._create, new)

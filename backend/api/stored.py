@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.api.schemas.bank import BankEntryView, BankView
-from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric
+from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric, SettingValue
 from backend.api.schemas.flight import FlightView
 from backend.api.schemas.identification import (
     IdentificationView,
@@ -92,7 +92,7 @@ def identification_view(run: Run, estimate: Identification | None, progress: flo
         progress=progress,
         tension_N=plan.get("tension_N"),
         S_nominal=None if actuator is None else actuator.model["S_nominal"],
-        settings=plan,
+        settings={**plan, **run.settings.get("loop", {})},
         estimate=None if estimate is None else estimate.id,
         usable=estimate is not None and estimate.usable,
         G_q=None if actuator is None else _model_view(actuator, "G_q"),
@@ -154,13 +154,20 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
     )
 
 
-def dry_run_view(run: Run, result: Result | None, curves: reader.Envelope | None, duration_s: float) -> DryRunView:
-    """Return what a dry run gave; its run is stored nowhere."""
+def dry_run_view(
+    run: Run,
+    result: Result | None,
+    curves: reader.Envelope | None,
+    duration_s: float,
+    settings: dict[str, SettingValue],
+) -> DryRunView:
+    """Return what a dry run with these settings gave; its run is stored nowhere."""
     samples = None if curves is None else samples_view(run.id, curves, raw=False)
     return DryRunView(
         status=run.end_state,
         message=_message(run, result),
         duration_s=duration_s,
+        settings=settings,
         metrics=_metrics(result),
         criteria=_criteria(result),
         samples=samples,

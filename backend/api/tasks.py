@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import asdict
 from functools import cache, partial
 from typing import Any
 
@@ -24,6 +25,7 @@ from backend.experiments.playing import BenchNotReadyError, require_ready
 from backend.experiments.runner import Order, Station, create_run, perform
 from backend.experiments.settings import Setting, SettingError, describe
 from backend.faults import Fault
+from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
 
@@ -51,7 +53,7 @@ class Tasks:
         self._seed = seed
         self._dry_runs = dry_runs
         self._safe_stop = safe_stop
-        self.queue = Queue(self.start_experiment, self._order, supervision)
+        self.queue = Queue(self.start_experiment, self.checked, supervision)
         self._problem = ""
         self._running: asyncio.Task[None] | None = None
         self._closing = False
@@ -64,7 +66,7 @@ class Tasks:
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
-        in_force = _values(self._loop_settings())
+        in_force = asdict(self._loop_settings())
         of_the_loop = [_setting_view(setting, in_force[setting.name]) for setting in describe(LoopSettings)]
         return [
             ExperimentKind(
@@ -92,19 +94,29 @@ class Tasks:
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
         plan, wanted = self._order(request)
+        self._require_seed(wanted)
         async with self._starting:
             self._require_free()
             require_ready(self._station.loop)
-            if wanted != self._loop_settings():
-                await self._use(wanted, who)
-            return await self._start(Order(plan, wanted, who))
+            return await self._start(await self._bank_of(wanted), Order(plan, wanted, who))
+
+    async def checked(self, request: ExperimentRequest) -> ExperimentRequest:
+        """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
+
+        Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
+        """
+        plan, wanted = self._order(request)
+        self._require_seed(wanted)
+        tuning, bank = self._bench.picture.tuning, await self._bank_of(wanted)
+        await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
+        return ExperimentRequest(name=request.name, settings={**asdict(plan), **asdict(wanted)})
 
     async def dry_run(
         self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
     ) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         plan, wanted = self._order(request)
-        bank = await self._shelf.stored_bank(wanted.bank) if wanted.bank else None
+        bank = await self._bank_of(wanted)
         order = Order(plan, wanted, person.name)
         return await self._dry_runs.play(self._bench.picture.tuning.parameters, order, bank, person, left)
 
@@ -118,7 +130,8 @@ class Tasks:
             plan.program()
         async with self._starting:
             self._require_free()
-            return await self._start(*(Order(plan, self._loop_settings(), who) for plan in plans))
+            loop, bank = self._loop_settings(), self._bench.picture.tuning.bank
+            return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
 
     async def predict_identification(self, request: IdentificationRequest) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
@@ -139,8 +152,14 @@ class Tasks:
         if self._bench.picture.trial() is not None:
             raise ApiError(409, "a tuning is on trial: keep it or revert it first")
 
-    async def _start(self, *orders: Order) -> int:
-        run = await asyncio.to_thread(create_run, self._station, orders[0])
+    async def _start(self, bank: Bank | None, *orders: Order) -> int:
+        """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
+        await self._bench.retuning.lend(orders[0].loop_settings.tuning, bank, orders[0].who)
+        try:
+            run = await asyncio.to_thread(create_run, self._station, orders[0])
+        except BaseException:
+            await self._bench.retuning.give_back()
+            raise
         self._problem = ""
         self._show(orders[0], run, len(orders) - 1, "starting", 0.0)
         self._running = asyncio.create_task(self._perform(orders, run))
@@ -156,7 +175,8 @@ class Tasks:
                 if position > 0:
                     run = await asyncio.to_thread(create_run, self._station, order)
                 show = partial(self._show, order, run, len(orders) - 1 - position)
-                outcome = await perform(self._station, order, run, show)
+                over = self._bench.retuning.give_back if position == len(orders) - 1 else _nothing
+                outcome = await perform(self._station, order, run, show, over)
                 end_state = EndState(outcome.run.end_state)
                 if outcome.evaluation.result is None and end_state is EndState.COMPLETED:
                     end_state = None  # whoever waits for the result, the queue too, waits for a person
@@ -175,6 +195,8 @@ class Tasks:
                 # Nobody watches over the program any more, and its run is closed: it must not play on.
                 self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
                 self._safe_stop.begin(Fault.SERVICE_LOST)
+            if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
+                await self._bench.retuning.give_back()
             self._bench.picture.task = None
             self._bench.changed()
             self.queue.ended(run.id, end_state)
@@ -189,24 +211,26 @@ class Tasks:
             following=following,
         )
 
-    async def _use(self, wanted: LoopSettings, who: str) -> None:
+    def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:
             remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
             raise SettingError("seed", wanted.seed, remedy)
-        bank = await self._shelf.stored_bank(wanted.bank) if wanted.bank else None
-        await self._bench.use_settings(wanted, bank, who)
+
+    async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
+        return await self._shelf.stored_bank(wanted.bank) if wanted.bank else None
 
     def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
-        """Return what is asked for, with the tuning in force where nothing else is said."""
+        """Return what is asked for, with the operator's tuning where nothing else is said."""
         entry = experiment(request.name)
-        return split_values(entry.plan, {**_values(self._loop_settings()), **request.settings})
+        return split_values(entry.plan, {**asdict(self._loop_settings()), **request.settings})
 
     def _loop_settings(self) -> LoopSettings:
-        return self._bench.picture.tuning.loop_settings(self._seed)
+        picture = self._bench.picture
+        return LoopSettings(**(picture.own_tuning or picture.tuning).choice.document(), seed=self._seed)
 
 
-def _values(settings: LoopSettings) -> dict[str, Any]:
-    return {setting.name: getattr(settings, setting.name) for setting in describe(LoopSettings)}
+async def _nothing() -> None:
+    """Leave the tuning with a sequence of runs until the last one is over."""
 
 
 @cache

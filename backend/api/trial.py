@@ -5,7 +5,7 @@ import logging
 from collections.abc import Awaitable, Callable
 
 from backend.api.schemas.state import TrialView
-from backend.api.tuning_in_use import TuningInUse
+from backend.api.tuning_in_use import TuningInUse, parts_of
 from backend.supervision import KeptTask, Part, Supervision
 
 _log = logging.getLogger(__name__)
@@ -48,14 +48,10 @@ class Trial:
         """Return what the page shows of it."""
         if self._before is None:
             return None
-        lam = self._before.lambdas
         return TrialView(
+            **parts_of(self._before.choice),
             remaining_s=max(0.0, self._ends - asyncio.get_running_loop().time()),
             duration_s=self._duration_s,
-            lam_q=lam.lam_q,
-            lam_S=lam.lam_S,
-            lam_motor=lam.lam_motor,
-            interpolate=self._before.interpolate,
         )
 
     async def _count_down(self, before: TuningInUse) -> None:

@@ -1,23 +1,26 @@
 """The tuning in force: λ, the bank whose models it is applied to, and what follows from both."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import degrees, isfinite
+from typing import Any
 
 from backend.api.schemas.tuning import (
     BankReference,
+    ChosenTuning,
     LoopPreview,
     MotorPreview,
     PrintedFormula,
     RobustLambda,
     RobustTuning,
+    TuningParts,
     TuningPreview,
     TuningRequest,
     TuningView,
 )
-from backend.experiments.bank_building import points_of
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.bank_building import points_of, tuning_command
+from backend.experiments.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
-from backend.loop.tuned import tuning_for
+from backend.refusal import require_within
 from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
@@ -25,84 +28,61 @@ from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters
 
-LAMBDAS = Lambdas()
+DEFAULTS = TuningChoice()
 
 
 @dataclass(frozen=True)
 class TuningInUse:
-    """λ and models that the loop's gains come from; without a bank the models follow from geometry."""
+    """A choice with the models that its bank stands for; without a bank the models follow from geometry."""
 
     parameters: PlantParameters
-    lambdas: Lambdas
+    choice: TuningChoice
     bank: Bank | None
-    interpolate: bool
     previewer: Previewer
+
+    @property
+    def lambdas(self) -> Lambdas:
+        """The tuning parameters and b alone."""
+        return self.choice.lambdas
 
     def command(self) -> SetTuning:
         """Return what tells the loop."""
-        return tuning_for(self.parameters, self.lambdas, self.previewer.points, interpolate=self.interpolate)
-
-    def document(self) -> dict[str, object]:
-        """Return what a run and the settings remember of it."""
-        return {
-            "lam_q": self.lambdas.lam_q,
-            "lam_S": self.lambdas.lam_S,
-            "lam_motor": self.lambdas.lam_motor,
-            "interpolate": self.interpolate,
-            "bank": None if self.bank is None else self.bank.id,
-        }
+        return tuning_command(self.parameters, self.choice, self.bank)
 
     def changed(self, request: TuningRequest) -> "TuningInUse":
-        """Return the tuning after ``request``. Raises OutOfRangeError; takes a while when λ_motor changes."""
-        wanted = {
-            name: value for name, value in request.model_dump(exclude_none=True).items() if name in asdict(self.lambdas)
-        }
-        lambdas = replace(self.lambdas, **wanted)
-        interpolate = self.interpolate if request.interpolate is None else request.interpolate
-        return _checked(self.parameters, lambdas, self.bank, interpolate, self)
+        """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
+        wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
+        return self.with_choice(replace(self.choice, **wanted), self.bank)
 
-    def with_settings(self, settings: LoopSettings, bank: Bank | None) -> "TuningInUse":
-        """Return the tuning that an experiment asks for. Raises OutOfRangeError where a λ is not safe on its models."""
-        return _checked(self.parameters, settings.lambdas, bank, settings.interpolate, self)
+    def with_choice(self, choice: TuningChoice, bank: Bank | None) -> "TuningInUse":
+        """Return another tuning of the same plant, ``bank`` being what the choice names.
+
+        Raises OutOfRangeError where a λ is not safe on its models.
+        """
+        return _checked(self.parameters, choice, bank, self)
 
     def with_bank(self, bank: Bank | None) -> "TuningInUse":
         """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
-        return _checked(self.parameters, self.lambdas, bank, self.interpolate, self)
-
-    def loop_settings(self, seed: int) -> LoopSettings:
-        """Return λ, bank and the simulator's seed as an experiment's order has them."""
-        lam = self.lambdas
-        return LoopSettings(
-            lam.lam_q, lam.lam_S, lam.lam_motor, self.bank.id if self.bank else 0, self.interpolate, seed, lam.b
-        )
+        return self.with_choice(self.choice, bank)
 
     def difference(self, before: "TuningInUse") -> str:
         """Return in words what differs from ``before``."""
-        symbols = {"lam_q": "λ_q", "lam_S": "λ_S", "lam_motor": "λ_motor"}
-        old, new = asdict(before.lambdas), asdict(self.lambdas)
-        parts = [f"{symbols[n]} {old[n]:.3f} → {new[n]:.3f} s" for n in symbols if old[n] != new[n]]
-        if before.interpolate != self.interpolate:
-            parts.append("interpolating between entries" if self.interpolate else "switching between entries")
-        return ", ".join(parts) or "the same tuning again"
+        return ", ".join(self.choice.differences(before.choice)) or "the same tuning again"
 
     def view(self, entry: float) -> TuningView:
         """Return what the page shows; ``entry`` is the active entry of the bank."""
         lam_q_min, lam_S_min = self.previewer.safe_range()
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
-        bank = self.bank
         return TuningView(
-            lam_q=self.lambdas.lam_q,
-            lam_S=self.lambdas.lam_S,
-            lam_motor=self.lambdas.lam_motor,
+            **parts_of(self.choice),
             lam_q_min=lam_q_min,
             lam_q_max=LAM_MAX,
             lam_S_min=lam_S_min,
             lam_S_max=LAM_MAX,
             lam_motor_min=lam_motor_min,
             lam_motor_max=lam_motor_max,
-            bank=None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version),
+            bank=_reference(self.bank),
             entry=entry,
-            interpolate=self.interpolate,
         )
 
     def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
@@ -133,22 +113,38 @@ class TuningInUse:
         return RobustTuning(M_s=M_s, **found)
 
 
-def initial(
-    parameters: PlantParameters, lambdas: Lambdas = LAMBDAS, bank: Bank | None = None, interpolate: bool = False
-) -> TuningInUse:
-    """Return a tuning to start from. Raises OutOfRangeError."""
-    return _checked(parameters, lambdas, bank, interpolate, None)
+def initial(parameters: PlantParameters, choice: TuningChoice = DEFAULTS, bank: Bank | None = None) -> TuningInUse:
+    """Return a tuning to start from, ``bank`` being what the choice names. Raises OutOfRangeError."""
+    return _checked(parameters, choice, bank, None)
+
+
+def parts_of(choice: TuningChoice) -> dict[str, Any]:
+    """Return the parts of a tuning that ``schemas.tuning.TuningParts`` shows; the bank is shown beside them."""
+    return {name: value for name, value in choice.document().items() if name != "bank"}
+
+
+def chosen_view(tuning: TuningInUse) -> ChosenTuning:
+    """Return a tuning with its bank, as the page shows one that is not in force."""
+    return ChosenTuning(**parts_of(tuning.choice), bank=_reference(tuning.bank))
+
+
+def _reference(bank: Bank | None) -> BankReference | None:
+    return None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version)
 
 
 def _checked(
-    parameters: PlantParameters, lambdas: Lambdas, bank: Bank | None, interpolate: bool, before: TuningInUse | None
+    parameters: PlantParameters, choice: TuningChoice, bank: Bank | None, before: TuningInUse | None
 ) -> TuningInUse:
-    if before is not None and before.lambdas.lam_motor == lambdas.lam_motor and before.bank == bank:
+    choice = replace(choice, bank=0 if bank is None else bank.id)
+    require_within("b", choice.b, 0.0, 1.0, "1")
+    if before is not None and all(
+        getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
+    ):
         previewer = before.previewer
     else:
-        previewer = Previewer(parameters, points_of(bank), lam_motor=lambdas.lam_motor)
-    previewer.require_safe(lambdas)
-    return TuningInUse(parameters, lambdas, bank, interpolate, previewer)
+        previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+    previewer.require_safe(choice.lambdas)
+    return TuningInUse(parameters, choice, bank, previewer)
 
 
 def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:

@@ -9,7 +9,7 @@ from backend.experiments.bank_consistency import (
     require_consistent,
     require_same_parameters,
 )
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
 from backend.loop.tuned import tuning_for
 from backend.storage import Database, Session, banks, identifications, runs
@@ -59,9 +59,9 @@ def points_of(bank: Bank | None) -> tuple[PointModel, ...]:
     return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
 
 
-def tuning_command(parameters: PlantParameters, settings: LoopSettings, bank: Bank | None) -> SetTuning:
-    """Return the command that puts a bank into use with these λ. Raises TuningError."""
-    return tuning_for(parameters, settings.lambdas, points_of(bank), interpolate=settings.interpolate)
+def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None) -> SetTuning:
+    """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
+    return tuning_for(parameters, choice.lambdas, points_of(bank), interpolate=choice.interpolate)
 
 
 def _named(session: Session, parameters: PlantParameters, number: int) -> NamedEntry:

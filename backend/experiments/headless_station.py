@@ -25,7 +25,8 @@ def headless_station(database: Database, parameters: PlantParameters, settings: 
     if settings.bank:
         with database.reading() as session:
             bank = banks.get(session, settings.bank)
-    Previewer(parameters, points_of(bank), lam_motor=settings.lam_motor).require_safe(settings.lambdas)
+    previewer = Previewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer.require_safe(settings.lambdas)
     recorders: list[Recorder] = []
 
     def record(_ring: Ring) -> None:

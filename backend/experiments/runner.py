@@ -86,9 +86,16 @@ def create_run(station: Station, order: Order) -> Run:
         return runs.create(session, new)
 
 
-async def perform(station: Station, order: Order, run: Run, notify: Notify) -> Outcome:
+async def _nothing() -> None:
+    """Do nothing more when a program is over."""
+
+
+async def perform(
+    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
+) -> Outcome:
     """Play the order's program as ``run``, wait until it is stored, compute, and store the result.
 
+    ``over`` is awaited when the run is closed, before the result is computed: who lent it something takes it back.
     Whatever stops it midway, the run is closed with its end state, and what was played is evaluated as incomplete.
     An evaluation that fails is told by the outcome and kept with the run.
     """
@@ -99,6 +106,7 @@ async def perform(station: Station, order: Order, run: Run, notify: Notify) -> O
         _close(station, run.id, Ending(EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}"))
         raise
     closed = _close(station, run.id, ending)
+    await over()
     notify("evaluation", 0.0)
     return Outcome(closed, await _evaluated(station, order.plan, closed))
 

@@ -39,18 +39,22 @@ def facts(source: Source) -> tuple[Fact, ...]:
 
 
 def tuning_facts(source: Source) -> tuple[Fact, ...]:
-    """Return λ as the samples have it, the gains in use and the seed of the simulator."""
-    loop = source.run.settings.get("loop", {})
-    lams = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
+    """Return λ as the samples have it, the rest of the tuning in use and the seed of the simulator."""
+    settings = source.run.settings
+    loop = settings.get("loop", settings)  # sessions used to have it beside their mode
+    parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
     if "lam_motor" in loop:
-        lams.append(f"λ_motor = {exact(loop['lam_motor'])} s")
+        parts.append(f"λ_motor = {exact(loop['lam_motor'])} s")
+    parts.append(f"b = {exact(loop['b'])}" if "b" in loop else "b was not recorded then")
     bank = source.bank
     gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
     law = source.run.settings.get("plan", {}).get("controller", "cascade")
     controller = f"cascade, gains of {gains}" if bank else f"cascade, gains {gains}"
     if law != "cascade":
         controller = f"{law}, for comparison; the cascade's gains were not in use"
-    lines = [Fact("Tuning", ", ".join(lams)), Fact("Controller", controller)]
+    if bank is not None and len(bank.entries) > 1 and law == "cascade":
+        controller += ", interpolating between entries" if loop.get("interpolate") else ", switching between entries"
+    lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if source.run.plant == "simulator" and "seed" in loop:
         lines.append(Fact("Seed", str(loop["seed"])))
     return tuple(lines)

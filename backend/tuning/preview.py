@@ -72,6 +72,7 @@ class Preview:
 class Previewer:
     """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only.
 
+    ``b`` counts where the range ends by the voltage: a reference that is felt at once takes more of it.
     Raises OutOfRangeError for a ``lam_motor`` [s] that is not offered.
     """
 
@@ -81,6 +82,7 @@ class Previewer:
         points: Sequence[PointModel] = (),
         motor: MotorModel | None = None,
         lam_motor: float = Lambdas().lam_motor,
+        b: float = 0.0,
     ) -> None:
         self._parameters = parameters
         self._motor = motor
@@ -91,7 +93,7 @@ class Previewer:
         models = [decoupled_model(parameters, gains, point.S_nominal) for point in self.points]
         self._q = [OuterProcess(model[0, 0]) for model in models]
         self._S = [OuterProcess(model[1, 1]) for model in models]
-        self._lam_motor = lam_motor
+        self._lam_motor, self._b = lam_motor, b
         loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
         self._motor_robustness = max(loops, key=lambda loop: loop.M_s)
         self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
@@ -114,7 +116,7 @@ class Previewer:
 
     def preview(self, lambdas: Lambdas, entry: int = 0) -> Preview:
         """Preview at one point of the bank. Raises TuningError for a λ that has no gains."""
-        lambdas = replace(lambdas, lam_motor=self._lam_motor)
+        lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         point = self.points[entry]
         lam_q_min, lam_S_min = self.safe_range()
         q = position_gains(self._parameters, point, lambdas)
@@ -173,7 +175,7 @@ class Previewer:
         return safe_lambda(self._S[entry], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)), M_s)
 
     def _lambdas(self, **chosen: float) -> Lambdas:
-        return Lambdas(lam_motor=self._lam_motor, **chosen)
+        return Lambdas(lam_motor=self._lam_motor, b=self._b, **chosen)
 
     def _simulated(
         self,

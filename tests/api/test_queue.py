@@ -44,7 +44,10 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     wait_for(off, "task", None)
     queue = off.get("/api/experiments/queue").json()
     assert not queue["running"]
-    assert queue["problem"] == f"held because run {run} ended as stopped"
+    assert (
+        queue["problem"]
+        == f"held because run {run} ended as stopped; start the queue again to go on with the first that waits"
+    )
     assert len(queue["items"]) == 1
 
 

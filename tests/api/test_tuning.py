@@ -8,7 +8,7 @@ import pytest
 
 from tests.api.conftest import problem, wait_for
 
-START = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}
+START = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "interpolate": False}
 
 
 @pytest.fixture(autouse=True)

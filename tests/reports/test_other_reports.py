@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from backend.experiments.compliance import compliance_criteria, compliance_figures
 from backend.experiments.compliance_plan import CompliancePlan
@@ -67,6 +68,25 @@ def test_a_session_is_shown_and_not_judged() -> None:
     assert "nothing is judged" in report.verdict
     assert names_of_figures(report) == ["panels", "tension"]
     assert to_pdf(report).startswith(b"%PDF-")
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (
+            {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.09, "b": 0.7, "interpolate": False}},
+            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.09 s, b = 0.7",
+        ),
+        (  # as sessions were stored at first
+            {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False, "bank": None},
+            "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b was not recorded then",
+        ),
+    ],
+)
+def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(settings: dict[str, object], said: str) -> None:
+    tracked = source_of(samples(PLAN))
+    session = Source(replace(tracked.run, kind="session", settings=settings), None, tracked.columns, None)
+    assert [fact.text for fact in build_report(session).facts if fact.label == "Tuning"] == [said]
 
 
 def test_an_own_sequence_has_figures_but_no_criteria() -> None:

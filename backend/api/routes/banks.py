@@ -77,7 +77,7 @@ async def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> Ba
 @router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    await service.bench.use_bank(await service.shelf.stored_bank(id), person.name)
+    await service.bench.retuning.use_bank(await service.shelf.stored_bank(id), person.name)
     return await service.shelf.bank(id)
 
 

@@ -48,7 +48,7 @@ async def get_queue(service: ServiceInUse, _person: SignedIn) -> QueueView:
 @router.post("/queue", status_code=201)
 async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> QueueView:
     """Put an experiment at the end of the queue; nothing starts before the queue is run."""
-    return service.tasks.queue.add(body, person.name)
+    return await service.tasks.queue.add(body, person.name)
 
 
 @router.post("/queue/run")

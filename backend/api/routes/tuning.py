@@ -30,25 +30,25 @@ async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
 @router.put("")
 async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
-    return await service.bench.set_tuning(body, person.name)
+    return await service.bench.retuning.set(body, person.name)
 
 
 @router.post("/trial")
 async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
-    return await service.bench.try_tuning(body, person.name)
+    return await service.bench.retuning.try_out(body, person.name)
 
 
 @router.delete("/trial")
 async def revert_trial(service: ServiceInUse, person: InControl) -> State:
     """Put the tuning before the trial back at once."""
-    return await service.bench.end_trial(False, person.name)
+    return await service.bench.retuning.end_trial(False, person.name)
 
 
 @router.post("/trial/keep")
 async def keep_trial(service: ServiceInUse, person: InControl) -> State:
     """Keep what is on trial."""
-    return await service.bench.end_trial(True, person.name)
+    return await service.bench.retuning.end_trial(True, person.name)
 
 
 @router.get("/saved")
@@ -59,8 +59,10 @@ async def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTun
 
 @router.put("/saved")
 async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
-    """Save what is in force for the bank in use. Refused while a tuning is on trial."""
+    """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
     picture = service.bench.picture
+    if picture.own_tuning is not None:
+        raise ApiError(409, "what is in force belongs to a run: save when it is over")
     if picture.trial() is not None:
         raise ApiError(409, "a tuning is on trial: keep it or revert it before saving")
     return await service.desk.save_tuning(picture.tuning, person.name)
@@ -74,7 +76,7 @@ async def preview_tuning(
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
-    return await service.bench.preview(lam_q, lam_S)
+    return await service.bench.retuning.preview(lam_q, lam_S)
 
 
 @router.get("/robust")
@@ -84,4 +86,4 @@ async def robust_tuning(
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
-    return await service.bench.robust(M_s)
+    return await service.bench.retuning.robust(M_s)

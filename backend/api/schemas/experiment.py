@@ -92,6 +92,7 @@ class DryRunView(Schema):
     status: str
     message: str
     duration_s: float = quantity("s", "length of the experiment")
+    settings: dict[str, SettingValue] = Field(description="all it was played with, those of the loop included")
     metrics: list[Metric]
     criteria: list[Criterion]
     samples: SamplesView | None

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from backend.api.schemas.base import ANY_SIZE, Schema, quantity
 from backend.api.schemas.control import HolderView
-from backend.api.schemas.tuning import TuningView
+from backend.api.schemas.tuning import ChosenTuning, TuningParts, TuningView
 from backend.faults import Fault
 from backend.loop.mode import Mode
 
@@ -101,15 +101,11 @@ class TaskView(Schema):
     following: int = Field(default=0, description="runs of the same order that follow this one")
 
 
-class TrialView(Schema):
-    """A tuning on trial: when it ends, and what comes back then."""
+class TrialView(TuningParts):
+    """A tuning on trial: when it ends; the tuning here is what comes back then."""
 
     remaining_s: float = quantity("s", "time until the earlier tuning is put back")
     duration_s: float = quantity("s", "length of the trial")
-    lam_q: float = quantity("s", "what λ_q goes back to")
-    lam_S: float = quantity("s", "what λ_S goes back to")
-    lam_motor: float = quantity("s", "what λ_motor goes back to")
-    interpolate: bool
 
 
 class ModeRequest(Schema):
@@ -139,5 +135,8 @@ class State(Schema):
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
+    own_tuning: ChosenTuning | None = Field(
+        description="what the operator had chosen, in force again after the run; null while no run has the tuning"
+    )
     recording_run: int | None = Field(description="run that the samples belong to at present")
     problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")

@@ -15,21 +15,32 @@ class BankReference(Schema):
     version: int
 
 
-class TuningView(Schema):
-    """The tuning in force."""
+class TuningParts(Schema):
+    """A tuning, whatever is said of it: the parts of ``TuningChoice`` but for the bank."""
 
     lam_q: float = quantity("s", "tuning parameter of the position loop")
     lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
     lam_motor: float = quantity("s", "tuning parameter of the motor loops")
+    b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
+    interpolate: bool = Field(description="gain scheduling between entries instead of switching")
+
+
+class ChosenTuning(TuningParts):
+    """A tuning with the bank whose models it is for."""
+
+    bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
+
+
+class TuningView(ChosenTuning):
+    """The tuning in force."""
+
     lam_q_min: float = quantity("s", "smallest λ_q offered (M_s = 1.7 on the high-order model)")
     lam_q_max: float = quantity("s", "largest λ_q offered")
     lam_S_min: float = quantity("s", "smallest λ_S offered (M_s = 1.7 on the high-order model)")
     lam_S_max: float = quantity("s", "largest λ_S offered")
     lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor offered")
-    bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
     entry: float = Field(description="active entry of the bank, fractional while interpolating")
-    interpolate: bool = Field(description="gain scheduling between entries instead of switching")
 
 
 class TuningRequest(Schema):
@@ -38,6 +49,7 @@ class TuningRequest(Schema):
     lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None, **ANY_SIZE)
     lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None, **ANY_SIZE)
     lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
+    b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
 
 
@@ -47,13 +59,9 @@ class TrialRequest(TuningRequest):
     duration_s: float = quantity("s", "how long it stays in force", ge=1.0, le=600.0)
 
 
-class SavedTuning(Schema):
+class SavedTuning(TuningParts):
     """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the method's defaults then."""
 
-    lam_q: float = quantity("s", "tuning parameter of the position loop")
-    lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
-    lam_motor: float = quantity("s", "tuning parameter of the motor loops")
-    interpolate: bool
     who: str | None
     at: datetime | None
 

@@ -428,7 +428,7 @@ export interface paths {
         get: operations["get_saved_tuning"];
         /**
          * Save Tuning
-         * @description Save what is in force for the bank in use. Refused while a tuning is on trial.
+         * @description Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run.
          */
         put: operations["save_tuning"];
         post?: never;
@@ -1668,6 +1668,39 @@ export interface components {
             at: string | null;
         };
         /**
+         * ChosenTuning
+         * @description A tuning with the bank whose models it is for.
+         */
+        ChosenTuning: {
+            /**
+             * Lam Q
+             * @description tuning parameter of the position loop [s]
+             */
+            lam_q: number;
+            /**
+             * Lam S
+             * @description tuning parameter of the stiffness loop [s]
+             */
+            lam_S: number;
+            /**
+             * Lam Motor
+             * @description tuning parameter of the motor loops [s]
+             */
+            lam_motor: number;
+            /**
+             * B
+             * @description weight of the reference in the outer loops' proportional part [1]
+             */
+            b: number;
+            /**
+             * Interpolate
+             * @description gain scheduling between entries instead of switching
+             */
+            interpolate: boolean;
+            /** @description bank in use; None while the gains come from geometry */
+            bank: components["schemas"]["BankReference"] | null;
+        };
+        /**
          * ControlRequest
          * @description Take control; over from somebody else only if that is said.
          */
@@ -1772,6 +1805,13 @@ export interface components {
              * @description length of the experiment [s]
              */
             duration_s: number;
+            /**
+             * Settings
+             * @description all it was played with, those of the loop included
+             */
+            settings: {
+                [key: string]: boolean | number | string;
+            };
             /** Metrics */
             metrics: components["schemas"]["Metric"][];
             /** Criteria */
@@ -3242,7 +3282,15 @@ export interface components {
              * @description tuning parameter of the motor loops [s]
              */
             lam_motor: number;
-            /** Interpolate */
+            /**
+             * B
+             * @description weight of the reference in the outer loops' proportional part [1]
+             */
+            b: number;
+            /**
+             * Interpolate
+             * @description gain scheduling between entries instead of switching
+             */
             interpolate: boolean;
             /** Who */
             who: string | null;
@@ -3524,6 +3572,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
+            own_tuning: components["schemas"]["ChosenTuning"] | null;
             /**
              * Recording Run
              * @description run that the samples belong to at present
@@ -3575,6 +3625,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
+            own_tuning: components["schemas"]["ChosenTuning"] | null;
             /**
              * Recording Run
              * @description run that the samples belong to at present
@@ -3755,6 +3807,11 @@ export interface components {
              */
             lam_motor?: number | null;
             /**
+             * B
+             * @description weight of the reference, 0 to 1 [1]
+             */
+            b?: number | null;
+            /**
              * Interpolate
              * @description gain scheduling instead of switching
              */
@@ -3767,9 +3824,34 @@ export interface components {
         };
         /**
          * TrialView
-         * @description A tuning on trial: when it ends, and what comes back then.
+         * @description A tuning on trial: when it ends; the tuning here is what comes back then.
          */
         TrialView: {
+            /**
+             * Lam Q
+             * @description tuning parameter of the position loop [s]
+             */
+            lam_q: number;
+            /**
+             * Lam S
+             * @description tuning parameter of the stiffness loop [s]
+             */
+            lam_S: number;
+            /**
+             * Lam Motor
+             * @description tuning parameter of the motor loops [s]
+             */
+            lam_motor: number;
+            /**
+             * B
+             * @description weight of the reference in the outer loops' proportional part [1]
+             */
+            b: number;
+            /**
+             * Interpolate
+             * @description gain scheduling between entries instead of switching
+             */
+            interpolate: boolean;
             /**
              * Remaining S
              * @description time until the earlier tuning is put back [s]
@@ -3780,23 +3862,6 @@ export interface components {
              * @description length of the trial [s]
              */
             duration_s: number;
-            /**
-             * Lam Q
-             * @description what λ_q goes back to [s]
-             */
-            lam_q: number;
-            /**
-             * Lam S
-             * @description what λ_S goes back to [s]
-             */
-            lam_S: number;
-            /**
-             * Lam Motor
-             * @description what λ_motor goes back to [s]
-             */
-            lam_motor: number;
-            /** Interpolate */
-            interpolate: boolean;
         };
         /**
          * TuningPreview
@@ -3838,6 +3903,11 @@ export interface components {
              */
             lam_motor?: number | null;
             /**
+             * B
+             * @description weight of the reference, 0 to 1 [1]
+             */
+            b?: number | null;
+            /**
              * Interpolate
              * @description gain scheduling instead of switching
              */
@@ -3863,6 +3933,18 @@ export interface components {
              * @description tuning parameter of the motor loops [s]
              */
             lam_motor: number;
+            /**
+             * B
+             * @description weight of the reference in the outer loops' proportional part [1]
+             */
+            b: number;
+            /**
+             * Interpolate
+             * @description gain scheduling between entries instead of switching
+             */
+            interpolate: boolean;
+            /** @description bank in use; None while the gains come from geometry */
+            bank: components["schemas"]["BankReference"] | null;
             /**
              * Lam Q Min
              * @description smallest λ_q offered (M_s = 1.7 on the high-order model) [s]
@@ -3893,18 +3975,11 @@ export interface components {
              * @description largest λ_motor offered [s]
              */
             lam_motor_max: number;
-            /** @description bank in use; None while the gains come from geometry */
-            bank: components["schemas"]["BankReference"] | null;
             /**
              * Entry
              * @description active entry of the bank, fractional while interpolating
              */
             entry: number;
-            /**
-             * Interpolate
-             * @description gain scheduling between entries instead of switching
-             */
-            interpolate: boolean;
         };
     };
     responses: never;

@@ -1,0 +1,179 @@
+"""Changes of the tuning in force: by a person for good or on trial, and lent to a run that asks for its own.
+
+What a run asks for is in force until its program has ended; then what the operator had chosen comes back. Only the
+operator's tuning outlives the service.
+"""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from backend.api.errors import ApiError
+from backend.api.journal import Journal
+from backend.api.kept_tuning import KeptTuning
+from backend.api.picture import Picture
+from backend.api.schemas.live import MarkKind
+from backend.api.schemas.state import State
+from backend.api.schemas.tuning import RobustTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
+from backend.api.trial import Trial
+from backend.api.tuning_in_use import TuningInUse
+from backend.experiments.tuning_choice import TuningChoice
+from backend.loop.access import LoopDiedError
+from backend.loop.commands import Accepted, SetTuning
+from backend.loop.supervisor import Supervisor
+from backend.storage.banks import Bank
+from backend.supervision import Supervision
+
+_RETRY_S = 0.5
+_log = logging.getLogger(__name__)
+
+
+class Retuning:
+    """Belongs to the service's event loop. ``send`` hands a tuning to the loop; ``turn`` is held by who changes it."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        picture: Picture,
+        journal: Journal,
+        kept: KeptTuning,
+        supervision: Supervision,
+        send: Callable[[SetTuning], Awaitable[Accepted]],
+        turn: asyncio.Lock,
+        changed: Callable[[], None],
+    ) -> None:
+        self._supervisor = supervisor
+        self._picture = picture
+        self._journal = journal
+        self._kept = kept
+        self._send = send
+        self._turn = turn
+        self._changed = changed
+        self._trial = Trial(self._end_trial, supervision)
+        picture.trial = self._trial.view
+
+    async def set(self, request: TuningRequest, who: str) -> TuningView:
+        """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        view = await self._change(request, who)
+        await self._keep(who)
+        return view
+
+    async def try_out(self, request: TrialRequest, who: str) -> State:
+        """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
+        before = self._trial.before or self._picture.tuning
+        await self._change(request, who)
+        self._trial.begin(before, request.duration_s)
+        self._changed()
+        return self._picture.state()
+
+    async def end_trial(self, keep: bool, who: str) -> State:
+        """Keep what is tried, or go back at once. Raises ApiError 409 when nothing is on trial."""
+        before = self._trial.before
+        if before is None:
+            raise ApiError(409, "nothing is on trial: what is in force stays")
+        if keep:
+            self._trial.forget()
+            self._journal.note(MarkKind.TUNING, "trial kept", self._picture.tick, who)
+            await self._keep(who)
+        else:
+            await self._end_trial(before, who)
+        self._changed()
+        return self._picture.state()
+
+    async def use_bank(self, bank: Bank, who: str) -> None:
+        """Use the models of a bank from now on. Raises OutOfRangeError when λ in force is not safe on them."""
+        async with self._turn:
+            self._require_own()
+            tick = await self._put_in_force(await asyncio.to_thread(self._picture.tuning.with_bank, bank))
+            self._journal.note(MarkKind.BANK, f"bank {bank.name}, version {bank.version}", tick, who)
+        await self._keep(who)
+
+    async def lend(self, choice: TuningChoice, bank: Bank | None, who: str) -> None:
+        """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
+
+        Raises OutOfRangeError and ApiError 409; nothing changes then.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise ApiError(409, "a tuning is on trial: keep it or revert it first")
+            own = self._picture.tuning
+            if choice != own.choice:
+                wanted = await asyncio.to_thread(own.with_choice, choice, bank)
+                tick = await self._put_in_force(wanted)
+                self._journal.note(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
+            self._picture.own_tuning = own
+        self._changed()
+
+    async def give_back(self) -> None:
+        """Put the operator's tuning back in force; does so as soon as the loop takes it."""
+        while (own := self._picture.own_tuning) is not None:
+            try:
+                await self._return(own)
+            except Exception:
+                # A loop that is being restarted refuses for a moment; what is the operator's comes back all the same.
+                _log.exception("the operator's tuning could not be put back after a run yet")
+                await asyncio.sleep(_RETRY_S)
+        self._changed()
+
+    async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
+        """Predict what λ would do at the active entry of the bank."""
+        return await asyncio.to_thread(self._picture.tuning.preview, lam_q, lam_S, round(self._picture.entry))
+
+    async def robust(self, M_s: float) -> RobustTuning:
+        """Find the λ of each loop for a wanted M_s."""
+        return await asyncio.to_thread(self._picture.tuning.robust, M_s)
+
+    async def _change(self, request: TuningRequest, who: str) -> TuningView:
+        async with self._turn:
+            self._require_own()
+            before = self._picture.tuning
+            after = await asyncio.to_thread(before.changed, request)
+            tick = await self._put_in_force(after)
+            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+        return after.view(self._picture.entry)
+
+    async def _return(self, own: TuningInUse) -> None:
+        async with self._turn:
+            lent = self._picture.tuning
+            if own.choice != lent.choice:
+                try:
+                    tick = await self._put_in_force(own) if self._supervisor.alive else self._remember(own)
+                except LoopDiedError:
+                    tick = self._remember(own)
+                self._journal.note(MarkKind.TUNING, f"after the run: {own.difference(lent)}", tick)
+            self._picture.own_tuning = None
+
+    async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
+        async with self._turn:
+            tried = self._picture.tuning
+            if self._trial.before is not before:  # somebody chose another tuning while this waited
+                return
+            tick = await self._put_in_force(before) if self._supervisor.alive else self._remember(before)
+            self._journal.note(MarkKind.TUNING, f"trial over: {before.difference(tried)}", tick, who)
+
+    def _require_own(self) -> None:
+        """Raise ApiError 409 while a run has the tuning."""
+        if self._picture.own_tuning is None:
+            return
+        task = self._picture.task
+        what = "a run is being started" if task is None else f"{task.kind} is running"
+        raise ApiError(409, f"{what} and its tuning is part of its record: stop it first")
+
+    async def _keep(self, who: str) -> None:
+        """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
+        await asyncio.to_thread(self._kept.put, self._picture.tuning, who)
+
+    async def _put_in_force(self, tuning: TuningInUse) -> int:
+        accepted = await self._send(tuning.command())
+        self._remember(tuning)
+        return accepted.tick
+
+    def _remember(self, tuning: TuningInUse) -> int:
+        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
+        self._trial.forget()
+        self._picture.tuning = tuning
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
+        self._changed()
+        return self._picture.tick

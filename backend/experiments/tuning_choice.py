@@ -1,0 +1,84 @@
+"""What decides the gains of the loop, said once: λ, b, bank and how to go between its entries.
+
+Whoever keeps, sends, shows or compares a tuning derives it from ``TuningChoice``: the settings of an experiment, what a
+run has stored, the tuning in force and its trial, what is saved for a bank, the bodies of the interface. A part that is
+added here is added to all of them, and ``tests/experiments/test_tuning_choice.py`` finds the one that forgot it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+from backend.experiments.settings import Value, boolean, describe, from_values, integer, number
+from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
+from backend.tuning.motor_loop import LAM_MOTOR_MAX, LAM_MOTOR_MIN
+
+_LAM_LEAST = 0.01
+
+
+@dataclass(frozen=True)
+class TuningChoice:
+    """A tuning as a person chooses it. The bounds of λ here are coarse; the safe range follows from the models in use.
+
+    ``bank`` 0 stands for gains from geometry.
+    """
+
+    lam_q: float = number(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
+    lam_S: float = number(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
+    lam_motor: float = number(
+        LAM_MOTOR, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s", "λ_motor", "tuning parameter of the motor loops"
+    )
+    b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
+    bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
+    interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
+
+        What it lacks is at its default, as it was when nothing said otherwise: documents from before b was kept, and
+        an empty ``bank``. Raises SettingError, OutOfRangeError.
+        """
+        known = {setting.name for setting in describe(cls)}
+        return from_values(cls, {name: value for name, value in values.items() if name in known and value is not None})
+
+    @property
+    def lambdas(self) -> Lambdas:
+        """The tuning parameters and b alone."""
+        return Lambdas(self.lam_q, self.lam_S, self.lam_motor, self.b)
+
+    def document(self) -> dict[str, Any]:
+        """Return the tuning as it is stored."""
+        return {name: value for name, value in asdict(self).items() if name in NAMES}
+
+    def in_words(self) -> str:
+        """Return all but the bank in one line: "λ_q 0.5 s, … b 0, switching between entries"."""
+        numbers = ", ".join(
+            f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
+            + ("" if setting.unit == "1" else f" {setting.unit}")
+            for setting in DECLARED
+            if setting.kind == "number"
+        )
+        return f"{numbers}, {'interpolating' if self.interpolate else 'switching'} between entries"
+
+    def differences(self, before: "TuningChoice") -> list[str]:
+        """Say part by part what differs from ``before``: "λ_q 0.5 → 0.6 s"."""
+        return [
+            f"{setting.symbol} {part_in_words(setting.name, old)} → {part_in_words(setting.name, new)}"
+            + ("" if setting.unit == "1" else f" {setting.unit}")
+            for setting in DECLARED
+            if (old := getattr(before, setting.name)) != (new := getattr(self, setting.name))
+        ]
+
+
+DECLARED = describe(TuningChoice)
+NAMES = tuple(setting.name for setting in DECLARED)
+
+
+def part_in_words(name: str, value: Value) -> str:
+    """Return one part of a tuning as a person reads it, without its unit."""
+    if name == "bank":
+        return "geometry" if value == 0 else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.12g}"

@@ -1,0 +1,141 @@
+"""The parts of the service over a loop that is stepped in this process: whole orders without a process or a port."""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from backend.api.bench import Bench
+from backend.api.desk import Desk
+from backend.api.dry_runs import DryRuns
+from backend.api.gate import Person
+from backend.api.journal import Journal
+from backend.api.kept_tuning import KeptTuning
+from backend.api.library import Library
+from backend.api.offload import Offload
+from backend.api.picture import Picture
+from backend.api.safe_stop import SafeStop
+from backend.api.schemas.session import Role
+from backend.api.session_runs import SessionRuns
+from backend.api.shelf import Shelf
+from backend.api.tasks import Tasks
+from backend.experiments.runner import Station
+from backend.loop.access import Listener, LoopDiedError
+from backend.loop.channel import Setup
+from backend.loop.commands import Accepted, Command, Refused
+from backend.loop.headless import Headless
+from backend.loop.ring import Ring
+from backend.loop.supervisor import Supervisor
+from backend.recording.recorder import Recorder
+from backend.storage import Database
+from backend.supervision import Supervision
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+
+T = TypeVar("T")
+SEED = 0
+OPERATOR = Person("A. Operator", Role.OPERATOR, "session")
+
+
+class Stepped(Supervisor):
+    """A supervisor whose loop is stepped in this process; ``dead`` lets it answer as one whose process has died."""
+
+    def __init__(self, setup: Setup, loop: Headless) -> None:
+        super().__init__(setup)
+        self._stepped = loop
+        self.ring = loop.ring
+        self.dead = False
+
+    @property
+    def alive(self) -> bool:
+        return not self.dead
+
+    def listen(self, listener: Listener) -> Callable[[], None]:
+        return self._stepped.listen(listener)
+
+    async def send(self, command: Command) -> Accepted | Refused:
+        if self.dead:
+            raise LoopDiedError("the loop process was killed")
+        return await self._stepped.send(command)
+
+    async def advance(self, seconds: float) -> None:
+        await self._stepped.advance(seconds)
+
+    async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
+        await self._stepped.advance_until(reached, timeout_s)
+
+
+class Here(Offload):
+    """Work that is done here, not in a process of its own."""
+
+    async def run(self, work: Callable[..., T], *arguments: Any, **_none: Any) -> T:
+        return await asyncio.to_thread(work, *arguments)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What orders go through."""
+
+    supervisor: Stepped
+    picture: Picture
+    bench: Bench
+    tasks: Tasks
+    desk: Desk
+    library: Library
+    kept: KeptTuning
+    database: Database
+
+    async def ended(self) -> None:
+        """Wait until no task is under way and the queue has nothing to start."""
+        while self.picture.task is not None or self.tasks.queue.view().running:
+            await asyncio.sleep(0.01)
+
+
+@contextmanager
+def stepped_service(database: Database, parameters: PlantParameters) -> Iterator[Parts]:
+    """Give the parts of a service in this process, as it is when it has started on this database."""
+    kept = KeptTuning(database)
+    tuning, _ = kept.restore(parameters)
+    recorders: list[Recorder] = []
+
+    def record(_ring: Ring) -> None:
+        for recorder in recorders:
+            recorder.drain()
+
+    loop = Headless(Simulator(parameters, SEED), parameters, tuning.command(), record)
+    recorder = Recorder(database, loop.ring)
+    recorders.append(recorder)
+    loop.listen(recorder.hear)
+    supervisor, supervision = Stepped(Setup("simulator", parameters.name, SEED, tuning.command()), loop), Supervision()
+    picture, journal = Picture(supervisor, parameters, tuning, list), Journal(database)
+    sessions = SessionRuns(database, "simulator", parameters)
+    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
+    here = Here(lambda _cause: None)
+    tasks = Tasks(
+        Station(supervisor, database, "simulator", parameters),
+        bench,
+        Shelf(database, here, lambda: picture.tuning),
+        lambda: None,
+        SEED,
+        DryRuns(here),
+        supervision,
+        SafeStop(supervisor, picture, supervision),
+    )
+    library = Library(database, lambda: picture.task, lambda _run: False)
+    try:
+        yield Parts(supervisor, picture, bench, tasks, Desk(database), library, kept, database)
+    finally:
+        journal.close()
+        loop.close()
+        recorder.close()
+
+
+def stepped(database: Database, parameters: PlantParameters, work: Callable[[Parts], Coroutine[Any, Any, T]]) -> T:
+    """Do ``work`` with the parts of a service that starts and ends around it."""
+
+    async def whole() -> T:
+        with stepped_service(database, parameters) as parts:
+            return await work(parts)
+
+    return asyncio.run(whole())

@@ -1,0 +1,224 @@
+"""What an experiment asks for is in force while it runs; then what the operator had chosen comes back."""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.api.errors import ApiError
+from backend.api.schemas.experiment import ExperimentRequest
+from backend.api.schemas.tuning import TrialRequest, TuningRequest
+from backend.api.tuning_in_use import initial
+from backend.experiments.settings import SettingError
+from backend.experiments.tuning_choice import TuningChoice
+from backend.loop.commands import Stop
+from backend.refusal import OutOfRangeError
+from backend.reports.build import build_report
+from backend.reports.source import load_source
+from backend.storage import Database, banks, events, open_database, runs
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.records import UnknownRecordError
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+
+IDEAL = load_parameters("ideal")
+MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
+SHORT = json.dumps([{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}])
+LONG = json.dumps([{"duration_s": 30, "q_ref": 0.1, "S_ref": 10}])
+ASKED = {"lam_q": 0.7, "lam_S": 0.6, "b": 1.0, "interpolate": True, "bank": 0}
+WHO = OPERATOR.name
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def bank(database: Database) -> Bank:
+    """A bank that is in force at the next start, with λ of the operator's own."""
+    with database.session() as session:
+        made = banks.add(session, "lent", [BankEntry(10.55, MODEL)], WHO)
+    return made
+
+
+def own(bank: Bank) -> TuningChoice:
+    return TuningChoice(lam_q=0.55, lam_S=0.45, bank=bank.id)
+
+
+async def started(parts: Parts, bank: Bank) -> None:
+    """The operator's own tuning in force, with the bank."""
+    await parts.bench.retuning.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
+    await parts.bench.retuning.use_bank(bank, WHO)
+    assert parts.picture.tuning.choice == own(bank)
+
+
+def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentRequest:
+    return ExperimentRequest(name="sequence", settings={"segments": segments, **settings})
+
+
+def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_back(
+    database: Database, bank: Bank
+) -> None:
+    during: list[TuningChoice] = []
+
+    async def work(parts: Parts) -> int:
+        await started(parts, bank)
+        run = await parts.tasks.start_experiment(sequence(**ASKED), WHO)
+        during.append(parts.picture.tuning.choice)
+        shown = parts.picture.state()
+        assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
+        assert shown.own_tuning is not None
+        assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
+        with pytest.raises(ApiError, match="part of its record"):
+            await parts.bench.retuning.set(TuningRequest(lam_q=0.9), WHO)
+        await parts.ended()
+        assert parts.picture.tuning.choice == own(bank)
+        assert parts.picture.state().own_tuning is None
+        assert parts.supervisor.setup.tuning == parts.picture.tuning.command()
+        await parts.bench.retuning.set(TuningRequest(), WHO)  # and it can be changed again
+        view = await parts.library.experiment(run)
+        assert {name: view.settings[name] for name in ASKED} == ASKED
+        return run
+
+    run = stepped(database, IDEAL, work)
+    asked = TuningChoice(**ASKED)
+    assert during == [asked]
+    with database.reading() as session:
+        stored = runs.get(session, run)
+        told = [event.text for event in events.between(session, stored.started_at, None)]
+    assert TuningChoice.of(stored.settings["loop"]) == asked
+    assert stored.bank_id is None
+    declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
+    assert {name: declared[name] for name in ASKED} == ASKED
+    assert "after the run: λ_q 0.7 → 0.55 s, λ_S 0.6 → 0.45 s, b 1 → 0, bank geometry → 1, interpolate yes → no" in told
+    source = load_source(database, run)
+    assert source.columns["lam_q"] == pytest.approx(0.7)
+    facts = {fact.label: fact.text for fact in build_report(source).facts}
+    assert facts["Tuning"] == "λ_q = 0.7 s, λ_S = 0.6 s, λ_motor = 0.0854 s, b = 1"
+    assert facts["Controller"] == "cascade, gains from geometry, 20 N point"
+
+
+def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experiment(
+    database: Database, bank: Bank
+) -> None:
+    async def broken_off(parts: Parts) -> None:
+        await started(parts, bank)
+        await parts.tasks.start_experiment(sequence(LONG, **ASKED), WHO)
+        await parts.tasks.close()
+
+    async def again(parts: Parts) -> TuningChoice:
+        return parts.picture.tuning.choice
+
+    stepped(database, IDEAL, broken_off)
+    assert stepped(database, IDEAL, again) == own(bank)
+
+
+def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        await started(parts, bank)
+        await parts.tasks.start_experiment(sequence(LONG, **ASKED), WHO)
+        while parts.picture.mode != "experiment":
+            await asyncio.sleep(0.0)
+        await parts.supervisor.send(Stop())
+        await parts.ended()
+        assert parts.picture.fault == "stop_pressed"
+        assert parts.picture.tuning.choice == own(bank)
+        await parts.bench.reset(WHO)
+        await parts.tasks.start_experiment(sequence(SHORT, **ASKED), WHO)
+        parts.supervisor.dead = True
+        await parts.ended()
+        assert parts.picture.tuning.choice == own(bank)
+        assert parts.supervisor.setup.tuning == initial(IDEAL, own(bank), bank).command()  # what a new loop gets
+
+    stepped(database, IDEAL, work)
+
+
+def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        await started(parts, bank)
+        for settings, refusal in (
+            ({"lam_q": 0.1}, OutOfRangeError),
+            ({"b": 1.5}, OutOfRangeError),
+            ({"bank": 99}, UnknownRecordError),
+            ({"seed": 5}, SettingError),
+        ):
+            with pytest.raises(refusal):
+                await parts.tasks.start_experiment(sequence(**settings), WHO)
+            assert (parts.picture.tuning.choice, parts.picture.own_tuning) == (own(bank), None)
+        await parts.bench.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
+        with pytest.raises(ApiError, match="trial"):
+            await parts.tasks.start_experiment(sequence(), WHO)
+        await parts.bench.retuning.end_trial(False, WHO)
+
+    stepped(database, IDEAL, work)
+
+
+def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        queue = parts.tasks.queue
+        await started(parts, bank)
+        for settings, refusal in (
+            ({"bank": 99}, UnknownRecordError),
+            ({"lam_q": 0.1}, OutOfRangeError),
+            ({"seed": 5}, SettingError),
+        ):
+            with pytest.raises(refusal):
+                await queue.add(sequence(**settings), WHO)
+        assert queue.view().items == []
+        await queue.add(sequence(bank=0), WHO)
+        await queue.add(sequence(), WHO)
+        await parts.bench.retuning.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
+        shown = [item.settings for item in queue.view().items]
+        assert [(one["lam_q"], one["bank"], one["segments"]) for one in shown] == [
+            (0.55, 0, SHORT),
+            (0.55, bank.id, SHORT),
+        ]
+        first = (await queue.run()).run
+        assert first is not None
+        await parts.ended()
+        for run, settings in zip((first, first + 1), shown, strict=True):
+            assert (await parts.library.experiment(run)).settings == settings
+        assert parts.picture.tuning.lambdas.lam_q == 0.8
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_held_queue_says_how_to_go_on(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        queue = parts.tasks.queue
+        for segments in (LONG, SHORT):
+            await queue.add(sequence(segments), WHO)
+        run = (await queue.run()).run
+        while parts.picture.mode != "experiment":
+            await asyncio.sleep(0.0)
+        await parts.supervisor.send(Stop())
+        await parts.ended()
+        assert queue.view().problem == (
+            f"held because run {run} ended as stopped; start the queue again to go on with the first that waits"
+        )
+        await parts.bench.reset(WHO)
+        await queue.run()
+        await parts.ended()
+        view = queue.view()
+        assert (view.items, view.running, view.problem) == ([], False, "")
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_dry_run_says_what_it_was_played_with(database: Database, bank: Bank) -> None:
+    async def left() -> bool:
+        return False
+
+    async def work(parts: Parts) -> None:
+        await started(parts, bank)
+        played = await parts.tasks.dry_run(sequence(b=0.5), OPERATOR, left)
+        expected = {**own(bank).document(), "b": 0.5, "seed": 0, "segments": SHORT}
+        assert (played.status, played.settings) == ("completed", expected)
+        assert parts.picture.tuning.choice == own(bank)
+
+    stepped(database, IDEAL, work)

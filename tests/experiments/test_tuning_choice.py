@@ -1,0 +1,91 @@
+"""One tuning, however it is spelled: whatever decides a gain is compared, kept, shown and stored."""
+
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.api.schemas.state import TrialView
+from backend.api.schemas.tuning import ChosenTuning, SavedTuning, TuningParts, TuningRequest, TuningView
+from backend.experiments import kept_choice
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.loop_settings import LoopSettings, split_values
+from backend.experiments.sequence_plan import SequencePlan
+from backend.experiments.tuning_choice import TuningChoice
+from backend.storage import open_database, settings
+from backend.tuning.models import Lambdas
+from backend.tuning.preview import STEP_Q, Previewer
+from plant.parameters import load_parameters
+
+OTHER = {"lam_q": 0.6, "lam_S": 0.5, "lam_motor": 0.09, "b": 1.0, "bank": 3, "interpolate": True}
+"""Each part of a tuning at another value than its default."""
+
+
+def test_every_part_is_tried_here() -> None:
+    assert list(OTHER) == [field.name for field in fields(TuningChoice)]
+    assert all(value != getattr(TuningChoice(), name) for name, value in OTHER.items())
+    assert {field.name for field in fields(Lambdas)} <= set(OTHER)
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Path) -> None:
+    before = TuningChoice()
+    after = replace(before, **{name: OTHER[name]})
+    assert after != before
+    assert len(after.differences(before)) == 1
+    assert before.differences(before) == []
+    assert TuningChoice.of(after.document()) == after
+    assert LoopSettings(**after.document(), seed=4).tuning == after
+    assert TuningChoice.of(asdict(LoopSettings(**after.document(), seed=4))) == after
+    _, ordered = split_values(SequencePlan, {name: OTHER[name]})
+    assert ordered.tuning == after
+    parameters, database = load_parameters("ideal"), open_database(tmp_path)
+    kept_choice.put(database, after, parameters, "A. Operator")
+    kept = kept_choice.newest(database, parameters)
+    database.close()
+    assert kept is not None
+    assert (kept.choice, kept.who, kept.same_plant, kept.lacks) == (after, "A. Operator", True, ())
+
+
+@pytest.mark.parametrize("schema", [TuningParts, TuningRequest, TuningView, ChosenTuning, SavedTuning, TrialView])
+def test_every_body_of_the_interface_has_every_part(schema: type[TuningParts]) -> None:
+    missing = set(OTHER) - set(schema.model_fields)
+    assert missing <= {"bank"}  # a bank is activated, and what is saved is saved for one
+    for name in set(OTHER) - {"bank"}:
+        assert schema.model_fields[name].annotation in (type(OTHER[name]), type(OTHER[name]) | None)
+
+
+def test_b_reaches_the_gains_of_the_loop() -> None:
+    """Table 2 with a weighed reference: k_r = b k_p, all else as without."""
+    ideal = load_parameters("ideal")
+    plain, weighed = (tuning_command(ideal, TuningChoice(b=b), None).entries[0] for b in (0.0, 0.7))
+    assert (plain.k_r_q, plain.k_r_S) == (0.0, 0.0)
+    assert (weighed.k_r_q, weighed.k_r_S) == pytest.approx((0.7 * plain.k_p_q, 0.7 * plain.k_p_S), rel=1e-12)
+    assert replace(weighed, k_r_q=0.0, k_r_S=0.0) == plain
+
+
+@pytest.mark.parametrize("lam_motor", [0.05, 0.0854])
+def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
+    """A reference that is felt at once takes more voltage: the range that was found without it would clip."""
+    lab = load_parameters("lab")
+    previewer = Previewer(lab, lam_motor=lam_motor, b=1.0)
+    lam_q, _ = previewer.safe_range()
+    lambdas, point = Lambdas(lam_q=lam_q, lam_motor=lam_motor, b=1.0), previewer.points[0]
+    held = (point.S_nominal, point.S_nominal)
+    peak_V, _ = previewer._simulated(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q)
+    assert peak_V < lab.motor.u_max
+    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).peak_voltage
+    assert np.isfinite(peak_V)
+
+
+def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) -> None:
+    parameters, database = load_parameters("ideal"), open_database(tmp_path)
+    old = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "bank": None}
+    with database.session() as session:
+        settings.put(session, kept_choice.NAME, {**old, "parameters": kept_choice.digest(parameters)}, "A. Operator")
+    kept = kept_choice.newest(database, parameters)
+    database.close()
+    assert kept is not None
+    assert kept.choice == TuningChoice(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
+    assert kept.lacks == ("b",)
