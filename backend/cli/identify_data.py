@@ -1,5 +1,6 @@
 """``sinew identify data``: a record from elsewhere through the same estimators."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,6 +41,7 @@ def data(
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
     """
+    from backend.experiments.result import json_ready
     from backend.identification.errors import IdentificationError
     from backend.identification.estimate import estimate
     from backend.identification.import_data import record_from
@@ -52,7 +54,7 @@ def data(
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
     else:
-        print_json(found.summary()) if as_json else _show(found)
+        print_json(json_ready(found.summary())) if as_json else _show(found)
 
 
 def _read(file: Path) -> "Columns":
@@ -99,16 +101,35 @@ def _method(name: str) -> Any:
 def _show(found: "Estimate") -> None:
     print_table(
         ("parameter", "value", "standard error"),
-        [(name, value, found.std_errors[name]) for name, value in found.model.parameters.items()],
+        [(name, value, _measured(found.std_errors[name], ".4g")) for name, value in found.model.parameters.items()],
     )
     reduced, tests = found.first_order, found.residuals
     rows = [
         ("method", found.method),
-        ("gain K", f"{reduced.K:.4g} ± {reduced.K_std:.2g}"),
-        ("sum of lags T [s]", f"{reduced.T:.4g} ± {reduced.T_std:.2g}"),
-        ("fit on unseen data [%]", f"{found.fit_percent:.2f}"),
+        ("gain K", f"{reduced.K:.4g} ± {_measured(reduced.K_std, '.2g')}"),
+        ("sum of lags T [s]", f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}"),
+        *_friction(found),
+        ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
         ("residuals", "white" if tests.whiteness.passed else "coloured"),
         ("residuals and input", "independent" if tests.input_correlation.passed else "correlated"),
     ]
     print_table(("", "result"), rows)
     out.print(found.verdict.sentence, highlight=False, markup=False)
+
+
+def _friction(found: "Estimate") -> list[tuple[str, str]]:
+    friction = found.friction
+    if friction is None:
+        return []
+    if not friction.found:
+        return [("dry friction u_c", f"none told ({friction.u_c:.2g} ± {friction.u_c_std:.2g})")]
+    return [
+        ("dry friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
+        ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
+        ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
+        ("fit with friction [%]", f"{friction.fit_percent:.2f}"),
+    ]
+
+
+def _measured(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "not measured"

@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from backend.identification.errors import IdentificationError
 from backend.identification.fit import Fit, Method, fit, refit
 from backend.identification.frequency import check_frequency_response
+from backend.identification.friction import dry_friction
 from backend.identification.linearisation import Evaluation, Problem
-from backend.identification.record import Record, Signal
+from backend.identification.record import Record, Signal, coarse_resolution
 from backend.identification.reduction import reduce_to_first_order
 from backend.identification.result import Estimate, Model, Residuals
 from backend.identification.structures import structure
-from backend.identification.validation import information_criteria, judge
+from backend.identification.validation import Evidence, information_criteria, judge
 
 _TRAINING_PART = 2.0 / 3.0
 
@@ -27,7 +29,7 @@ def estimate(
     """Identify the structure from the record.
 
     ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
-    the output's sensor. Raises IdentificationError.
+    the output's sensor, found from the record where its values are few. Raises IdentificationError.
     """
     shape = structure(structure_name)
     found = fit(record, shape, method)
@@ -43,24 +45,30 @@ def estimate(
         BIC=BIC,
         FPE=FPE,
     )
-    held_out = _held_out_fit(found)
+    fit_percent, fit_all_percent = _held_out_fit(found), _simulated_fit(found.problem, found.parameters)
+    std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
+    friction = dry_friction(record, Evaluation(found.problem.unweighted, found.parameters).error)
+    y_resolution = y_resolution or coarse_resolution(record.y)
     gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
     counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
     rounding = 100.0 * (y_resolution or 0.0) / float(np.sqrt(12.0) * np.std(record.y))
+    evidence = Evidence(first_order, model, std_errors, fit_percent, residuals, gain_error, counts, rounding, friction)
     return Estimate(
         model=model,
-        std_errors=dict(zip(shape.names, np.sqrt(np.diag(covariance)).tolist(), strict=True)),
+        std_errors=std_errors,
         covariance=covariance,
         method=found.method,
-        fit_percent=held_out,
-        fit_all_percent=_simulated_fit(found.problem, found.parameters),
+        fit_percent=fit_percent,
+        fit_all_percent=fit_all_percent,
         first_order=first_order,
         noise=tuple(found.problem.whitening[1:].tolist()),
         residuals=residuals,
         frequency=check_frequency_response(model, record),
         gain_geometry=gain_geometry,
         gain_error_percent=gain_error,
-        verdict=judge(first_order, held_out, residuals, gain_error, counts, rounding),
+        friction=friction,
+        spread_percent=evidence.spread_with_friction,
+        verdict=judge(evidence),
     )
 
 
@@ -72,8 +80,17 @@ def _simulated_fit(problem: Problem, parameters: Signal) -> float:
 
 
 def _held_out_fit(found: Fit) -> float:
-    """Fit on the last third of the record by a model of the first two thirds."""
+    """Fit on the last third of the record by a model of the first two thirds; NaN where one of them holds nothing."""
     record = found.problem.record
     split = int(_TRAINING_PART * record.u.size)
-    trained = refit(found, record.part(0, split)).parameters
-    return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained)
+    try:
+        trained = refit(found, record.part(0, split)).parameters
+        return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained)
+    except IdentificationError:
+        return float("nan")
+
+
+def _standard_errors(covariance: Signal) -> list[float]:
+    """Square roots of the diagonal; NaN where rounding has eaten a variance."""
+    variances = np.diag(covariance)
+    return [float(std) for std in np.sqrt(np.where(variances > 0.0, variances, np.nan))]

@@ -11,6 +11,7 @@ Signal = NDArray[np.float64]
 
 MIN_SAMPLES = 200
 MAX_SATURATED_PERCENT = 2.0
+_EVEN = 1e-3
 FEW_LEVELS = 20
 """Inputs of so few levels are sequences, which rest at their extremes by design."""
 
@@ -80,6 +81,17 @@ class Record:
             r=None if self.r is None else self.r[window],
             t=None if self.t is None else self.t[window],
         )
+
+
+def coarse_resolution(values: Signal) -> float | None:
+    """Return the step of a signal, shape (n,), of few, evenly spaced values, as a coarse sensor gives; else None."""
+    levels = np.unique(values)
+    if levels.size > values.size // 4:
+        return None
+    steps = np.diff(levels)
+    step = float(np.min(steps))
+    whole = np.abs(steps / step - np.round(steps / step)) < _EVEN
+    return step if bool(np.all(whole)) else None
 
 
 def _signal(name: str, values: ArrayLike) -> Signal:

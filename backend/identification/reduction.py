@@ -19,6 +19,11 @@ def reduce_to_first_order(model: Model, covariance: Signal) -> FirstOrder:
     return FirstOrder(
         K=model.gain,
         T=model.sum_of_lags,
-        K_std=float(np.sqrt(covariance[0, 0])),
-        T_std=float(np.sqrt(gradient @ covariance @ gradient)),
+        K_std=_root(float(covariance[0, 0])),
+        T_std=_root(float(gradient @ covariance @ gradient)),
     )
+
+
+def _root(variance: float) -> float:
+    """Return the square root; NaN, not measured, for a variance that rounding has made negative."""
+    return float(np.sqrt(variance)) if variance >= 0.0 else float("nan")

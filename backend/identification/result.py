@@ -60,6 +60,28 @@ class FirstOrder:
 
 
 @dataclass(frozen=True)
+class DryFriction:
+    """A motor with dry friction, fitted to the record: K [unit of y / unit of u], T [s], u_c [unit of u].
+
+    ``found`` says whether the friction is there; where it is not, the standard errors say how far what it could be
+    leaves K and T open. ``fit_percent`` is that of its simulation on the whole record.
+    """
+
+    found: bool
+    K: float
+    T: float
+    u_c: float
+    K_std: float
+    T_std: float
+    u_c_std: float
+    fit_percent: float
+
+    def off_percent(self, K: float, T: float) -> tuple[float, float]:
+        """How far a linear gain and lag are from these, in per cent."""
+        return 100.0 * (K / self.K - 1.0), 100.0 * (T / self.T - 1.0)
+
+
+@dataclass(frozen=True)
 class CorrelationTest:
     """Correlations at ``lags_s`` [s] beside their 99 % band; ``passed`` where the largest is compatible with none.
 
@@ -129,7 +151,10 @@ class Estimate:
     """A model, how it was found and how good it is.
 
     ``fit_percent`` is the simulated fit 100 (1 - |y - y_hat| / |y - mean y|) on the last third of the record by a
-    model fitted to the first two thirds; ``fit_all_percent`` that of the reported model on the whole record.
+    model fitted to the first two thirds, NaN where that could not be had, as the verdict then says;
+    ``fit_all_percent`` that of the reported model on the whole record. ``friction`` is there where something moves both
+    ways, so that dry friction would be seen. ``spread_percent`` is how well K and T are known, with what the structure
+    leaves out and the friction that the record cannot exclude; NaN where that could not be had.
     ``covariance``, shape (p, p), is in the order of ``model.vector`` and robust to coloured residuals. ``noise`` are
     the coefficients d_1 .. of the autoregressive noise model 1/D, empty for white noise. ``gain_error_percent``
     compares the gain with ``gain_geometry`` where that is known.
@@ -147,6 +172,8 @@ class Estimate:
     frequency: FrequencyCheck = field(repr=False)
     gain_geometry: float | None
     gain_error_percent: float | None
+    friction: DryFriction | None
+    spread_percent: float
     verdict: Verdict
 
     def summary(self) -> dict[str, Any]:
@@ -156,6 +183,9 @@ class Estimate:
             "std_errors": self.std_errors,
             "method": self.method,
             "fit_percent": self.fit_percent,
+            "spread_percent": self.spread_percent,
+            "friction": None if self.friction is None else asdict(self.friction),
+            "grade": self.verdict.grade,
             "verdict": self.verdict.sentence,
         }
 

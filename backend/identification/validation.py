@@ -1,9 +1,12 @@
 """What a model must show before it is used for tuning: tests on residuals, fit on unseen data, a verdict."""
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
 import numpy as np
 
 from backend.identification.record import Signal
-from backend.identification.result import FirstOrder, Grade, Residuals, Verdict
+from backend.identification.result import DryFriction, FirstOrder, Grade, Model, Residuals, Verdict
 
 MIN_COUNTS = 20.0
 MAX_MISFIT_PERCENT = 20.0
@@ -12,6 +15,12 @@ MAX_GAIN_ERROR_PERCENT = 10.0
 CAUTION_GAIN_ERROR_PERCENT = 5.0
 MAX_STD_PERCENT = 10.0
 CAUTION_STD_PERCENT = 3.0
+MAX_OTHER_STD_PERCENT = 39.0
+"""Of parameters other than K and T: beyond it they do not differ from zero at the 1 % level."""
+MIN_FIT_PERCENT = 50.0
+GOOD_FIT_PERCENT = 80.0
+"""Fits by which a model explains three quarters of the output's variance, and 96 %."""
+MAX_FRICTION_ERROR_PERCENT = 10.0
 
 
 def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float, float, float]:
@@ -30,48 +39,177 @@ def misfit_percent(fit: float, resolution_percent: float) -> float:
     return float(np.sqrt(max((100.0 - fit) ** 2 - resolution_percent**2, 0.0)))
 
 
-def judge(
-    first_order: FirstOrder,
-    fit: float,
-    residuals: Residuals,
-    gain_error_percent: float | None,
-    motion_counts: float | None,
-    resolution_percent: float,
-) -> Verdict:
-    """Grade a model and give the reasons.
+@dataclass(frozen=True)
+class Evidence:
+    """What a verdict is made from.
 
-    ``motion_counts`` is the output's peak-to-peak in sensor counts; ``resolution_percent`` the standard deviation of
-    rounding to counts in per cent of the output's, 0 where it is not known.
+    ``fit`` [%] on unseen data, NaN where there is none. ``motion_counts`` is the output's peak-to-peak in sensor
+    counts; ``resolution_percent`` the standard deviation of rounding to counts in per cent of the output's, 0 where
+    the sensor is not known. ``friction`` is there where dry friction would be seen.
     """
-    against: list[str] = []
-    doubts: list[str] = []
-    if motion_counts is not None and motion_counts < MIN_COUNTS:
-        against.append(
-            f"not enough motion, the output moved by {motion_counts:.1f} counts where {MIN_COUNTS:.0f} are needed"
-            " (use longer chips or a larger amplitude)"
-        )
-    if gain_error_percent is not None and abs(gain_error_percent) > CAUTION_GAIN_ERROR_PERCENT:
-        reason = f"gain {gain_error_percent:+.1f} % off the geometric one"
-        (against if abs(gain_error_percent) > MAX_GAIN_ERROR_PERCENT else doubts).append(reason)
-    spread = 100.0 * max(first_order.K_std / abs(first_order.K), first_order.T_std / first_order.T)
-    if spread > CAUTION_STD_PERCENT:
-        reason = f"gain or lag known to ±{spread:.1f} % only"
-        (against if spread > MAX_STD_PERCENT else doubts).append(reason)
-    misfit = misfit_percent(fit, resolution_percent)
-    # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.
-    known_sensor = resolution_percent > 0.0
-    unexplained = not residuals.input_correlation.passed or (known_sensor and not residuals.whiteness.passed)
-    if unexplained and misfit > CAUTION_MISFIT_PERCENT:
-        reason = (
-            f"{misfit:.1f} % of the motion is neither the model's nor the sensor's (friction or missing dynamics),"
-            " so the model is local: it holds near this amplitude and point only"
-        )
-        (against if misfit > MAX_MISFIT_PERCENT else doubts).append(reason)
-    if against:
-        return Verdict(Grade.UNUSABLE, tuple(against + doubts))
-    if doubts:
-        return Verdict(Grade.CAUTION, tuple(doubts))
-    praise = [f"fit of {fit:.1f} % on unseen data", f"K and T known to ±{spread:.2g} %"]
-    if gain_error_percent is not None:
-        praise.append(f"gain {gain_error_percent:+.1f} % from the geometric one")
+
+    first_order: FirstOrder
+    model: Model
+    std_errors: Mapping[str, float]
+    fit: float
+    residuals: Residuals
+    gain_error_percent: float | None
+    motion_counts: float | None
+    resolution_percent: float
+    friction: DryFriction | None
+
+    @property
+    def misfit(self) -> float:
+        """What neither model nor sensor explains, in per cent of the motion; NaN where there is no fit."""
+        return misfit_percent(self.fit, self.resolution_percent)
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the residuals tell of something that the model leaves out."""
+        return not (self.residuals.input_correlation.passed and self.residuals.whiteness.passed)
+
+    @property
+    def spread(self) -> float:
+        """How well K and T are known [%]; NaN where that could not be had.
+
+        Standard errors do not cover what the structure leaves out: where the residuals tell of that, it counts as well.
+        """
+        known = _errors_of(self.first_order)
+        return float(np.max([*known, self.misfit] if self.unexplained else known))
+
+    @property
+    def spread_with_friction(self) -> float:
+        """The same, where dry friction that the record can neither show nor exclude is left open [%]."""
+        if self.friction is None:
+            return self.spread
+        off = self.friction.off_percent(self.first_order.K, self.first_order.T)
+        return float(np.max([self.spread, *np.add(np.abs(off), _errors_of(self.friction))]))
+
+
+def _errors_of(found: FirstOrder | DryFriction) -> list[float]:
+    return [100.0 * found.K_std / abs(found.K), 100.0 * found.T_std / abs(found.T)]
+
+
+Finding = tuple[Grade, str]
+
+
+def judge(evidence: Evidence) -> Verdict:
+    """Grade a model and give the reasons. A figure that could not be had never counts in favour."""
+    findings = [
+        *_motion(evidence),
+        *_friction(evidence),
+        *_fit(evidence),
+        *_gain(evidence),
+        *_errors(evidence),
+        *_residuals(evidence),
+    ]
+    for grade in (Grade.UNUSABLE, Grade.CAUTION):
+        if any(found is grade for found, _ in findings):
+            ordered = sorted(findings, key=lambda finding: finding[0] is not Grade.UNUSABLE)
+            return Verdict(grade, tuple(reason for _, reason in ordered))
+    known = f"K and T known to ±{evidence.spread:.2g} %"
+    if evidence.spread_with_friction > evidence.spread:
+        known += f", ±{evidence.spread_with_friction:.2g} % if there is dry friction too little to be seen here"
+    praise = [f"fit of {evidence.fit:.1f} % on unseen data", known]
+    if evidence.gain_error_percent is not None:
+        praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric one")
     return Verdict(Grade.USABLE, tuple(praise))
+
+
+def graded(value: float, caution: float, most: float) -> Grade:
+    """Grade a figure that is better the smaller it is; NaN, not measured, is never usable."""
+    if value <= caution:
+        return Grade.USABLE
+    return Grade.CAUTION if value <= most else Grade.UNUSABLE
+
+
+def _motion(evidence: Evidence) -> Iterator[Finding]:
+    counts = evidence.motion_counts
+    if counts is not None and not counts >= MIN_COUNTS:
+        yield (
+            Grade.UNUSABLE,
+            f"not enough motion, the output moved by {counts:.1f} counts where {MIN_COUNTS:.0f} are needed"
+            " (use longer chips or a larger amplitude)",
+        )
+
+
+def _friction(evidence: Evidence) -> Iterator[Finding]:
+    friction = evidence.friction
+    if friction is None or not friction.found:
+        return
+    K_off, T_off = friction.off_percent(evidence.first_order.K, evidence.first_order.T)
+    grade = graded(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
+    yield (
+        grade,
+        f"dry (Coulomb) friction takes {friction.u_c:.3g} of the input: with it the record says"
+        f" K = {friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s, from which"
+        f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
+    )
+
+
+def _fit(evidence: Evidence) -> Iterator[Finding]:
+    if not np.isfinite(evidence.fit):
+        yield (
+            Grade.UNUSABLE,
+            "fit on unseen data not measured, as the first two thirds or the last third of the record hold too little"
+            " motion for a model of their own",
+        )
+        return
+    grade = graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
+    if grade is not Grade.USABLE:
+        bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
+        yield grade, f"fit of {evidence.fit:.1f} % on unseen data, where {bound:.0f} % are needed"
+
+
+def _gain(evidence: Evidence) -> Iterator[Finding]:
+    error = evidence.gain_error_percent
+    if error is None:
+        return
+    grade = graded(abs(error), CAUTION_GAIN_ERROR_PERCENT, MAX_GAIN_ERROR_PERCENT)
+    if grade is not Grade.USABLE:
+        yield grade, f"gain {error:+.1f} % off the geometric one"
+
+
+def _errors(evidence: Evidence) -> Iterator[Finding]:
+    found = evidence.first_order
+    for name, value, std in (("K", found.K, found.K_std), ("T", found.T, found.T_std)):
+        spread = 100.0 * std / abs(value)
+        grade = graded(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
+        if grade is not Grade.USABLE:
+            yield grade, _known(name, spread)
+    for name, value in list(evidence.model.parameters.items())[1:]:
+        spread = 100.0 * evidence.std_errors[name] / abs(value)
+        grade = graded(spread, MAX_STD_PERCENT, MAX_OTHER_STD_PERCENT)
+        if grade is not Grade.USABLE and name != "T":
+            yield grade, f"{_known(name, spread)} (take a simpler structure)"
+
+
+def _known(name: str, spread: float) -> str:
+    if not np.isfinite(spread):
+        return f"standard error of {name} not measured, the record does not determine it"
+    return f"{name} known to ±{spread:.3g} % only"
+
+
+def _residuals(evidence: Evidence) -> Iterator[Finding]:
+    misfit, known_sensor = evidence.misfit, evidence.resolution_percent > 0.0
+    follows = not evidence.residuals.input_correlation.passed
+    named = evidence.friction is not None and evidence.friction.found
+    if not evidence.unexplained or named or not np.isfinite(misfit):
+        return
+    if follows or known_sensor:
+        # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.
+        grade = graded(misfit, CAUTION_MISFIT_PERCENT, MAX_MISFIT_PERCENT)
+        if grade is not Grade.USABLE:
+            yield (
+                grade,
+                f"{misfit:.1f} % of the motion is neither the model's nor the sensor's (friction or missing dynamics),"
+                " so the model is local: it holds near this amplitude and point only",
+            )
+            return
+    if not known_sensor:
+        told = "follow the input" if follows else "are not white"
+        yield (
+            Grade.CAUTION,
+            f"the residuals ({misfit:.2g} % of the motion) {told}: the model leaves something out that standard errors"
+            " do not cover",
+        )

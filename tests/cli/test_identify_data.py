@@ -26,6 +26,7 @@ from tests.identification.closed_loop_records import (
 
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
+SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
 RECORDS: dict[str, dict[str, float]] = {
     "40 dB": {"snr_dB": 40.0},
     "10 dB": {"snr_dB": 10.0},
@@ -69,7 +70,7 @@ def test_every_kind_of_record_gives_its_truth_back(
 ) -> None:
     u, y, _ = closed_loop_record(truth, seed=11, **RECORDS[kind])  # type: ignore[arg-type]  # seed apart from the rest
     printed = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *CONTROLLER, structure=structure)
-    assert list(printed) == ["parameters", "std_errors", "method", "fit_percent", "verdict"]
+    assert list(printed) == SUMMARY
     assert set(printed["parameters"]) == set(printed["std_errors"]) == set(truth)
     assert np.max(np.abs(errors_in_std(printed, truth))) < 4.0
     assert printed["method"].startswith("closed-loop")

@@ -21,6 +21,7 @@ from tests.identification.closed_loop_records import (
 )
 
 CONTROLLER = Controller(K_P, K_I)
+SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
 CASES = [pytest.param("first", FIRST, id="first"), pytest.param("third", THIRD, id="third")]
 
 
@@ -100,7 +101,7 @@ def test_missing_dynamics_are_told_from_noise() -> None:
 def test_the_summary_has_what_the_command_line_prints() -> None:
     found = estimate(record(THIRD, 30.0, 7), "third")
     summary = found.summary()
-    assert list(summary) == ["parameters", "std_errors", "method", "fit_percent", "verdict"]
+    assert list(summary) == SUMMARY
     assert set(summary["parameters"]) == {"K", "T", "a1", "a2"}
     assert found.verdict.grade is Grade.USABLE
 

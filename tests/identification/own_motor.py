@@ -1,0 +1,54 @@
+"""A motor whose truth is known, driven by a voltage: dry friction, dead time and noise as ordered.
+
+Stepped twenty times a sample by Euler's rule with friction that sticks, independent of the package's exact solution.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PERIOD_S = 1e-3
+K_M, T_M = 2.86, 0.22
+_STEPS = 20
+
+
+def voltages(kind: str, count: int = 12_000, seed: int = 0) -> Array:
+    """Voltages [V] within ±5 V, shape (count,): "binary", "levels" or "sines"."""
+    random, t = np.random.default_rng(seed), np.arange(count) * PERIOD_S
+    match kind:
+        case "binary":
+            return np.repeat(random.choice([-5.0, 5.0], -(-count // 200)), 200)[:count]
+        case "levels":
+            return np.repeat(random.uniform(-5.0, 5.0, -(-count // 400)), 400)[:count]
+        case _:
+            return np.asarray(4.0 * np.sin(2.0 * np.pi * 0.5 * t) + np.sin(2.0 * np.pi * 1.3 * t))
+
+
+def motor(u: Array, u_c: float = 0.0, delay_s: float = 0.0) -> tuple[Array, Array]:
+    """Speed [rad/s] and angle [rad] at each sample, from rest, for a voltage held between samples."""
+    late = round(delay_s / PERIOD_S)
+    return _motor(np.concatenate((np.zeros(late), u[: u.size - late])), u_c)
+
+
+def noisy(clean: Array, share: float, seed: int = 1) -> Array:
+    """Add white noise of so much of the signal's standard deviation."""
+    return np.asarray(clean + share * np.std(clean) * np.random.default_rng(seed).standard_normal(clean.size))
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]  # numba has no types
+def _motor(u: Array, u_c: float) -> tuple[Array, Array]:
+    speed, angle = np.empty(u.size), np.empty(u.size)
+    w = theta = 0.0
+    step = PERIOD_S / _STEPS
+    for k in range(u.size):
+        speed[k], angle[k] = w, theta
+        for _ in range(_STEPS):
+            if w == 0.0 and abs(u[k]) <= u_c:
+                continue
+            sign = np.sign(w) if w != 0.0 else np.sign(u[k])
+            moved = w + step / T_M * (K_M * (u[k] - u_c * sign) - w)
+            theta += step * w
+            w = 0.0 if w != 0.0 and w * moved < 0.0 else moved
+    return speed, angle

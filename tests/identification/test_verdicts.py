@@ -1,0 +1,154 @@
+"""No "usable" that is wrong: verdicts on records whose truth is known, good ones and bad ones."""
+
+import numpy as np
+import pytest
+
+from backend.identification.estimate import estimate
+from backend.identification.record import Record
+from backend.identification.result import CorrelationTest, Estimate, FirstOrder, Grade, Model, Residuals
+from backend.identification.validation import Evidence, judge
+from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
+
+KINDS = ("binary", "levels", "sines")
+
+
+def claimed(found: Estimate) -> float:
+    """Errors of K and T in multiples of what the estimate says that they are known to."""
+    errors = found.first_order.K / K_M - 1.0, found.first_order.T / T_M - 1.0
+    return 100.0 * float(np.max(np.abs(errors))) / found.spread_percent
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+@pytest.mark.parametrize("u_c", [0.0, 0.05, 0.2, 1.0, 3.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, u_c: float, noise: float) -> None:
+    u = voltages(kind)
+    found = estimate(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
+    friction = found.friction
+    assert friction is not None
+    if not friction.found:
+        assert claimed(found) < 4.0
+        assert u_c < 0.1
+        return
+    assert found.verdict.grade is not Grade.USABLE
+    assert "dry (Coulomb) friction" in found.verdict.sentence
+    truths = (
+        (friction.K, friction.K_std, K_M),
+        (friction.T, friction.T_std, T_M),
+        (friction.u_c, friction.u_c_std, u_c),
+    )
+    assert all(abs(value - truth) < 4.0 * std for value, std, truth in truths)
+    # A linear model that friction moved by more than a tenth is no model.
+    off = max(abs(found.first_order.K / K_M - 1.0), abs(found.first_order.T / T_M - 1.0))
+    assert (found.verdict.grade is Grade.UNUSABLE) or off < 0.11
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
+    u = voltages(kind)
+    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], 0.01)), "first")
+    assert found.verdict.grade is Grade.USABLE
+    assert claimed(found) < 4.0
+    assert f"K and T known to ±{100.0 * found.first_order.T_std / found.first_order.T:.2g}" in found.verdict.sentence
+
+
+@pytest.mark.parametrize("structure", ["first", "order:2"])
+@pytest.mark.parametrize("delay_s", [0.02, 0.1])
+def test_a_dead_time_that_the_structure_leaves_out_is_told(delay_s: float, structure: str) -> None:
+    u = voltages("binary")
+    found = estimate(Record(PERIOD_S, u, noisy(motor(u, delay_s=delay_s)[0], 0.01)), structure)
+    assert found.verdict.grade is not Grade.USABLE
+    assert found.friction is None or not found.friction.found
+
+
+@pytest.mark.parametrize(("noise", "grade"), [(0.3, Grade.CAUTION), (3.0, Grade.UNUSABLE)])
+def test_a_model_that_explains_little_is_not_usable_however_white_the_rest(noise: float, grade: Grade) -> None:
+    u = voltages("binary")
+    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], noise)), "first")
+    assert found.residuals.whiteness.passed
+    assert found.verdict.grade is grade
+    assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
+
+
+def test_an_excitation_too_weak_for_the_sensor_is_refused() -> None:
+    u = 0.02 * voltages("binary")
+    y = 0.1 * np.round(motor(u)[0] / 0.1)
+    found = estimate(Record(PERIOD_S, u, y), "first")
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert f"moved by {np.ptp(y) / 0.1:.1f} counts" in found.verdict.sentence
+
+
+def test_an_output_that_moves_in_its_last_third_only_has_no_fit_on_unseen_data() -> None:
+    u = voltages("levels")
+    u[:8000] = 0.0
+    found = estimate(Record(PERIOD_S, u, motor(u)[0]), "first")
+    assert np.isnan(found.fit_percent)
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert "fit on unseen data not measured" in found.verdict.sentence
+
+
+def test_a_structure_too_rich_for_the_record_is_not_usable() -> None:
+    u = voltages("sines")
+    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], 0.3)), "order:2")
+    ratio = found.std_errors["a2"] / found.model.parameters["a2"]
+    assert not ratio < 0.39
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert "a2 known to" in found.verdict.sentence or "standard error of a2 not measured" in found.verdict.sentence
+
+
+def test_missing_dynamics_count_without_a_known_sensor_too() -> None:
+    u = voltages("levels")
+    found = estimate(Record(PERIOD_S, u, lagged(motor(u)[0])), "first")
+    assert not found.residuals.whiteness.passed
+    assert found.verdict.grade is not Grade.USABLE
+
+
+def lagged(y: Array) -> Array:
+    """Offset, so that no friction is looked for, and another lag of 30 ms."""
+    out, state, share = np.empty(y.size), 0.0, PERIOD_S / 0.03
+    for k in range(y.size):
+        out[k] = state
+        state += share * (y[k] - state)
+    return 100.0 + noisy(out, 0.002)
+
+
+def passed(value: bool = True) -> CorrelationTest:
+    return CorrelationTest((1e-3,), (0.0,), (0.1,), value)
+
+
+GOOD = Evidence(
+    first_order=FirstOrder(1.0, 0.2, 1e-3, 2e-4),
+    model=Model("third", {"K": 1.0, "T": 0.2, "a2": 1e-4, "a1": 1e-2}),
+    std_errors={"K": 1e-3, "T": 2e-4, "a2": 1e-6, "a1": 1e-4},
+    fit=98.0,
+    residuals=Residuals(passed(), passed(), 0.01, 0.0, 0.0, 0.0),
+    gain_error_percent=0.5,
+    motion_counts=500.0,
+    resolution_percent=0.1,
+    friction=None,
+)
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fit": NAN},
+        {"gain_error_percent": NAN},
+        {"motion_counts": NAN},
+        {"first_order": FirstOrder(1.0, 0.2, NAN, 2e-4)},
+        {"first_order": FirstOrder(1.0, 0.2, 1e-3, NAN)},
+        {"first_order": FirstOrder(1.0, NAN, 1e-3, 2e-4)},
+        {"first_order": FirstOrder(NAN, 0.2, 1e-3, 2e-4)},
+        {"std_errors": GOOD.std_errors | {"a2": NAN}},
+        {"std_errors": GOOD.std_errors | {"a1": 7.6e4}},
+    ],
+    ids=str,
+)
+def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, object]) -> None:
+    assert judge(GOOD).grade is Grade.USABLE
+    assert judge(replaced(change)).grade is Grade.UNUSABLE
+
+
+def replaced(change: dict[str, object]) -> Evidence:
+    return Evidence(**{name: change.get(name, getattr(GOOD, name)) for name in Evidence.__dataclass_fields__})
