@@ -18,8 +18,8 @@ from tests.soak.attack.tally import Tally
 from tests.soak.attack.work import Accounts, be_off, must_be_well, sequence
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
-BUSY_S = 0.03
-"""A worker that has computed for so long [s] since it was asked is at work."""
+BUSY_S = 0.01
+"""A worker that has computed for so long [s] since it was asked is at work: the least that the kernel counts."""
 
 LATER_S = 0.6
 """The kill comes by chance up to so long [s] after the work began."""
@@ -46,7 +46,7 @@ class Pools:
                 return max(grown, key=lambda worker: worker.cpu_s, default=Busy(0, 0.0))
 
             try:
-                wait_until(lambda: busiest().cpu_s > BUSY_S, "a worker at work", 20.0)
+                wait_until(lambda: busiest().cpu_s > BUSY_S / 2, "a worker at work", 20.0)
             except TimeoutError:
                 return False
             time.sleep(self._chance.uniform(0.0, LATER_S))
