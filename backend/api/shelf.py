@@ -20,6 +20,7 @@ from backend.api.tuning_in_use import TuningInUse
 from backend.experiments import bank_building, bank_files
 from backend.experiments.bank_consistency import MODEL_NAMES
 from backend.experiments.bank_difference import difference, figures_of_all, with_entries
+from backend.identification.actuator import joint_method
 from backend.storage import Database, Session, banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
@@ -153,7 +154,7 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
     run = None if found.run_id is None else runs.get(session, found.run_id)
     return EntryLineage(
         identification=found.id,
-        method=found.method,
+        method=joint_method({name: found.model[name].get("method", found.method) for name in MODEL_NAMES}),
         verdict=found.verdict,
         run=found.run_id,
         created=found.created_at,

@@ -33,6 +33,15 @@ def data(
             metavar="KP,KI", help="Feedback u = kp (r - y) + ki ∫(r - y), ki per second; needs no --setpoint."
         ),
     ] = None,
+    skip: Annotated[int, typer.Option(metavar="ROWS", help="Leave out so many rows at the start.")] = 0,
+    gain: Annotated[
+        float | None,
+        typer.Option(metavar="K", help="Static gain that is known otherwise, as from geometry; the verdict compares."),
+    ] = None,
+    resolution: Annotated[
+        float | None,
+        typer.Option(metavar="STEP", help="One count of the output's sensor; found where the values are few."),
+    ] = None,
     method: Annotated[str, typer.Option(metavar="NAME", help=f"Estimator: {METHODS}.")] = "default",
     as_json: AsJson = False,
 ) -> None:
@@ -47,10 +56,11 @@ def data(
     from backend.identification.import_data import record_from
 
     try:
+        columns = {name: values[skip:] for name, values in _read(file).items()}
         record = record_from(
-            _read(file), u, y, period_s, setpoint=setpoint, controller=_controller(controller) if controller else None
+            columns, u, y, period_s, setpoint=setpoint, controller=_controller(controller) if controller else None
         )
-        found = estimate(record, structure, _method(method))
+        found = estimate(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
     else:

@@ -10,7 +10,7 @@ from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.metrics import NoSamplesError, figure
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.result import Document, json_ready
-from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
+from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator, joint_method
 from backend.identification.candidates import Candidates
 from backend.identification.result import Estimate, Grade
 from backend.loop.program import Excitation
@@ -88,7 +88,7 @@ def to_store(
         kind="actuator",
         run_id=run.id,
         data={**signals, "first_sample": start, "samples": columns["t"].size - start, "period_s": T_s},
-        method=estimate.G_q.method,
+        method=joint_method({name: channel.method for name, channel in channels.items()}),
         options={**asdict(plan), "structures": {name: channel.model.structure for name, channel in channels.items()}},
         model={
             "S_nominal": estimate.S_nominal,
@@ -128,6 +128,7 @@ def _quality(channel: Estimate) -> Document:
             "fit_all_percent": channel.fit_all_percent,
             "gain_geometry": channel.gain_geometry,
             "gain_error_percent": channel.gain_error_percent,
+            "y_resolution": channel.y_resolution,
             "residuals": asdict(channel.residuals),
             "frequency": asdict(channel.frequency),
             "usable": channel.verdict.grade is not Grade.UNUSABLE,

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from backend.identification.candidates import Candidates, rank
-from backend.identification.fit import Method
 from backend.identification.record import Record, Signal
 from backend.identification.result import Estimate, Grade, Verdict
 
@@ -95,19 +94,15 @@ def identify_actuator(
     """
     u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
     rest = slice(max(0, start - int(_REST_S / period_s)), max(start, 1))
-    # Without a noise model: what these records leave unexplained is friction and dynamics, not noise, and the input is
-    # known exactly.
     q_candidates = rank(
         Record(period_s, u[start:], q[start:]),
         structures,
-        Method.LOW_FREQUENCY,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
     S_candidates = rank(
         Record(period_s, u[start:], S[start:]),
         structures,
-        Method.LOW_FREQUENCY,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
     )
@@ -121,6 +116,13 @@ def identify_actuator(
         motion_counts=float(np.ptp(q[start:])) / geometry.q_resolution,
         verdict=_joint_verdict(q_candidates.best.verdict, S_candidates.best.verdict),
     )
+
+
+def joint_method(methods: Mapping[str, str]) -> str:
+    """Name the estimators that ran, by channel; once where they are the same."""
+    if len(set(methods.values())) == 1:
+        return next(iter(methods.values()))
+    return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
 
 
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:

@@ -66,6 +66,7 @@ def estimate(
         frequency=check_frequency_response(model, record),
         gain_geometry=gain_geometry,
         gain_error_percent=gain_error,
+        y_resolution=y_resolution,
         friction=friction,
         spread_percent=evidence.spread_with_friction,
         verdict=judge(evidence),

@@ -29,9 +29,12 @@ _CLOSE = 1.1
 class Method(StrEnum):
     """Estimators to choose from.
 
-    ``DEFAULT`` solves the refined-IV equation, closed-loop form where set point or controller are known, output
-    error where they are not. Where noise colours the residuals it is modelled as autoregressive; where they follow the
-    input, because the structure cannot carry the system, low frequencies are weighted.
+    ``DEFAULT`` is what experiments and files are identified by alike. Where set point or controller are known it
+    solves the refined-IV equation in its closed-loop form, and models noise that colours the residuals as
+    autoregressive. Where they are not it is output error without a noise model: the input is taken as known exactly,
+    so what is left may as well be friction or missing dynamics, which a noise model would whiten at the cost of gain
+    and lag. Where the residuals follow the input, because the structure cannot carry the system, low frequencies are
+    weighted.
     ``SRIVC`` and ``OUTPUT_ERROR`` do without either, ``RIVC`` insists on the noise model, ``LOW_FREQUENCY`` is output
     error with that weighting. ``ARX`` is the paper's method.
     """
@@ -125,7 +128,7 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
     first = _from_starts(problem, drive)
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
         return first
-    if method is Method.LOW_FREQUENCY:
+    if method is Method.LOW_FREQUENCY or (method is Method.DEFAULT and drive is None):
         return first if _explains(first) else _low_frequency(first)
     if method is Method.DEFAULT and first.whiteness().passed:
         return first

@@ -157,7 +157,8 @@ class Estimate:
     leaves out and the friction that the record cannot exclude; NaN where that could not be had.
     ``covariance``, shape (p, p), is in the order of ``model.vector`` and robust to coloured residuals. ``noise`` are
     the coefficients d_1 .. of the autoregressive noise model 1/D, empty for white noise. ``gain_error_percent``
-    compares the gain with ``gain_geometry`` where that is known.
+    compares the gain with ``gain_geometry`` where that is known; ``y_resolution`` is one count of the output's sensor,
+    given or found.
     """
 
     model: Model
@@ -172,6 +173,7 @@ class Estimate:
     frequency: FrequencyCheck = field(repr=False)
     gain_geometry: float | None
     gain_error_percent: float | None
+    y_resolution: float | None
     friction: DryFriction | None
     spread_percent: float
     verdict: Verdict

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from backend.identification.actuator import joint_method
 from backend.identification.published import TABLE_1
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.identification_figures import (
@@ -207,6 +208,23 @@ def _data(found: Identification | None) -> tuple[Paragraph, ...]:
     data = found.data
     text = (
         f"Identification {found.id} used {data['samples']} samples at {exact(1e3 * data['period_s'])} ms, from sample "
-        f"{data['first_sample']} of run {found.run_id} on: input θ_A,ref, outputs q and S. Method: {found.method}."
+        f"{data['first_sample']} of run {found.run_id} on: input θ_A,ref, outputs q and S. Method: {_method(found)}."
     )
-    return (Paragraph(text),)
+    again = " ".join(f"{key}: {again_command(found, key)}" for key in CHANNELS)
+    return (Paragraph(text), Paragraph(f"To compute it again from the run's data file. {again}"))
+
+
+def _method(found: Identification) -> str:
+    # The document's own method is that of G_q alone where it was stored before both were named.
+    return joint_method({key: found.model[key].get("method", found.method) for key in CHANNELS})
+
+
+def again_command(found: Identification, key: str) -> str:
+    """Return the command that estimates one channel anew from the exported samples, to the same figures and verdict."""
+    data, quality = found.data, found.quality[key]
+    known = {"--gain": quality["gain_geometry"], "--resolution": quality.get("y_resolution")}
+    words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
+    return (
+        f"sinew identify data data.csv --input theta_A_ref --output {CHANNELS[key][0]} --period {data['period_s']:g}"
+        f" --skip {data['first_sample']} --structure {found.model[key]['structure']} {' '.join(words)}"
+    )
