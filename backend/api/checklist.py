@@ -120,7 +120,7 @@ def _newest(estimates: list[Identification], kind: str) -> Found:
 
 
 def _newest_run(session: Session, kinds: tuple[RunKind, ...]) -> Run | None:
-    found = runs.find(session, kinds=kinds, search=EndState.COMPLETED, limit=1)
+    found = runs.find(session, kinds=kinds, ended=EndState.COMPLETED, limit=1)
     return found[0] if found else None
 
 

@@ -20,6 +20,8 @@ from backend.api.schemas.identification import (
     SpringView,
 )
 from backend.api.schemas.run import Envelope, Evaluation, RunView, SamplesView
+from backend.identification.motor import grade_of
+from backend.identification.result import Grade
 from backend.recording import reader
 from backend.sample import STORED
 from backend.storage.banks import Bank
@@ -211,6 +213,7 @@ def _model_view(estimate: Identification, channel: str) -> ModelView:
         gain_geometry=quality["gain_geometry"],
         K=model["first_order"]["K"],
         T=model["first_order"]["T"],
+        grade=Grade(quality["grade"]),
         usable=quality["usable"],
         verdict=quality["verdict"],
     )
@@ -233,6 +236,7 @@ def _motors(estimate: Identification) -> list[MotorView]:
                 before=MotorEstimate(**model["before"]),
                 rms_counts=quality["rms_counts"],
                 refused=[f"{item['voltage']:g} V: {item['reason']}" for item in quality["refused"]],
+                grade=grade_of(model, quality),
                 verdict=quality["verdict"],
             )
         )

@@ -12,6 +12,7 @@ from backend.experiments.metrics import NoSamplesError, figure
 from backend.experiments.result import Document, json_ready
 from backend.identification.errors import IdentificationError, RecordError
 from backend.identification.motor import MotorIdentification, VoltageStep, identify_motor
+from backend.identification.result import Grade
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
 from plant.interface import T_s
@@ -26,7 +27,6 @@ COUNTS_WHERE_EXACT = 8000
 """Counts per turn of the paper's motor encoder, used where a parameter set has ideal sensors."""
 
 _CURVE_POINTS = 120
-_UNUSABLE = "Not usable"
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ def to_store(
         options=asdict(plan),
         model={side: _model(result, parameters, side) for side, (_, result) in found.items()},
         quality={side: _quality(cut, result) for side, (cut, result) in found.items()},
-        usable=not any(verdict.startswith(_UNUSABLE) for verdict in verdicts.values()),
-        verdict=" ".join(f"Motor {side}: {verdict}" for side, verdict in verdicts.items()),
+        usable=all(verdict.grade is not Grade.UNUSABLE for verdict in verdicts.values()),
+        verdict=" ".join(f"Motor {side}: {verdict.sentence}" for side, verdict in verdicts.items()),
         who=run.who,
         software=software,
     )
@@ -164,7 +164,8 @@ def _quality(cut: SideSteps, result: MotorIdentification) -> Document:
     return json_ready(
         {
             "rms_counts": result.rms_counts,
-            "verdict": result.verdict,
+            "grade": result.verdict.grade,
+            "verdict": result.verdict.sentence,
             "refused": [{"voltage": voltage, "reason": reason} for voltage, reason in cut.refused],
             "steps": [_curve(step, result) for step in cut.steps],
         }

@@ -9,7 +9,7 @@ import numpy as np
 
 from backend.identification.candidates import Candidates, rank
 from backend.identification.record import Record, Signal
-from backend.identification.result import Estimate, Grade, Verdict
+from backend.identification.result import Estimate, Verdict, worst
 
 STRUCTURES = ("order:4", "lags4", "third", "first")
 """What is tried for G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""
@@ -128,6 +128,6 @@ def joint_method(methods: Mapping[str, str]) -> str:
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
     """Take the worse grade, with the reasons of those that have it: praise of the other one would hide them."""
     named = {"G_q": G_q, "G_S": G_S}
-    worst = max((verdict.grade for verdict in named.values()), key=list(Grade).index)
-    reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is worst for reason in one.reasons)
-    return Verdict(worst, tuple(reasons))
+    grade = worst(*(verdict.grade for verdict in named.values()))
+    reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is grade for reason in one.reasons)
+    return Verdict(grade, tuple(reasons))

@@ -6,8 +6,9 @@ of the voltage that only overcomes dry friction. After a step from rest, with v 
     theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,12 +16,21 @@ from scipy.stats import norm
 
 from backend.identification.errors import NotConvergedError, RecordError
 from backend.identification.record import Signal
+from backend.identification.result import Grade, Verdict, worst
 from backend.identification.uncertainty import sandwich
+from backend.identification.validation import (
+    CAUTION_MISFIT_PERCENT,
+    CAUTION_STD_PERCENT,
+    MAX_STD_PERCENT,
+    graded,
+)
 
 LEVEL = 0.01
 MIN_RUNS = 2
 MIN_MOTION_COUNTS = 200.0
 MAX_LOAD_N = 0.5
+MAX_MISFIT_COUNTS = 10.0
+MAX_MOTOR_MISFIT_PERCENT = 10.0
 _STEADY_PART = 0.2
 _MIN_LENGTH_LAGS = 3.0
 _SMOOTHING_PART = 0.02
@@ -94,7 +104,8 @@ class MotorIdentification:
     """Both results. ``rule`` has one entry per run, ``rule_mean`` and ``rule_spread`` are (K_m, T_m) over the runs.
 
     K_m [rad/(V·s)], T_m [s] and u_c [V] come from least squares on position over all runs; ``std_errors`` are theirs.
-    ``coulomb`` says whether u_c differs from zero at the 1 % level; where it does not, it is left out of the fit.
+    ``rms_counts`` is what they leave over of the position, in encoder counts. ``coulomb`` says whether u_c differs
+    from zero at the 1 % level; where it does not, it is left out of the fit.
     """
 
     K_m: float
@@ -106,7 +117,7 @@ class MotorIdentification:
     rule_mean: tuple[float, float]
     rule_spread: tuple[float, float]
     rms_counts: float
-    verdict: str
+    verdict: Verdict
 
 
 def identify_motor(runs: Sequence[VoltageStep]) -> MotorIdentification:
@@ -137,7 +148,7 @@ def identify_motor(runs: Sequence[VoltageStep]) -> MotorIdentification:
         rule_mean=(float(np.mean(gains)), float(np.mean(lags))),
         rule_spread=(float(np.std(gains, ddof=1)), float(np.std(lags, ddof=1))),
         rms_counts=float(counts),
-        verdict=_verdict(solution, std, bool(significant), float(counts)),
+        verdict=_verdict(solution, std, bool(significant), float(counts), 100.0 * rms / _motion(runs)),
     )
 
 
@@ -181,6 +192,12 @@ def _position(run: VoltageStep, parameters: Signal) -> Signal:
     return np.asarray(v * (t + T_m * np.expm1(-t / T_m)))
 
 
+def _motion(runs: Sequence[VoltageStep]) -> float:
+    """Root mean square of the turn about its mean [rad], over all runs."""
+    turned = np.concatenate([_without_mean(run.theta[run.first :]) for run in runs])
+    return float(np.sqrt(np.mean(turned**2)))
+
+
 def _without_mean(error: Signal) -> Signal:
     return np.asarray(error - np.mean(error))
 
@@ -198,8 +215,43 @@ def _check_length(runs: Sequence[VoltageStep], T_m: float) -> None:
         )
 
 
-def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float) -> str:
-    spread = 100.0 * max(std[0] / solution[0], std[1] / solution[1])
-    friction = f"dry friction takes {solution[2]:.3f} V" if coulomb else "no dry friction found"
-    grade = "Usable" if spread < 3.0 and counts < 10.0 else "Usable with caution"
-    return f"{grade}: K_m and T_m known to ±{spread:.2g} %, {friction}, position fitted to {counts:.1f} counts."
+def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, misfit_percent: float) -> Grade:
+    """Grade a motor: how well K_m and T_m are known [%], and what is left over in encoder counts and of the turn [%].
+
+    A figure that could not be had never counts in favour.
+    """
+    if not (K_m > 0.0 and T_m > 0.0):
+        return Grade.UNUSABLE
+    return worst(
+        graded(spread_percent, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
+        graded(counts, MAX_MISFIT_COUNTS, np.inf),
+        graded(misfit_percent, CAUTION_MISFIT_PERCENT, MAX_MOTOR_MISFIT_PERCENT),
+    )
+
+
+def spread_percent(K_m: float, T_m: float, std_K_m: float, std_T_m: float) -> float:
+    """How well K_m and T_m are known [%]; NaN where that could not be had."""
+    return float(100.0 * np.max([std_K_m / abs(K_m), std_T_m / abs(T_m)]))
+
+
+def grade_of(model: Mapping[str, Any], quality: Mapping[str, Any]) -> Grade:
+    """Return the grade of one motor as stored; where it was stored without, what its figures say."""
+    if "grade" in quality:
+        return Grade(quality["grade"])
+    fitted, std = model["parameters"], model["std_errors"]
+    spread = spread_percent(fitted["K_m"], fitted["T_m"], std["K_m"], std["T_m"])
+    return judge_motor(fitted["K_m"], fitted["T_m"], spread, quality["rms_counts"], 0.0)
+
+
+def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit_percent: float) -> Verdict:
+    K_m, T_m, u_c = (float(value) for value in solution)
+    spread = spread_percent(K_m, T_m, float(std[0]), float(std[1]))
+    known = f"known to ±{spread:.2g} %" if np.isfinite(spread) else "known to no measured error"
+    reasons = [
+        f"K_m and T_m {known}",
+        f"dry friction takes {u_c:.3f} V" if coulomb else "no dry friction found",
+        f"position fitted to {counts:.1f} counts, {misfit_percent:.2g} % of the turn",
+    ]
+    if K_m <= 0.0:
+        reasons.insert(0, "the motor turns against its voltage (check the wiring)")
+    return Verdict(judge_motor(K_m, T_m, spread, counts, misfit_percent), tuple(reasons))

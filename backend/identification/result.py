@@ -132,6 +132,11 @@ class Grade(StrEnum):
     UNUSABLE = "not usable"
 
 
+def worst(*grades: Grade) -> Grade:
+    """Return the least of some grades."""
+    return max(grades, key=list(Grade).index)
+
+
 @dataclass(frozen=True)
 class Verdict:
     """A grade and its reasons; ``sentence`` says both in one line."""

@@ -182,7 +182,7 @@ class ModeMachine:
         if isinstance(self.motion, Winding):
             self._take_zero(self.motion)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-            self._enter_pretension("program ended")
+            self._enter_pretension("program ended", completed=True)
         elif self.pretension_done and not self._reached_told:
             self._reached_told = True
             self.events.append(PretensionReached(self.tick))
@@ -235,9 +235,9 @@ class ModeMachine:
         gains, m = self.tuning.motors, self.m
         return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
 
-    def _enter(self, mode: Mode, motion: Motion | None, cause: str, run: int = 0) -> None:
+    def _enter(self, mode: Mode, motion: Motion | None, cause: str, run: int = 0, *, completed: bool = False) -> None:
         if self._program is not None:
-            self.events.append(ProgramEnded(self.tick, self.run, completed=cause == "program ended"))
+            self.events.append(ProgramEnded(self.tick, self.run, completed))
             if self._program.law not in IDENTIFYING:
                 self._release_push()
             self._program = None
@@ -257,14 +257,14 @@ class ModeMachine:
         r_m = self._geometry.r_m
         return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
 
-    def _enter_pretension(self, cause: str) -> None:
+    def _enter_pretension(self, cause: str, *, completed: bool = False) -> None:
         carry = self._carried()
         motion: Motion
         if self.zeroed:
             motion = Travel(carry, NO_REFERENCE, *self._wound(PRETENSION_N))
         else:
             motion = Winding(carry, NO_REFERENCE)
-        self._enter(Mode.PRETENSION, motion, cause)
+        self._enter(Mode.PRETENSION, motion, cause, completed=completed)
 
     def _take_zero(self, winding: Winding) -> None:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""

@@ -5,6 +5,7 @@ from typing import Any
 
 from backend.identification.actuator import joint_method
 from backend.identification.published import TABLE_1
+from backend.identification.result import Grade, worst
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.identification_figures import (
     CHANNELS,
@@ -14,13 +15,12 @@ from backend.reports.identification_figures import (
     residual_panels,
     step_panels,
 )
-from backend.reports.judgement import figures_table
+from backend.reports.judgement import OUTCOMES, figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
-_OUTCOMES = {"usable": "passed", "usable with caution": "incomplete", "not usable": "failed"}
 
 _NOTES = (
     "Gains are for one motor: through the decoupler both motors move, which doubles them, and the controllers are "
@@ -65,8 +65,7 @@ def actuator_identification_report(source: Source) -> Report:
 def _outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    grades = [_OUTCOMES[found.quality[key]["grade"]] for key in CHANNELS]
-    return max(grades, key=["passed", "incomplete", "failed"].index)
+    return OUTCOMES[worst(*(Grade(found.quality[key]["grade"]) for key in CHANNELS))]
 
 
 def _point(found: Identification | None) -> tuple[Fact, ...]:

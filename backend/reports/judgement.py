@@ -3,9 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
+from backend.identification.result import Grade
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
+
+OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
+"""Outcome of a report by the grade of its model."""
 
 _WORDS = {True: "pass", False: "fail", None: "not judged"}
 

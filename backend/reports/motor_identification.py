@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from backend.identification.motor import grade_of
+from backend.identification.result import worst
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, figure, panel_letter, to_svg
-from backend.reports.judgement import figures_table
+from backend.reports.judgement import OUTCOMES, figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
+from backend.storage.identifications import Identification
 
 SIDES = ("A", "B")
 PAPER = {"K_m": 2.86, "T_m": 0.22}
@@ -40,13 +43,19 @@ def motor_identification_report(source: Source) -> Report:
     return Report(
         title="Motor identification",
         subtitle=subtitle(source),
-        outcome="incomplete" if found is None else "passed" if found.usable else "failed",
+        outcome=_outcome(found),
         verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
         facts=facts(source),
         sections=tuple(sections),
         footer=f"Sinew {source.run.software} · motor identification · run {source.run.id}",
         date=source.run.started_at,
     )
+
+
+def _outcome(found: Identification | None) -> str:
+    if found is None:
+        return "incomplete"
+    return OUTCOMES[worst(*(grade_of(found.model[side], found.quality[side]) for side in SIDES))]
 
 
 def _estimates(model: Mapping[str, Any]) -> Table:

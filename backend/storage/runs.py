@@ -100,10 +100,20 @@ def get(session: Session, run_id: int) -> Run:
 
 
 def find(
-    session: Session, *, kinds: Sequence[RunKind] = (), search: str = "", limit: int = 200, offset: int = 0
+    session: Session,
+    *,
+    kinds: Sequence[RunKind] = (),
+    ended: EndState | None = None,
+    search: str = "",
+    limit: int = 200,
+    offset: int = 0,
 ) -> list[Run]:
-    """Return runs, newest first; ``search`` looks into number, kind, who, note, parameters' name and end state."""
-    query = select(RunRow).where(*_conditions(kinds, search)).order_by(RunRow.id.desc()).limit(limit).offset(offset)
+    """Return runs, newest first: of these kinds, ended like that.
+
+    ``search`` is for people: its words may stand in number, kind, who, note, parameters' name or end state.
+    """
+    conditions = [*_conditions(kinds, search), *([] if ended is None else [RunRow.end_state == ended.value])]
+    query = select(RunRow).where(*conditions).order_by(RunRow.id.desc()).limit(limit).offset(offset)
     return [to_record(Run, row) for row in session.scalars(query)]
 
 

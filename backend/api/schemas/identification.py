@@ -10,6 +10,7 @@ from backend.api.schemas.experiment import Metric, SettingValue, SettingView
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.settings import describe
+from backend.identification.result import Grade
 
 
 def _declared(plan: type[Any], name: str) -> Any:
@@ -118,6 +119,7 @@ class ModelView(Schema):
     gain_geometry: float = Field(description="static gain known from geometry")
     K: float = Field(description="static gain of the first-order reduction")
     T: float = quantity("s", "time constant of the first-order reduction: sum of lags")
+    grade: Grade
     usable: bool
     verdict: str
 
@@ -142,6 +144,7 @@ class MotorView(Schema):
     before: MotorEstimate = Field(description="in force when the run was made")
     rms_counts: float = Field(description="RMS error of position, in encoder counts")
     refused: list[str] = Field(description="steps that could not be used, with the reason")
+    grade: Grade
     verdict: str
 
 

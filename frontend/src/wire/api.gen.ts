@@ -2084,6 +2084,12 @@ export interface components {
             };
         };
         /**
+         * Grade
+         * @description How far a model may be trusted for tuning.
+         * @enum {string}
+         */
+        Grade: "usable" | "usable with caution" | "not usable";
+        /**
          * GrantedView
          * @description What the machine granted to the loop process.
          */
@@ -2656,6 +2662,7 @@ export interface components {
              * @description time constant of the first-order reduction: sum of lags [s]
              */
             T: number;
+            grade: components["schemas"]["Grade"];
             /** Usable */
             usable: boolean;
             /** Verdict */
@@ -2801,6 +2808,7 @@ export interface components {
              * @description steps that could not be used, with the reason
              */
             refused: string[];
+            grade: components["schemas"]["Grade"];
             /** Verdict */
             verdict: string;
         };

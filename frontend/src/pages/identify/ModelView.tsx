@@ -65,7 +65,7 @@ export function ModelView({
         </Table.Tbody>
       </Table>
       <span className={page.dim}>Estimated by {model.method.replaceAll("_", " ")}.</span>
-      <Verdict good={model.usable}>{model.verdict}</Verdict>
+      <Verdict good={model.grade === "usable"}>{model.verdict}</Verdict>
     </section>
   );
 }
