@@ -12,6 +12,7 @@ from pathlib import Path
 import httpx
 from rich.console import Console
 
+from backend.supervision import LONGEST_PAUSE_S, WELL_S
 from tests.soak.attack.processes import Busy, is_there, kill, pool_workers
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import Tally
@@ -25,6 +26,9 @@ LATER_S = 0.6
 """The kill comes by chance up to so long [s] after the work began."""
 
 DONE_S = 60.0
+TOLD_FOR_S = LONGEST_PAUSE_S + WELL_S + 10.0
+"""Deaths are told for so long [s] at most, and no longer."""
+
 SEED = 20
 
 
@@ -89,7 +93,7 @@ def kill_pool(times: int, console: Console) -> bool:
                 _at_work(bench, loop, button, pools, tally, what, asked[what])
             _must_be_free(bench, tally)
             accounts.look(bench, tally)
-        must_be_well(bench, tally, "all kills")
+        must_be_well(bench, tally, "all kills", TOLD_FOR_S)
         button.release()
         loop.close()
     return tally.close()

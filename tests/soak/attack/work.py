@@ -127,12 +127,12 @@ class Flights:
         return max(self._after(number), default=number)
 
 
-def must_be_well(bench: Bench, tally: Tally, after: str) -> None:
+def must_be_well(bench: Bench, tally: Tally, after: str, within_s: float = ENDED_S) -> None:
     """Check that the whole safety chain is good, a watchdog is at work, and nothing stays shown as a problem."""
     watchdogs = named(bench.service.pid, WATCHDOG)
     tally.lost(len(watchdogs) != 1, f"{len(watchdogs)} watchdogs after {after}")
     try:
-        wait_until(lambda: not _bad(bench.state()), "all well", ENDED_S)
+        wait_until(lambda: not _bad(bench.state()), "all well", within_s)
     except TimeoutError:
         tally.lost(True, f"after {after}: {'; '.join(_bad(bench.state()))}")
 
