@@ -14,6 +14,7 @@ from rich.console import Console
 from backend.faults import FAULT_CODE, Fault
 from backend.sample import INDEX
 from tests.docs.faults_page import documented_ms
+from tests.soak.attack.kill_pool import DONE_S
 from tests.soak.attack.processes import WATCHDOG, named, pool_workers
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import STOP_S, UNWATCHED_S, ZERO_S, Tally
@@ -113,7 +114,7 @@ def _pool_worker(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> 
     wind_up(bench, loop)
     with ThreadPoolExecutor(1) as asking:
         before = {worker.pid for worker in pool_workers(bench.service.pid)}
-        answer = asking.submit(bench.client.post, "/api/experiments/dry-run", json=sequence(30, 30))
+        answer = asking.submit(bench.client.post, "/api/experiments/dry-run", json=sequence(30, 30), timeout=DONE_S)
         time.sleep(0.3)
         workers = {worker.pid for worker in pool_workers(bench.service.pid)} | before
         for worker in workers:
@@ -124,7 +125,7 @@ def _pool_worker(bench: Bench, loop: Loop, button: StopButton, tally: Tally) -> 
         finally:
             for worker in workers:
                 os.kill(worker, signal.SIGCONT)
-        status = answer.result(60.0).status_code
+        status = answer.result().status_code
     tally.lost(status != 200, f"the dry run of a worker that stood still answered {status}")
 
 
