@@ -1,6 +1,7 @@
 """``sinew identify data``: a record from elsewhere through the same estimators."""
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,7 @@ from backend.cli.output import AsJson, fail, out, print_json, print_table
 if TYPE_CHECKING:
     from backend.identification.import_data import Columns
     from backend.identification.record import Controller
-    from backend.identification.result import Estimate
+    from backend.identification.result import CorrelationTest, Estimate
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4"
@@ -120,11 +121,17 @@ def _show(found: "Estimate") -> None:
         ("sum of lags T [s]", f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}"),
         *_friction(found),
         ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
-        ("residuals", "white" if tests.whiteness.passed else "coloured"),
-        ("residuals and input", "independent" if tests.input_correlation.passed else "correlated"),
+        ("residuals", _tested(tests.whiteness, "white", "coloured")),
+        ("residuals and input", _tested(tests.input_correlation, "independent", "correlated")),
     ]
     print_table(("", "result"), rows)
     out.print(found.verdict.sentence, highlight=False, markup=False)
+
+
+def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
+    from backend.identification.residuals import judged
+
+    return f"{good if test.passed else bad}: {judged(asdict(test)).sentence}"
 
 
 def _friction(found: "Estimate") -> list[tuple[str, str]]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import step
 
+from backend.identification.residuals import LEVEL, judged
 from backend.identification.result import Model
 from backend.storage.identifications import Identification
 
@@ -69,7 +70,15 @@ def _measured(frequency: Document | None) -> Document | None:
 
 
 def _correlation(test: Document) -> Document:
-    return {name: test[name] for name in ("lags_s", "correlation", "band", "passed")}
+    found = judged(test)
+    outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
+    return {
+        "lags_s": test["lags_s"],
+        "correlation": test["correlation"],
+        **outcome,
+        "level": LEVEL,
+        "passed": found.passed,
+    }
 
 
 def _candidate(item: Document) -> Document:

@@ -1,4 +1,12 @@
-"""Tests of residuals: white? independent of the input? and information criteria."""
+"""Tests of residuals: whether they are white, and whether they are independent of the input.
+
+Both look at the largest of many correlations, each in units of its own standard deviation, and ask at the 1 % level
+for all of them together (Bonferroni) whether chance alone makes one that large.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +21,30 @@ _WHITENESS_LAGS = 25
 _INPUT_LAGS = 50
 
 Reals = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A residual test in words and numbers.
+
+    ``statistic`` is the largest of so many ``lags``' correlations in standard deviations, ``critical`` what it may be
+    at the level for all of them together; ``bound`` the same for each correlation as it is drawn. ``passed`` where
+    none leaves its bound.
+    """
+
+    lags: int
+    statistic: float
+    critical: float
+    bound: tuple[float, ...]
+    passed: bool
+
+    @property
+    def sentence(self) -> str:
+        """Which test, its statistic, its level."""
+        return (
+            f"largest of {self.lags} correlations {self.statistic:.1f} standard deviations,"
+            f" bound {self.critical:.1f} at the {100.0 * LEVEL:g} % level for all lags together"
+        )
 
 
 def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
@@ -41,12 +73,33 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
     return _tested(lags * period_s, cross / size, deviation)
 
 
+def judged(test: Mapping[str, Any]) -> Judged:
+    """Return what a stored test asked and found; older documents hold one lag's 99 % band instead."""
+    correlation = np.array(test["correlation"], dtype=float)
+    critical = _critical(correlation.size)
+    if "bound" in test:
+        bound = np.array(test["bound"], dtype=float)
+    else:
+        bound = np.array(test["band"], dtype=float) * critical / _critical(1)
+    return Judged(
+        lags=correlation.size,
+        statistic=float(np.max(np.abs(correlation) / bound)) * critical,
+        critical=critical,
+        bound=tuple(bound.tolist()),
+        passed=bool(test["passed"]),
+    )
+
+
+def _critical(lags: int) -> float:
+    """Return standard deviations that the largest of so many correlations exceeds with the probability of the level."""
+    return float(norm.ppf(1.0 - LEVEL / (2.0 * lags)))
+
+
 def _tested(lags_s: Reals, correlations: Reals, deviation: Reals) -> CorrelationTest:
-    alone = norm.ppf(1.0 - LEVEL / 2.0)
-    together = norm.ppf(1.0 - LEVEL / (2.0 * lags_s.size))
+    bound = _critical(lags_s.size) * deviation
     return CorrelationTest(
         lags_s=tuple(lags_s.tolist()),
         correlation=tuple(correlations.tolist()),
-        band=tuple((alone * deviation).tolist()),
-        passed=bool(np.all(np.abs(correlations) <= together * deviation)),
+        bound=tuple(bound.tolist()),
+        passed=bool(np.all(np.abs(correlations) <= bound)),
     )

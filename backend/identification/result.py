@@ -83,14 +83,14 @@ class DryFriction:
 
 @dataclass(frozen=True)
 class CorrelationTest:
-    """Correlations at ``lags_s`` [s] beside their 99 % band; ``passed`` where the largest is compatible with none.
+    """Correlations at ``lags_s`` [s] beside their bounds; ``passed`` where none leaves its bound.
 
-    With many lags some leave a 99 % band by chance; ``passed`` uses the 1 % level for all of them together.
+    The bounds belong to the test: at the 1 % level for all lags together, that is the largest of them.
     """
 
     lags_s: tuple[float, ...]
     correlation: tuple[float, ...]
-    band: tuple[float, ...]
+    bound: tuple[float, ...]
     passed: bool
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from backend.identification.actuator import joint_method
 from backend.identification.published import TABLE_1
+from backend.identification.residuals import judged
 from backend.identification.result import Grade, worst
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.identification_figures import (
@@ -91,7 +92,8 @@ def _models(found: Identification) -> Table:
     rows = tuple(_model_row(key, found.model[key], found.quality[key]) for key in CHANNELS)
     return Table(
         "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
-        "with standard errors, gain against geometry, fit on unseen data, residual tests at the 1 % level.",
+        "with standard errors, gain against geometry, fit on unseen data. Residual tests: the largest correlation in "
+        "standard deviations, of what it may be at the 1 % level for all lags together.",
         columns,
         rows,
     )
@@ -114,8 +116,11 @@ def _model_row(key: str, model: Mapping[str, Any], quality: Mapping[str, Any]) -
 
 
 def _residuals(tests: Mapping[str, Any]) -> str:
-    white, free = tests["whiteness"]["passed"], tests["input_correlation"]["passed"]
-    return f"{'white' if white else 'coloured'}, {'free of' if free else 'depend on'} input"
+    white, free = judged(tests["whiteness"]), judged(tests["input_correlation"])
+    return (
+        f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
+        f"{'free of' if free.passed else 'depend on'} input ({free.statistic:.1f} of {free.critical:.1f})"
+    )
 
 
 def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
@@ -145,8 +150,8 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
         Figure(
             "residuals",
             residual_panels(residuals, "residuals"),
-            "Correlation of the residuals with themselves (A, B) and with earlier input (C, D); grey: 99 % bands of a "
-            "model that leaves nothing out.",
+            "Correlation of the residuals with themselves (A, B) and with earlier input (C, D). Grey: the bounds of "
+            "the tests; all correlations of a model that leaves nothing out stay within them, in 99 of 100 records.",
         ),
     )
 

@@ -9,6 +9,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 from scipy.signal import csd, detrend, step
 
+from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
 from backend.recording.columns import Columns
@@ -97,15 +98,15 @@ def step_panels(channels: Mapping[str, Channel], name: str) -> str:
 
 
 def residual_panels(residuals: Mapping[str, Mapping[str, Any]], name: str) -> str:
-    """Draw the correlation of each residual with itself and with the input, in their 99 % bands."""
+    """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
     tests = (("whiteness", "residual with itself"), ("input_correlation", "residual with input"))
     with figure(2, 2, height_in=3.3, gap_in=(0.5, 0.6)) as (drawn, axes):
         letters = iter("ABCD")
         for row, (test, title) in zip(axes, tests, strict=True):
             for panel, (key, (output, label, _)) in zip(row, CHANNELS.items(), strict=True):
                 found = residuals[key][test]
-                lags, band = np.array(found["lags_s"]), np.array(found["band"])
-                panel.fill_between(lags, -band, band, color="#e3e3e3", linewidth=0.0)
+                lags, bound = np.array(found["lags_s"]), np.array(judged(found).bound)
+                panel.fill_between(lags, -bound, bound, color="#e3e3e3", linewidth=0.0)
                 panel.plot(lags, found["correlation"], color=COLOURS[output], linewidth=0.8, marker="o", markersize=1.5)
                 panel.axhline(0.0, color=LIMIT_GREY, linewidth=0.5)
                 panel.set(xlabel="lag [s]", ylabel="correlation")

@@ -22,11 +22,14 @@ class MeasuredBode(Bode):
 
 
 class Correlation(Schema):
-    """A residual test: correlation by lag, with its 99 % band."""
+    """A residual test: whether the largest of all correlations leaves the bound that belongs to the test."""
 
     lags_s: list[float] = quantity("s", "lag")
     correlation: list[float]
-    band: list[float]
+    bound: list[float] = Field(description="what each correlation may be, at the level for all lags together")
+    statistic: float = Field(description="largest correlation, in standard deviations")
+    critical: float = Field(description="what the statistic may be")
+    level: float = Field(description="probability that a model which leaves nothing out fails")
     passed: bool
 
 

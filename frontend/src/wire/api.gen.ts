@@ -1719,7 +1719,7 @@ export interface components {
         };
         /**
          * Correlation
-         * @description A residual test: correlation by lag, with its 99 % band.
+         * @description A residual test: whether the largest of all correlations leaves the bound that belongs to the test.
          */
         Correlation: {
             /**
@@ -1729,8 +1729,26 @@ export interface components {
             lags_s: number[];
             /** Correlation */
             correlation: number[];
-            /** Band */
-            band: number[];
+            /**
+             * Bound
+             * @description what each correlation may be, at the level for all lags together
+             */
+            bound: number[];
+            /**
+             * Statistic
+             * @description largest correlation, in standard deviations
+             */
+            statistic: number;
+            /**
+             * Critical
+             * @description what the statistic may be
+             */
+            critical: number;
+            /**
+             * Level
+             * @description probability that a model which leaves nothing out fails
+             */
+            level: number;
             /** Passed */
             passed: boolean;
         };

@@ -13,6 +13,7 @@ import { DifferenceTable } from "../banks/DifferenceTable";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 import { ModelView } from "./ModelView";
+import { residualOutcome } from "./residuals";
 
 const COHERENT = 0.9;
 const CHANNELS: Record<string, { hue: string; unit: string; output: string }> = {
@@ -130,8 +131,9 @@ interface ResidualsProps {
 }
 
 function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
-  const { lags_s, correlation, band } = test;
+  const { lags_s, correlation, bound } = test;
   const edge = { colour: "limit", line: "dashed", x: lags_s } as const;
+  const outcome = residualOutcome(test, good, bad);
   return (
     <div>
       <CurvePlot
@@ -139,14 +141,14 @@ function Residuals({ title, test, hue, good, bad }: ResidualsProps) {
         xLabel="lag [s]"
         yLabel="correlation"
         height={120}
-        summary={test.passed ? good : bad}
+        summary={outcome}
         curves={[
-          { ...edge, label: "99 % band", y: band },
-          { ...edge, label: "99 % band below", quiet: true, y: band.map((value) => -value) },
+          { ...edge, label: "bound of the test", y: bound },
+          { ...edge, label: "bound below", quiet: true, y: bound.map((value) => -value) },
           { label: "correlation", quiet: true, colour: hue, points: true, x: lags_s, y: correlation },
         ]}
       />
-      <Verdict good={test.passed}>{test.passed ? good : bad}</Verdict>
+      <Verdict good={test.passed}>{outcome}</Verdict>
     </div>
   );
 }

@@ -1,0 +1,62 @@
+"""The residual tests and their plots agree: a point is outside what is drawn where the test fails, and only there."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from backend.experiments.identification_curves import _correlation
+from backend.identification.residuals import input_correlation, judged, whiteness
+from backend.identification.result import CorrelationTest
+
+PERIOD_S = 1e-3
+N = 4000
+
+
+def made(seed: int, colour: float = 0.0, follows: float = 0.0) -> tuple[CorrelationTest, CorrelationTest]:
+    random = np.random.default_rng(seed)
+    u = np.repeat(random.choice([-1.0, 1.0], N // 20), 20)
+    e = lfilter([1.0], [1.0, -colour], random.standard_normal(N)) + follows * u
+    return whiteness(e, PERIOD_S), input_correlation(e, u, PERIOD_S, 0.05)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.06])
+def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour: float) -> None:
+    outcomes = set()
+    for seed in range(60):
+        for found in made(seed, colour, follows=0.04 * colour / 0.06):
+            drawn = _correlation(asdict(found))
+            inside = bool(np.all(np.abs(drawn["correlation"]) <= np.array(drawn["bound"])))
+            assert inside is found.passed is drawn["passed"] is bool(drawn["statistic"] <= drawn["critical"])
+            outcomes.add(inside)
+    assert outcomes == ({True, False} if colour else {True})
+
+
+def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lags() -> None:
+    found = made(3)[0]
+    outcome = judged(asdict(found))
+    # The autocorrelations of white noise have the standard deviation 1/sqrt(n).
+    assert outcome.statistic == pytest.approx(np.max(np.abs(found.correlation)) * np.sqrt(N))
+    assert outcome.critical == pytest.approx(norm.isf(0.005 / 25))
+    np.testing.assert_allclose(outcome.bound, outcome.critical / np.sqrt(N))
+    assert "largest of 25 correlations" in outcome.sentence
+    assert f"bound {outcome.critical:.1f} at the 1 % level for all lags together" in outcome.sentence
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_noise_fails_in_one_record_of_a_hundred(which: int) -> None:
+    failed = sum(not made(seed)[which].passed for seed in range(1000, 1600))
+    assert failed <= 14  # binomial, 600 trials of 1 %: more than 14 once in 1400
+
+
+def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_test() -> None:
+    found = made(5, colour=0.2)[0]
+    new = asdict(found)
+    old = {
+        **{name: new[name] for name in ("lags_s", "correlation", "passed")},
+        "band": [norm.isf(0.005) / np.sqrt(N)] * 25,
+    }
+    np.testing.assert_allclose(judged(old).bound, found.bound)
+    assert judged(old).statistic == pytest.approx(judged(new).statistic)
