@@ -1,5 +1,6 @@
 """The sections of a parameter file: frozen dataclasses, each entry with its unit and its bounds."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -92,6 +93,16 @@ class Sensors:
     force_delay: float = quantity("s", 0.0, 0.060)
     force_noise: float = quantity("N", 0.0, 10.0)
     converter_bits: float = quantity("1", 0.0, 24.0)
+
+    @property
+    def joint_step(self) -> float:
+        """One count of the joint encoder [rad], 0 where it is exact."""
+        return 2.0 * math.pi / self.joint_counts if self.joint_counts else 0.0
+
+    @property
+    def motor_step(self) -> float:
+        """One count of a motor encoder [rad], 0 where it is exact."""
+        return 2.0 * math.pi / self.motor_counts if self.motor_counts else 0.0
 
 
 @dataclass(frozen=True)

@@ -84,8 +84,8 @@ def sensor_model(parameters: Sensors, F_max: float, u_max: float) -> SensorModel
     steps = 2.0**parameters.converter_bits
     exact = parameters.converter_bits == 0.0
     return SensorModel(
-        joint_step=2.0 * math.pi / parameters.joint_counts if parameters.joint_counts else 0.0,
-        motor_step=2.0 * math.pi / parameters.motor_counts if parameters.motor_counts else 0.0,
+        joint_step=parameters.joint_step,
+        motor_step=parameters.motor_step,
         force_step=0.0 if exact else 4.0 * F_max / steps,
         voltage_step=0.0 if exact else 2.0 * u_max / steps,
         delay_ticks=round(parameters.force_delay / T_s),

@@ -62,7 +62,7 @@ def _tracked(
     columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run
 ) -> tuple[Document, list[Document]]:
     bound = partial(least_reach_time, parameters)
-    metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound)
+    metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound, parameters.sensors.joint_step)
     criteria: tuple[Criterion, ...] = ()
     if isinstance(plan, TrackingPlan):
         criteria = tracking_criteria(metrics, bounds_for(run.parameters_name))

@@ -92,7 +92,7 @@ def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[s
         return [f"tripped after {trajectory.tripped_at * T_s:.1f} s", *[""] * (len(COLUMNS) - 1)]
     columns = {name: getattr(trajectory, name) for name in ("q", "S", "F_A", "F_B", "u_A", "u_B")}
     columns |= {"t": T_s * np.arange(q_ref.size), "q_ref": q_ref, "S_ref": S_ref}
-    overall = tracking_metrics(columns, plan.program(), plan.phases()).overall
+    overall = tracking_metrics(columns, plan.program(), plan.phases(), q_count=true.sensors.joint_step).overall
     values = [(form, figure(overall)) for form, figure in COLUMNS.values()]
     return ["none" if value is None else format(value, form) for form, value in values]
 

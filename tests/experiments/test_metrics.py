@@ -66,6 +66,44 @@ def test_settling_is_the_last_exit_not_the_first_entry() -> None:
     assert result.settling_s > float(t[np.flatnonzero(response > 0.98)[0]]) + 0.5
 
 
+COUNT = 2 * math.pi / 4000
+LAST_BIT = pytest.mark.parametrize("last_bit", [-1, 0, 1])
+
+
+def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
+    """Time and reading of an encoder that turns by one count each millisecond from first to last, then rests."""
+    counts = np.arange(first, last + (1 if last > first else -1), 1 if last > first else -1)
+    y = np.append(counts, np.full(500, last)) * COUNT * (1 + last_bit * np.finfo(float).eps)
+    return np.arange(y.size) * T_s, y
+
+
+@LAST_BIT
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_joint_that_rests_at_90_percent_has_reached_it(side: int, last_bit: int) -> None:
+    """90 % of π/3 are 600 counts: the encoder turns to 600 where the joint passes 599.5."""
+    t, y = counted(0, 600 * side, last_bit)
+    result = step_metrics(t, y, step(0.0, side * math.pi / 3), count=COUNT)
+    assert result.reach_s == pytest.approx(0.5995, abs=1e-9)
+    assert result.rise_s == pytest.approx(0.5995 - (math.pi / 30 / COUNT - 0.5) * T_s, abs=1e-9)
+
+
+@LAST_BIT
+@pytest.mark.parametrize(("before", "last", "settled"), [(0.0, 680, 0.653), (-math.pi / 3, 640, 1.307)])
+def test_a_joint_that_rests_on_the_edge_of_the_band_has_settled(
+    before: float, last: int, settled: float, last_bit: int
+) -> None:
+    """±2 % of π/3 end at 680 counts, ±2 % of 2π/3 at 640."""
+    t, y = counted(round(before / COUNT), last, last_bit)
+    assert step_metrics(t, y, step(before, math.pi / 3), count=COUNT).settling_s == pytest.approx(settled, abs=1e-9)
+
+
+def test_a_step_is_missed_by_more_than_half_a_count() -> None:
+    t, y = counted(0, 599, 0)
+    assert step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).reach_s is None
+    t, y = counted(0, 681, 0)
+    assert step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).settling_s is None
+
+
 def test_what_never_happened_has_no_figure() -> None:
     t = np.arange(0, 1, T_s)
     result = step_metrics(t, double_lag(t, 1.0), step(end_s=1.0))

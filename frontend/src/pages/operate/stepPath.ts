@@ -26,11 +26,20 @@ export function stepPath(
   const points = t.map(
     (time, index) => `${((time / last) * width).toFixed(1)} ${level(y[index] ?? 0).toFixed(1)}`,
   );
-  const reached = y.findIndex((value) => value >= 0.9);
   return {
     path: points.length === 0 ? "" : `M${points.join("L")}`,
     target: level(1),
     top,
-    t_90: reached < 0 ? null : (t[reached] ?? null),
+    t_90: firstAt(0.9, t, y),
   };
+}
+
+/** First time at which `y` rises to `level`, on the straight line between two points. */
+function firstAt(level: number, t: readonly number[], y: readonly number[]): number | null {
+  const above = y.findIndex((value) => value >= level);
+  const [t0, t1, y0, y1] = [t[above - 1], t[above], y[above - 1], y[above]];
+  if (t1 === undefined || y1 === undefined) {
+    return null;
+  }
+  return t0 === undefined || y0 === undefined ? t1 : t0 + ((level - y0) / (y1 - y0)) * (t1 - t0);
 }
