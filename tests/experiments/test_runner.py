@@ -12,11 +12,12 @@ from backend.experiments.bank_consistency import BankError
 from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.metrics import tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.playing import BenchNotReadyError
 from backend.experiments.runner import Order, Outcome, Station, create_run, run_experiment
 from backend.faults import Fault
-from backend.loop.commands import Reset, Stop
+from backend.loop.commands import Accepted, Reset, Stop
 from backend.recording.columns import recorded_columns
 from backend.refusal import OutOfRangeError
 from backend.storage import identifications, open_database, results, runs
@@ -93,14 +94,21 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
 def test_tracking_keeps_what_it_promises(
     station: Station, overshoot: float, deviation_S: float, tension: float
 ) -> None:
-    outcome = perform(station, TrackingPlan(q_duration_s=3.0, S_duration_s=3.0))
+    plan = TrackingPlan(q_duration_s=3.0, S_duration_s=3.0)
+    outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
     figures = {item["name"]: item["value"] for item in outcome.evaluation.result.metrics["figures"]}
     assert figures["overshoot_q_percent"] < overshoot
     assert figures["overshoot_S_percent"] < overshoot
     assert figures["deviation_S"] < deviation_S
     assert figures["min_tension_N"] > tension
-    assert all(item["passed"] for item in outcome.evaluation.result.criteria)
+    assert [item["passed"] for item in outcome.evaluation.result.criteria] == [True] * 4
+    columns, _ = recorded_columns(station.database, outcome.run.id)
+    count = station.parameters.sensors.joint_step
+    to_the_count = tracking_metrics(columns, plan.program(), plan.phases(), q_count=count).overall
+    assert figures["reach_q_s"] == to_the_count.reach_q_s
+    exact = tracking_metrics(columns, plan.program(), plan.phases()).overall
+    assert (figures["reach_q_s"] == exact.reach_q_s) == (count == 0.0)
 
 
 @pytest.mark.parametrize(
@@ -133,13 +141,16 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     assert result is not None
     assert not result.metrics["complete"]
     assert 2.0 <= result.metrics["played_s"] < 3.5
+    assert len(result.criteria) == 4
     assert not any(item["passed"] for item in result.criteria)
     columns, _ = recorded_columns(station.database, outcome.run.id)
     assert columns["t"].size == round(result.metrics["played_s"] * 1000)
 
     with pytest.raises(BenchNotReadyError, match="reset"):
         create_run(station, Order(HASTY, LoopSettings(), "A. Operator"))
-    assert asyncio.run(station.loop.send(Reset()))
+    assert isinstance(asyncio.run(station.loop.send(Reset())), Accepted)
+    asyncio.run(station.loop.advance(0.01))
+    assert create_run(station, Order(HASTY, LoopSettings(), "A. Operator")).id > outcome.run.id
 
 
 def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Station) -> None:
@@ -179,6 +190,7 @@ def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is
     assert figures["delay_s"] == pytest.approx(station.parameters.sensors.force_delay, abs=0.004)
     assert figures["stiffness_felt"] == pytest.approx(10.0, rel=0.03)
     assert figures["largest_push_N"] > 5.0
+    assert result.criteria
     assert all(item["passed"] for item in result.criteria)
 
 

@@ -1,6 +1,6 @@
 """The loop process decides by itself when the service is silent or gone: stepped here on a clock of its own."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
@@ -10,14 +10,9 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop import worker as worker_module
 from backend.loop.channel import (
     MAX_BYTES,
-    Channel,
     Ready,
-    Setup,
     ToLoop,
-    channel_pair,
-    decode_from_loop,
     decode_to_loop,
-    encode,
     packets,
 )
 from backend.loop.commands import (
@@ -34,51 +29,15 @@ from backend.loop.commands import (
     Shutdown,
     Stopped,
 )
-from backend.loop.loop import Loop
 from backend.loop.mode import Mode
-from backend.loop.pacer import Granted, Pacer
+from backend.loop.pacer import Granted
 from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment
-from backend.loop.ring import Ring
-from backend.loop.worker import BYTES_PER_TICK, Worker
-from backend.sample import INDEX
+from backend.loop.worker import BYTES_PER_TICK
 from plant.parameters import PlantParameters
-from plant.simulator import Simulator
 from tests.docs.faults_page import documented_ms
+from tests.loop.worker_bench import Bench
 
 MS = 1_000_000
-
-
-class Bench:
-    """A worker whose clock is driven by its own ticks; ``each_tick`` plays the service."""
-
-    def __init__(self, parameters: PlantParameters, tuning: SetTuning) -> None:
-        self.service, theirs = channel_pair()
-        self.ring = Ring.create()
-        plant = Simulator(parameters)
-        self.worker = Worker(plant, Loop(plant, parameters, self.ring, tuning), Channel(theirs))
-        self.setup = Setup("simulator", "ideal", 0, tuning)
-        self.now_ns = 0
-        self.each_tick: Callable[[int], None] = lambda tick: None
-        self.told: list[object] = []
-
-    def run(self, each_tick: Callable[[int], None]) -> None:
-        self.each_tick = each_tick
-        self.worker.run(Pacer(0.001, lambda: self.now_ns, self._sleep_until), lambda: self.now_ns * 1e-9)
-
-    def _sleep_until(self, deadline_ns: int) -> None:
-        self.now_ns = deadline_ns
-        self.each_tick(self.ring.count)
-
-    def say(self, message: object, sequence: int = 0) -> None:
-        assert self.service.send(encode(message, sequence))  # type: ignore[arg-type] # any kind on purpose
-
-    def hear(self) -> list[object]:
-        while (packet := self.service.receive()) is not None:
-            self.told.append(decode_from_loop(packet)[1])
-        return self.told
-
-    def column(self, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-        return self.ring.read(0, 100_000)[1][:, INDEX[name]]
 
 
 @pytest.fixture
@@ -269,6 +228,21 @@ def test_a_command_that_the_loop_does_not_know_is_refused(bench: Bench) -> None:
     told += loop.drain_events()
     assert [(type(event), event.sequence) for event in told if isinstance(event, Accepted | Refused)] == [(Refused, 4)]
     bench.worker.terminate()
+
+
+def test_a_burst_of_commands_is_spread_over_the_ticks_in_its_order(bench: Bench) -> None:
+    """Four in a tick, whatever their size: forty at once would make that tick late."""
+
+    def service(tick: int) -> None:
+        if tick == 5:
+            for sequence in range(1, 11):
+                bench.say(SetMode(Mode.RUN), sequence)
+        if tick == 20:
+            bench.say(Shutdown(), 11)
+
+    bench.run(service)
+    answers = [(event.sequence, event.tick) for event in bench.hear() if isinstance(event, Refused)]
+    assert answers == [(sequence, 5 + (sequence - 1) // 4) for sequence in range(1, 11)]
 
 
 def test_events_wait_for_a_service_that_does_not_read(bench: Bench) -> None:

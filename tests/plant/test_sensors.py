@@ -78,6 +78,21 @@ def test_load_cell_noise_has_its_standard_deviation_and_no_memory(ideal: PlantPa
     assert max(abs(lagged), abs(between)) < 5 / np.sqrt(8_000)
 
 
+def test_load_cells_read_every_step_of_16_bits_over_twice_the_limit_to_either_side(ideal: PlantParameters) -> None:
+    """±100 N in 65536 steps: no reading between two steps (a finer cell), and none left out (a coarser one)."""
+    step = 200.0 / 2**16
+    parameters = with_sensors(ideal, converter_bits=16)
+    spring, r_m = ideal.dynamics().spring_A, ideal.geometry.r_m
+    angles = 3.0 + np.arange(400) * 2e-4
+    seen = np.array([Simulator(parameters, x=STANDING._replace(theta_A=angle)).read().F_A for angle in angles])
+    true = np.array([tension(spring, r_m * angle) for angle in angles])
+    steps = seen / step
+    assert steps == pytest.approx(np.round(steps), abs=1e-9)
+    assert np.max(np.abs(seen - true)) <= 0.5 * step * (1.0 + 1e-9)
+    assert set(np.diff(np.unique(np.round(steps)))) == {1.0}
+    assert np.unique(seen).size > 100
+
+
 def test_same_seed_same_run_another_seed_another(lab: PlantParameters) -> None:
     def forces(seed: int) -> list[float]:
         simulator = Simulator(lab, seed=seed, x=STANDING)

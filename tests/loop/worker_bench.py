@@ -1,0 +1,48 @@
+"""A worker of the loop process, stepped here on a clock that its own ticks drive."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from backend.loop.channel import Channel, Setup, channel_pair, decode_from_loop, encode
+from backend.loop.commands import SetTuning
+from backend.loop.loop import Loop
+from backend.loop.pacer import Pacer
+from backend.loop.ring import Ring
+from backend.loop.worker import Worker
+from backend.sample import INDEX
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+
+
+class Bench:
+    """A worker whose clock is driven by its own ticks; ``each_tick`` plays the service."""
+
+    def __init__(self, parameters: PlantParameters, tuning: SetTuning) -> None:
+        self.service, theirs = channel_pair()
+        self.ring = Ring.create()
+        plant = Simulator(parameters)
+        self.worker = Worker(plant, Loop(plant, parameters, self.ring, tuning), Channel(theirs))
+        self.setup = Setup("simulator", "ideal", 0, tuning)
+        self.now_ns = 0
+        self.each_tick: Callable[[int], None] = lambda tick: None
+        self.told: list[object] = []
+
+    def run(self, each_tick: Callable[[int], None]) -> None:
+        self.each_tick = each_tick
+        self.worker.run(Pacer(0.001, lambda: self.now_ns, self._sleep_until), lambda: self.now_ns * 1e-9)
+
+    def _sleep_until(self, deadline_ns: int) -> None:
+        self.now_ns = deadline_ns
+        self.each_tick(self.ring.count)
+
+    def say(self, message: object, sequence: int = 0) -> None:
+        assert self.service.send(encode(message, sequence))  # type: ignore[arg-type] # any kind on purpose
+
+    def hear(self) -> list[object]:
+        while (packet := self.service.receive()) is not None:
+            self.told.append(decode_from_loop(packet)[1])
+        return self.told
+
+    def column(self, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        return self.ring.read(0, 100_000)[1][:, INDEX[name]]
