@@ -10,9 +10,9 @@ import typer
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 
 if TYPE_CHECKING:
-    from backend.identification.import_data import Columns
     from backend.identification.record import Controller
     from backend.identification.result import CorrelationTest, Estimate
+    from backend.identification.table import Columns
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4"
@@ -22,8 +22,11 @@ def data(
     file: Annotated[Path, typer.Argument(help="Table of samples: .csv, .mat (version 7) or .parquet.")],
     u: Annotated[str, typer.Option("--input", metavar="COLUMN", help="Column of the input u, held between samples.")],
     y: Annotated[str, typer.Option("--output", metavar="COLUMN", help="Column of the output y.")],
-    period_s: Annotated[float, typer.Option("--period", metavar="SECONDS", help="Sample time [s].")],
     structure: Annotated[str, typer.Option(metavar="NAME", help=f"Structure: {STRUCTURES}.")],
+    period_s: Annotated[
+        float | None,
+        typer.Option("--period", metavar="SECONDS", help="Sample time [s]; a time column gives it or is checked."),
+    ] = None,
     setpoint: Annotated[
         str | None,
         typer.Option(metavar="COLUMN", help="Column of what enters the loop from outside: set point or excitation."),
@@ -34,7 +37,13 @@ def data(
             metavar="KP,KI", help="Feedback u = kp (r - y) + ki ∫(r - y), ki per second; needs no --setpoint."
         ),
     ] = None,
-    skip: Annotated[int, typer.Option(metavar="ROWS", help="Leave out so many rows at the start.")] = 0,
+    skip: Annotated[int, typer.Option(metavar="ROWS", min=0, help="Leave out so many rows at the start.")] = 0,
+    within: Annotated[
+        str | None, typer.Option("--range", metavar="FROM:TO", help="Take these seconds of the file, as in 2:30 or 2:")
+    ] = None,
+    resample: Annotated[
+        bool, typer.Option("--resample", help="Take rows of uneven times at even ones, across short gaps.")
+    ] = False,
     gain: Annotated[
         float | None,
         typer.Option(metavar="K", help="Static gain that is known otherwise, as from geometry; the verdict compares."),
@@ -54,12 +63,17 @@ def data(
     from backend.experiments.result import json_ready
     from backend.identification.errors import IdentificationError
     from backend.identification.estimate import estimate
-    from backend.identification.import_data import record_from
+    from backend.identification.import_data import Selection, record_from
 
     try:
-        columns = {name: values[skip:] for name, values in _read(file).items()}
         record = record_from(
-            columns, u, y, period_s, setpoint=setpoint, controller=_controller(controller) if controller else None
+            _read(file),
+            u,
+            y,
+            period_s,
+            setpoint=setpoint,
+            controller=_controller(controller) if controller else None,
+            selection=Selection(skip, *_range(within), resample),
         )
         found = estimate(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
@@ -71,6 +85,7 @@ def data(
 def _read(file: Path) -> "Columns":
     from backend.identification import import_data
     from backend.identification.errors import DataFileError
+    from backend.identification.table import read_csv
 
     match file.suffix.lower():
         case ".mat":
@@ -79,13 +94,23 @@ def _read(file: Path) -> "Columns":
         case ".parquet":
             with file.open("rb") as stream:
                 return import_data.read_parquet(stream)
-        case ".csv" | ".txt" | ".tsv":
+        case ".csv" | ".txt" | ".tsv" | ".dat":
             try:
-                return import_data.read_csv(file.read_text(encoding="utf-8"))
+                return read_csv(file.read_text(encoding="utf-8"))
             except UnicodeDecodeError:
                 raise DataFileError(f"{file} is not text in UTF-8: save it as CSV in UTF-8") from None
         case _:
             raise DataFileError(f"{file} is neither .csv, .mat nor .parquet: save the columns as one of these")
+
+
+def _range(words: str | None) -> tuple[float, float]:
+    from backend.identification.errors import DataFileError
+
+    try:
+        first, last = (words or ":").split(":")
+        return float(first or 0.0), float(last or math.inf)
+    except ValueError:
+        raise DataFileError(f"--range {words}: write two times in seconds FROM:TO, for example 2:30 or 2:") from None
 
 
 def _controller(words: str) -> "Controller":

@@ -1,8 +1,8 @@
-"""Columns from elsewhere: CSV text, a .mat or a Parquet file, checked, as a record for the estimators."""
+"""Columns from elsewhere, of a table, a .mat or a Parquet file, checked, as a record for the estimators."""
 
-import re
-from collections.abc import Mapping
-from typing import BinaryIO
+import math
+from dataclasses import dataclass
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow
@@ -11,44 +11,17 @@ from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
 from backend.identification.errors import DataFileError
-from backend.identification.record import Controller, Record, Signal
-
-MAX_SAMPLES = 5_000_000
-_TIME_NAMES = ("t", "time")
-_TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
-_HEADING = re.compile(r"^\s*(?P<name>[^\[\(]*?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?\s*$")
-
-Columns = dict[str, Signal]
-
-
-def read_csv(text: str) -> Columns:
-    """Columns by name of a table with one heading line; names may carry a unit, as in ``u [V]``.
-
-    Separators are comma, semicolon or tab; with semicolons or tabs numbers may have decimal commas. A time column in ms
-    or us becomes seconds. Raises DataFileError.
-    """
-    lines = [line for line in text.lstrip("\ufeff").splitlines() if line.strip() and not line.startswith("#")]
-    if len(lines) < 2:
-        raise DataFileError("the file holds no heading line with rows of numbers below it")
-    if len(lines) - 1 > MAX_SAMPLES:
-        raise DataFileError(f"the file holds {len(lines) - 1} rows, at most {MAX_SAMPLES} are read: cut it")
-    separator = max(";\t,", key=lines[0].count)
-    headings = [heading.strip().strip('"') for heading in lines[0].split(separator)]
-    if all(_is_number(heading) for heading in headings):
-        raise DataFileError("the first line holds numbers: put the names of the columns there")
-    rows = lines[1:] if separator == "," else [line.replace(",", ".") for line in lines[1:]]
-    for number, row in enumerate(rows, start=2):
-        if row.count(separator) != len(headings) - 1:
-            raise DataFileError(f"row {number} has {row.count(separator) + 1} columns, the heading has {len(headings)}")
-    try:
-        table = np.loadtxt(rows, delimiter=separator, ndmin=2, comments=None)
-    except ValueError as error:
-        raise DataFileError(f"not a table of numbers: {error}") from None
-    return _named(headings, table.T)
+from backend.identification.record import Controller, Record, mean_period
+from backend.identification.table import MAX_SAMPLES, Columns
+from backend.identification.timebase import even, time_of
 
 
 def read_mat(stream: BinaryIO) -> Columns:
-    """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError."""
+    """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError.
+
+    Columns of a matrix x are x_1, x_2 ..; fields of a struct s are read as if they stood alone, or as s.field where
+    that name is taken.
+    """
     try:
         # The stubs know file names only; loadmat reads from open files as well.
         content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
@@ -56,14 +29,29 @@ def read_mat(stream: BinaryIO) -> Columns:
         raise DataFileError("the file is MATLAB 7.3: save it with save(..., '-v7')") from None
     except (ValueError, TypeError, MatReadError, OSError, IndexError) as error:
         raise DataFileError(f"not a readable MATLAB file: {error}") from None
-    vectors = {
-        name: np.asarray(values, dtype=np.float64)
-        for name, values in content.items()
-        if isinstance(values, np.ndarray) and values.ndim == 1 and np.issubdtype(values.dtype, np.number)
-    }
-    if not vectors:
+    columns = Columns()
+    for name, values in content.items():
+        if not name.startswith("__"):
+            _take(columns, name, values)
+    if not columns:
         raise DataFileError("the MATLAB file holds no numeric vectors")
-    return vectors
+    return columns
+
+
+def _take(columns: Columns, name: str, values: Any) -> None:
+    if not isinstance(values, np.ndarray):
+        return
+    if values.dtype.names is not None and values.ndim == 0:
+        for field in values.dtype.names:
+            taken = field in columns
+            _take(columns, f"{name}.{field}" if taken else field, np.asarray(values[field][()]))
+    elif np.issubdtype(values.dtype, np.number) and not np.iscomplexobj(values):
+        if values.ndim == 1:
+            columns[name] = np.asarray(values, dtype=np.float64)
+        elif values.ndim == 2:
+            upright = values if values.shape[0] >= values.shape[1] else values.T
+            for index in range(upright.shape[1]):
+                columns[f"{name}_{index + 1}"] = np.asarray(upright[:, index], dtype=np.float64)
 
 
 def read_parquet(stream: BinaryIO) -> Columns:
@@ -74,64 +62,71 @@ def read_parquet(stream: BinaryIO) -> Columns:
         raise DataFileError(f"not a readable Parquet file: {error}") from None
     if table.num_rows > MAX_SAMPLES:
         raise DataFileError(f"the file holds {table.num_rows} rows, at most {MAX_SAMPLES} are read: cut it")
-    numeric = (name for name in table.column_names if _holds_numbers(table.schema.field(name).type))
-    return {name: np.asarray(table[name].to_numpy(), dtype=np.float64) for name in numeric}
+    columns = Columns()
+    for name in table.column_names:
+        kind = table.schema.field(name).type
+        if _holds_numbers(kind):
+            columns[name] = np.asarray(table[name].to_numpy(), dtype=np.float64)
+        elif pyarrow.types.is_timestamp(kind):
+            columns.texts[name] = [str(value) for value in table[name].to_numpy()]
+            columns.reasons[name] = f"column '{name}' holds dates, not numbers"
+    return columns
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which rows of a file make the record.
+
+    ``skip`` rows are left out at the start; of the others those from ``start_s`` to ``end_s`` [s] count, from the first
+    row of the file on; ``resample`` takes them at even instants.
+    """
+
+    skip: int = 0
+    start_s: float = 0.0
+    end_s: float = math.inf
+    resample: bool = False
+
+
+WHOLE = Selection()
 
 
 def record_from(
-    columns: Mapping[str, Signal],
+    columns: Columns,
     u: str,
     y: str,
-    period_s: float,
+    period_s: float | None = None,
     *,
     setpoint: str | None = None,
     controller: Controller | None = None,
+    selection: Selection = WHOLE,
 ) -> Record:
-    """Record made of the columns of that name; a column t or time is checked against ``period_s``.
+    """Record made of the columns of that name; a time column gives the sample time, or is checked against it.
 
     Raises DataFileError where a column is missing and RecordError where the data identify nothing.
     """
-    time = next((columns[name] for name in _TIME_NAMES if name in columns), None)
-    return Record(
-        period_s,
-        _column(columns, u),
-        _column(columns, y),
-        r=None if setpoint is None else _column(columns, setpoint),
-        controller=controller,
-        t=time,
-    )
-
-
-def _column(columns: Mapping[str, Signal], name: str) -> Signal:
-    if name not in columns:
-        raise DataFileError(f"there is no column '{name}'; the file has {', '.join(columns)}")
-    return columns[name]
-
-
-def _named(headings: list[str], values: Signal) -> Columns:
-    columns: Columns = {}
-    for heading, column in zip(headings, values, strict=True):
-        match = _HEADING.match(heading)
-        name, unit = (match["name"], match["unit"] or "") if match else (heading, "")
-        if not name:
-            raise DataFileError("a column has no name")
-        if name in columns:
-            raise DataFileError(f"two columns are called '{name}'")
-        if name in _TIME_NAMES:
-            if unit not in _TIME_UNITS:
-                raise DataFileError(f"the time column is in '{unit}': give it in s, ms or us")
-            column = column * _TIME_UNITS[unit]
-        columns[name] = column
-    return columns
+    names = [u, y] if setpoint is None else [u, y, setpoint]
+    signals = {name: columns.column(name) for name in names}
+    t = time_of(columns, names)
+    count = min(values.size for values in signals.values())
+    if t is None and (period_s is None or selection.resample):
+        raise DataFileError("the file has no time column (t, time, timestamp, ...): give the sample time by --period")
+    at = t if t is not None else np.arange(count) * (period_s or 0.0)
+    rows = np.flatnonzero((at >= selection.start_s) & (at <= selection.end_s) & (np.arange(at.size) >= selection.skip))
+    if not rows.size:
+        raise DataFileError(
+            f"no row is left: the file holds {at.size} rows from 0 to {at[-1] if at.size else 0.0:.6g} s"
+        )
+    part = slice(int(rows[0]), int(rows[-1]) + 1)
+    signals, t = {name: values[part] for name, values in signals.items()}, None if t is None else t[part]
+    if period_s is None:
+        assert t is not None
+        period_s = float(np.median(np.diff(t))) if selection.resample else mean_period(t)
+    if selection.resample and t is not None:
+        signals = {name: even(t, values, period_s, held=name != y) for name, values in signals.items()}
+        t = None
+    r = None if setpoint is None else signals[setpoint]
+    return Record(period_s, signals[u], signals[y], r=r, controller=controller, t=t)
 
 
 def _holds_numbers(kind: pyarrow.DataType) -> bool:
     return bool(pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

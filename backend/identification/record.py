@@ -11,6 +11,8 @@ Signal = NDArray[np.float64]
 
 MIN_SAMPLES = 200
 MAX_SATURATED_PERCENT = 2.0
+MAX_PERIOD_ERROR = 1e-3
+MAX_STEP, MIN_STEP = 1.5, 0.5
 _EVEN = 1e-3
 FEW_LEVELS = 20
 """Inputs of so few levels are sequences, which rest at their extremes by design."""
@@ -117,26 +119,41 @@ def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str
 def _check_period(period_s: float, t: Signal | None) -> None:
     if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
         raise RecordError("sample time", period_s, 1e-7, 1e3, "s", "give the sample time in seconds")
-    if t is None or t.size < 2:
+    if t is not None:
+        check_time(t, period_s)
+
+
+def mean_period(t: Signal) -> float:
+    """Sample time [s] that a time column, shape (n,), has on the whole. Raises RecordError."""
+    if t.size < 2 or not t[-1] > t[0]:
+        raise RecordError("length of the time column", float(t[-1] - t[0]) if t.size else 0.0, 0.0, None, "s", "record")
+    return float((t[-1] - t[0]) / (t.size - 1))
+
+
+def check_time(t: Signal, period_s: float) -> None:
+    """Raise RecordError where a time column, shape (n,) [s], has holes, runs back or is not of this sample time."""
+    if t.size < 2:
         return
     steps = np.diff(t)
-    if float(np.min(steps)) <= 0.0:
+    if not float(np.min(steps)) > 0.0:
         at = int(np.argmin(steps))
         raise RecordError(
-            f"time step after sample {at}", float(steps[at]), 0.5 * period_s, 1.5 * period_s, "s",
+            f"time step after sample {at}", float(steps[at]), MIN_STEP * period_s, MAX_STEP * period_s, "s",
             "the time column must rise from row to row",
         )  # fmt: skip
-    typical = float(np.median(steps))
-    if abs(typical - period_s) > 0.01 * period_s:
-        raise RecordError(
-            "sample time of the time column", typical, 0.99 * period_s, 1.01 * period_s, "s",
-            "give the sample time the record was taken with",
-        )  # fmt: skip
     largest = float(np.max(steps))
-    if largest > 1.5 * period_s:
+    typical = float(np.median(steps))
+    if largest > MAX_STEP * max(period_s, typical):
         raise RecordError(
-            f"gap after sample {int(np.argmax(steps))}", largest, None, 1.5 * period_s, "s",
-            "samples are missing: use the part before or after the gap",
+            f"gap after sample {int(np.argmax(steps))}", largest, None, MAX_STEP * period_s, "s",
+            "samples are missing: use the part before or after the gap (--range), or --resample where it is short",
+        )  # fmt: skip
+    mean = mean_period(t)
+    if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:
+        raise RecordError(
+            "sample time of the time column", mean,
+            (1.0 - MAX_PERIOD_ERROR) * period_s, (1.0 + MAX_PERIOD_ERROR) * period_s, "s",
+            "give the sample time the record was taken with, or --resample",
         )  # fmt: skip
 
 

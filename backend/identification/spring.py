@@ -6,8 +6,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from backend.identification.errors import DataFileError, RecordError
-from backend.identification.import_data import read_csv
 from backend.identification.record import Signal
+from backend.identification.table import read_csv
 
 ORDERS = (2, 3, 5)
 MIN_POINTS_PER_ORDER = 2
@@ -74,7 +74,7 @@ def read_load_sweep(text: str) -> tuple[Signal, Signal]:
     if unit is None or "F [N]" not in heading:
         raise DataFileError("the table needs the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading")
     columns = read_csv(text)
-    return columns["x"] * _LENGTH_UNITS[unit], columns["F"]
+    return columns.column("x") * _LENGTH_UNITS[unit], columns.column("F")
 
 
 def _check_points(x: Signal, F: Signal, order: int) -> None:

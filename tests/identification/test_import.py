@@ -1,0 +1,193 @@
+"""Files as people save them give the columns they hold; time is recognised and checked, never taken silently."""
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from backend.identification.errors import DataFileError, IdentificationError
+from backend.identification.estimate import estimate
+from backend.identification.import_data import Selection, read_mat, record_from
+from backend.identification.record import Record
+from backend.identification.table import Columns, read_csv
+from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noisy, voltages
+
+N = 400
+T = np.arange(N) * 0.01
+U = np.repeat(np.random.default_rng(0).choice([-2.5, 1.25], N // 20), 20)
+Y = np.round(np.cumsum(U) * 0.125, 6)
+ROWS = list(zip(T.round(6).tolist(), U.tolist(), Y.tolist(), strict=True))
+
+
+def table(heading: str, row: Callable[[float, float, float], str], *before: str) -> str:
+    return "\n".join([*before, heading, *(row(*values) for values in ROWS)]) + "\n"
+
+
+def comma(value: float) -> str:
+    return f"{value}".replace(".", ",")
+
+
+READ = {
+    "plain": table("t,u,y", lambda t, u, y: f"{t},{u},{y}"),
+    "pandas index": table(",t,u,y", lambda t, u, y: f"{round(t / 0.01)},{t},{u},{y}"),
+    "text column": table("t,label,u,y", lambda t, u, y: f"{t},run A,{u},{y}"),
+    "units row": table("t,u,y", lambda t, u, y: f"{t},{u},{y}").replace("t,u,y\n", "t,u,y\n[s],[V],[rad]\n"),
+    "per cent comments": table("t,u,y", lambda t, u, y: f"{t},{u},{y}", "% made by hand", "# and by another"),
+    "names in a comment": table("% t u y", lambda t, u, y: f"{t} {u} {y}"),
+    "blanks": table("t   u    y", lambda t, u, y: f"  {t}   {u}  {y}"),
+    "blanks and units": table("t [s]  u [V]  y [rad]", lambda t, u, y: f"{t} {u} {y}"),
+    "decimal commas": table("t;u;y", lambda t, u, y: f"{comma(t)};{comma(u)};{comma(y)}"),
+    "quoted decimal commas": table("t,u,y", lambda t, u, y: f'"{comma(t)}","{comma(u)}","{comma(y)}"'),
+    "separator at the end": table("t,u,y,", lambda t, u, y: f"{t},{u},{y},"),
+    "separator at the end of rows": table("t,u,y", lambda t, u, y: f"{t},{u},{y},"),
+    "other column empty": table("t,u,y,z", lambda t, u, y: f"{t},{u},{y},"),
+    "other column twice": table("t,u,y,z,z", lambda t, u, y: f"{t},{u},{y},1,2"),
+    "tabs and BOM": "\ufeff" + table("t\tu\ty", lambda t, u, y: f"{t}\t{u}\t{y}"),
+}
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_tables_as_people_save_them_are_read(kind: str) -> None:
+    record = record_from(read_csv(READ[kind]), "u", "y")
+    np.testing.assert_array_equal(record.u, U)
+    np.testing.assert_array_equal(record.y, Y)
+    assert record.period_s == pytest.approx(0.01, rel=1e-9)
+
+
+TIMES = {
+    "Time": T,
+    "time [s]": T,
+    "TIME (ms)": 1e3 * T,
+    "t_ms": 1e3 * T,
+    "Time_us": 1e6 * T,
+    "timestamp": 1.7e9 + T,
+    "timestamps [ms]": 1e3 * T + 5e6,
+    "elapsed": T,
+}
+
+
+@pytest.mark.parametrize("heading", TIMES)
+def test_a_time_column_is_recognised_by_its_name_and_unit(heading: str) -> None:
+    text = f"{heading},u,y\n" + "".join(
+        f"{t!r},{u},{y}\n" for t, u, y in zip(TIMES[heading].tolist(), U, Y, strict=True)
+    )
+    assert record_from(read_csv(text), "u", "y").period_s == pytest.approx(0.01, rel=1e-6)
+    with pytest.raises(IdentificationError, match=r"sample time of the time column is 0\.01 s"):
+        record_from(read_csv(text), "u", "y", 0.0101)
+
+
+def test_dates_are_a_time_column_too() -> None:
+    stamps = np.datetime64("2026-03-04T10:20:30") + np.round(1e6 * T).astype("timedelta64[us]")
+    text = "timestamp,u,y\n" + "".join(f"{stamp}Z,{u},{y}\n" for stamp, u, y in zip(stamps, U, Y, strict=True))
+    assert record_from(read_csv(text), "u", "y").period_s == pytest.approx(0.01, rel=1e-9)
+
+
+def test_a_signal_called_t_is_a_signal() -> None:
+    record = record_from(read_csv("u,T\n" + "".join(f"{u},{y}\n" for u, y in zip(U, Y, strict=True))), "u", "T", 0.01)
+    np.testing.assert_array_equal(record.y, Y)
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "said"),
+    [
+        ("u,y\n1,2\n3,four\n5,6\n", "y", "column 'y' holds 'four' in line 3, which is not a number"),
+        ("u,y,y\n1,2,3\n4,5,6\n", "y", "two columns are called 'y'"),
+        ("u,y\n1,2\n3\n", "y", "line 3 has 1 columns, the heading has 2"),
+        ("# made by hand\nu,y\n1,2\n3\n", "y", "line 4 has 1 columns"),
+        ("1,2\n3,4\n", "y", "put the names of the columns there"),
+        ("u,z\n1,2\n3,4\n", "y", "there is no column 'y'; the file has u, z"),
+        ("", "y", "no heading line"),
+    ],
+)
+def test_what_cannot_be_read_is_said_with_line_and_column(text: str, column: str, said: str) -> None:
+    with pytest.raises(DataFileError, match=said):
+        read_csv(text).column(column)
+
+
+def test_a_file_without_time_needs_the_sample_time() -> None:
+    with pytest.raises(DataFileError, match=r"no time column.*--period"):
+        record_from(Columns({"u": U, "y": Y}), "u", "y")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"u": U, "y": Y.reshape(-1, 1), "t": T},
+        {"data": {"u": U, "y": Y, "Time": T, "note": "by hand"}},
+        {"t": T.reshape(1, -1), "u": U, "y": Y, "K": np.eye(3), "name": "x"},
+    ],
+    ids=["vectors", "struct", "rows"],
+)
+def test_vectors_and_structs_of_matlab_are_read(content: dict[str, object]) -> None:
+    stream = io.BytesIO()
+    savemat(stream, content)
+    stream.seek(0)
+    record = record_from(read_mat(stream), "u", "y")
+    np.testing.assert_array_equal(record.u, U)
+    np.testing.assert_array_equal(record.y, Y)
+    assert record.period_s == pytest.approx(0.01, rel=1e-9)
+
+
+def test_columns_of_a_matrix_are_numbered() -> None:
+    stream = io.BytesIO()
+    savemat(stream, {"data": np.column_stack((T, U, Y))})
+    stream.seek(0)
+    record = record_from(read_mat(stream), "data_2", "data_3", 0.01)
+    np.testing.assert_array_equal(record.u, U)
+    np.testing.assert_array_equal(record.y, Y)
+
+
+def test_rows_are_chosen_by_number_and_by_time() -> None:
+    columns = read_csv(READ["plain"])
+    np.testing.assert_array_equal(record_from(columns, "u", "y", selection=Selection(skip=30)).y, Y[30:])
+    part = record_from(columns, "u", "y", selection=Selection(start_s=0.5, end_s=3.0))
+    np.testing.assert_array_equal(part.y, Y[50:301])
+    untimed = record_from(Columns({"u": U, "y": Y}), "u", "y", 0.01, selection=Selection(start_s=0.5, end_s=3.0))
+    np.testing.assert_array_equal(untimed.y, Y[50:301])
+    with pytest.raises(DataFileError, match="no row is left"):
+        record_from(columns, "u", "y", selection=Selection(start_s=99.0))
+
+
+def moving() -> tuple[Array, Array, Array]:
+    u = voltages("binary", 8000)
+    return np.arange(u.size) * PERIOD_S, u, noisy(motor(u)[0], 0.01) + 100.0  # offset: not a speed about zero
+
+
+def errors_in_std(record: Record) -> float:
+    found = estimate(record, "first").first_order
+    return max(abs(found.K - K_M) / found.K_std, abs(found.T - T_M) / found.T_std)
+
+
+def test_a_gap_is_refused_and_the_part_before_it_is_right() -> None:
+    t, u, y = moving()
+    kept = (t < 4.01) | (t > 4.41)
+    columns = Columns({"Time": t[kept], "u": u[kept], "y": y[kept]})
+    for period_s, selection in ((PERIOD_S, Selection()), (None, Selection()), (PERIOD_S, Selection(resample=True))):
+        with pytest.raises(IdentificationError, match=r"gap after sample 40(09|10)"):
+            record_from(columns, "u", "y", period_s, selection=selection)
+    assert errors_in_std(record_from(columns, "u", "y", selection=Selection(end_s=4.0))) < 4.0
+
+
+def test_uneven_rows_are_refused_and_taken_at_even_instants_on_request() -> None:
+    t, u, y = moving()
+    dropped = np.random.default_rng(3).random(t.size) < 0.02
+    columns = Columns({"Time": t[~dropped], "u": u[~dropped], "y": y[~dropped]})
+    with pytest.raises(IdentificationError, match="gap after sample"):
+        record_from(columns, "u", "y", PERIOD_S)
+    record = record_from(columns, "u", "y", PERIOD_S, selection=Selection(resample=True))
+    assert record.u.size == t.size
+    assert np.mean(record.u != u) < 1e-3
+    assert errors_in_std(record) < 4.0
+
+
+def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None:
+    t, u, y = moving()
+    columns = Columns({"t": 1.009 * t, "u": u, "y": y})
+    with pytest.raises(IdentificationError, match=r"sample time of the time column is 0\.001009 s"):
+        record_from(columns, "u", "y", PERIOD_S)
+    found = estimate(record_from(columns, "u", "y"), "first").first_order
+    assert abs(found.T - 1.009 * T_M) < 4.0 * found.T_std
+    resampled = estimate(record_from(columns, "u", "y", PERIOD_S, selection=Selection(resample=True)), "first")
+    assert abs(resampled.first_order.T / (1.009 * T_M) - 1.0) < 0.004
