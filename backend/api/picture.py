@@ -204,7 +204,7 @@ def described(stopped: Stopped) -> str:
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
-    """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 16."""
+    """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
     r_j = parameters.geometry.r_j
     springs = parameters.identified_spring("A"), parameters.identified_spring("B")
     return [

@@ -1,7 +1,7 @@
 """Metrics of the compliance experiment: does the joint feel as stiff as it was told to be? Pure.
 
 The force that the hand exerts is F_ext = F_A − F_B (equation 22, a reaction); geometry and the commanded stiffness
-expect −S_ref q/r_j (equation 23).
+expect F_expected = −S_ref q/r_j (equation 25).
 """
 
 from collections.abc import Mapping

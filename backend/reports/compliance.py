@@ -16,7 +16,7 @@ _REST_S = 1.0
 
 _NOTES = (
     "The force of the hand is measured as the reaction F_ext = F_A − F_B; commanded stiffness and measured position "
-    "let expect F_exp = −S_ref q/r_j (equations 22 and 23 of the paper, linear approximations).",
+    "let expect F_exp = −S_ref q/r_j (equations 22 and 25 of the paper, a linear approximation).",
     "Raw differences hold the load cells' delay and offset, as the paper's 2.239 N does. Aligned means: the measured "
     "force is moved back by the delay that fits best, and each force counts from its mean over the second before the "
     "first push.",

@@ -53,6 +53,7 @@ def test_compliance_report_judges_the_force_error_and_draws_figure_8() -> None:
     criteria = next(block for block in report.sections[0].blocks if isinstance(block, Table))
     assert criteria.rows[0][:2] == ("Force error, aligned", "< 0.5")
     assert "2.239 N" in to_html(report)
+    assert "(equations 22 and 25 of the paper, a linear approximation)" in to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
 
 
