@@ -10,12 +10,13 @@ import typer
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 
 if TYPE_CHECKING:
-    from backend.identification.record import Controller
+    from backend.identification.record import Controller, Record
     from backend.identification.result import CorrelationTest, Estimate
     from backend.identification.table import Columns
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
-STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4"
+MOTOR = "motor"
+STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4; motor: angle from voltage, with dry friction"
 
 
 def data(
@@ -75,6 +76,9 @@ def data(
             controller=_controller(controller) if controller else None,
             selection=Selection(skip, *_range(within), resample),
         )
+        if structure == MOTOR:
+            _show_motor(record, resolution, as_json=as_json)
+            return
         found = estimate(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
@@ -132,6 +136,25 @@ def _method(name: str) -> Any:
         return Method(name)
     except ValueError:
         raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
+
+
+def _show_motor(record: "Record", resolution: float | None, *, as_json: bool) -> None:
+    from backend.experiments.result import json_ready
+    from backend.identification.motor_record import identify_motor_record
+
+    found = identify_motor_record(record, resolution)
+    names = ("K_m", "T_m", "u_c")
+    parameters = {name: getattr(found, name) for name in names}
+    std_errors = dict(zip(names, found.std_errors, strict=True))
+    if as_json:
+        rest = {"fit_percent": found.fit_percent, "grade": found.verdict.grade, "verdict": found.verdict.sentence}
+        method = "least squares on angle"
+        print_json(json_ready({"parameters": parameters, "std_errors": std_errors, "method": method, **rest}))
+        return
+    units = {"K_m": "rad/(V·s)", "T_m": "s", "u_c": "V"}
+    rows = [(f"{name} [{units[name]}]", value, std_errors[name] or None) for name, value in parameters.items()]
+    print_table(("parameter", "value", "standard error"), rows)
+    out.print(found.verdict.sentence, highlight=False, markup=False)
 
 
 def _show(found: "Estimate") -> None:

@@ -8,6 +8,7 @@ that show nothing of it. So this model is tried on every record of something tha
 held, and the speed is exact, zero crossings included.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numba
@@ -26,6 +27,7 @@ _MOVING_SHARE = 0.1
 _RESTING_PART = 0.02
 _LAGS = 12
 _MAX_STEPS = 60
+_STEP = 1e-6
 _FRICTIONS = (0.05, 0.2, 0.4, 0.7, 1.0)
 """Frictions to start from, in root mean squares of the input."""
 
@@ -74,10 +76,10 @@ def fit_friction(record: Record) -> FrictionFit:
     u, y, period_s = record.u / scale_u, record.y / scale_y, record.period_s
 
     def residuals(z: Signal) -> Signal:
-        return np.asarray(y - moving_speed(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4]))
+        return np.asarray(y - moving(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4])[0])
 
     found = least_squares(
-        residuals, _start(u, y, period_s), x_scale=0.1, diff_step=np.full(5, 1e-5), max_nfev=_MAX_STEPS
+        residuals, _start(u, y, period_s), jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS
     )
     if not np.all(np.isfinite(found.x)):
         raise NotConvergedError("no motor with dry friction describes the record")
@@ -92,12 +94,22 @@ def fit_friction(record: Record) -> FrictionFit:
     return FrictionFit(parameters, covariance * np.outer(unit, unit), np.asarray(found.fun * scale_y))
 
 
+def differences(residuals: Callable[[Signal], Signal]) -> Callable[[Signal], Signal]:
+    """Differentiate residuals by central differences of one absolute step: parameters of size 1 may well be zero."""
+
+    def jacobian(z: Signal) -> Signal:
+        moves = _STEP * np.eye(z.size)
+        return np.column_stack([(residuals(z + move) - residuals(z - move)) / (2.0 * _STEP) for move in moves])
+
+    return jacobian
+
+
 def _start(u: Signal, y: Signal, period_s: float) -> Signal:
     """K, ln T, u_c, u_0 and first speed over a grid of lags and frictions; w grows with K, which is fitted."""
     best, lowest = np.zeros(5), np.inf
     for T in np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS):
         for u_c in _FRICTIONS:
-            speed = moving_speed(u, period_s, 1.0, float(T), u_c, 0.0, 0.0)
+            speed = moving(u, period_s, 1.0, float(T), u_c, 0.0, 0.0)[0]
             size = float(speed @ speed)
             K = float(speed @ y) / size if size > 0.0 else 0.0
             error = float(np.linalg.norm(y - K * speed))
@@ -107,12 +119,12 @@ def _start(u: Signal, y: Signal, period_s: float) -> Signal:
 
 
 @numba.njit(cache=True)
-def moving_speed(u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float) -> Signal:
-    """Speed at each sample, shape of ``u``; exact for an input that is held between samples."""
-    w = initial
-    speed = np.empty(u.size)
+def moving(u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float) -> Signal:
+    """Speed and turn since the first sample, shape (2, n); exact for an input that is held between samples."""
+    w, turned = initial, 0.0
+    motion = np.empty((2, u.size))
     for k in range(u.size):
-        speed[k] = w
+        motion[0, k], motion[1, k] = w, turned
         left = period_s
         drive = u[k] - u_0
         while left > 0.0:
@@ -123,9 +135,12 @@ def moving_speed(u: Signal, period_s: float, K: float, T: float, u_c: float, u_0
             final = K * drive - abs(K) * u_c * sign
             reached = final + (w - final) * np.exp(-left / T)
             if w != 0.0 and reached * w < 0.0:
-                left -= T * np.log((w - final) / -final)
+                until = T * np.log((w - final) / -final)
+                turned += final * until + w * T  # the lag's part is T (w - 0)
+                left -= until
                 w = 0.0
             else:
+                turned += final * left + (w - reached) * T
                 w = reached
                 left = 0.0
-    return speed
+    return motion

@@ -38,6 +38,7 @@ def _bandwidth(moments: Signal) -> int:
     """Andrews' bandwidth for Bartlett weights, from a first-order autoregression of each column."""
     count = moments.shape[0]
     past, now = moments[:-1], moments[1:]
-    rho = np.clip(np.sum(past * now, axis=0) / np.sum(moments**2, axis=0), -0.97, 0.9999)
+    power = np.maximum(np.sum(moments**2, axis=0), np.finfo(float).tiny)  # a perfect fit leaves nothing
+    rho = np.clip(np.sum(past * now, axis=0) / power, -0.97, 0.9999)
     spread = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
     return int(min(np.ceil(1.1447 * (np.mean(spread) * count) ** (1.0 / 3.0)), count // 10))
