@@ -97,8 +97,8 @@ def to_store(
         },
         quality={
             "motion_counts": estimate.motion_counts,
-            "G_q": {**_quality(estimate.G_q), "candidates": _candidates(estimate.candidates_q)},
-            "G_S": {**_quality(estimate.G_S), "candidates": _candidates(estimate.candidates_S)},
+            "G_q": _quality(estimate.G_q, estimate.candidates_q, estimate.arx_q),
+            "G_S": _quality(estimate.G_S, estimate.candidates_S, estimate.arx_S),
         },
         usable=estimate.verdict.grade is not Grade.UNUSABLE,
         verdict=estimate.verdict.sentence,
@@ -121,7 +121,7 @@ def _model(channel: Estimate) -> Document:
     )
 
 
-def _quality(channel: Estimate) -> Document:
+def _quality(channel: Estimate, candidates: Candidates, arx: Estimate | str) -> Document:
     return json_ready(
         {
             "fit_percent": channel.fit_percent,
@@ -134,8 +134,17 @@ def _quality(channel: Estimate) -> Document:
             "usable": channel.verdict.grade is not Grade.UNUSABLE,
             "grade": channel.verdict.grade,
             "verdict": channel.verdict.sentence,
+            "candidates": _candidates(candidates),
+            "arx": _arx(arx),
         }
     )
+
+
+def _arx(found: Estimate | str) -> Document:
+    """Return what the paper's method gives on the same record, or why it gives nothing."""
+    if isinstance(found, str):
+        return {"problem": found}
+    return {"method": found.method, "fit_percent": found.fit_percent, **asdict(found.first_order), "problem": ""}
 
 
 def _candidates(candidates: Candidates) -> list[Document]:

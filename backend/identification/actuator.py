@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 
 from backend.identification.candidates import Candidates, rank
+from backend.identification.errors import IdentificationError
+from backend.identification.estimate import estimate
+from backend.identification.fit import Method
 from backend.identification.record import Record, Signal
 from backend.identification.result import Estimate, Verdict, worst
 
@@ -53,7 +56,8 @@ class ActuatorIdentification:
     """G_q and G_S at one nominal point, each the best of its candidates.
 
     ``S_nominal`` [N·m/rad] and ``q_nominal`` [rad] are where the actuator rested before; ``motion_counts`` is the
-    peak-to-peak of q during the excitation in encoder counts.
+    peak-to-peak of q during the excitation in encoder counts. ``arx_q`` and ``arx_S`` are what the paper's method, ARX
+    of first order, makes of the same record, or why it makes nothing of it: for comparison, never for tuning.
     """
 
     G_q: Estimate
@@ -64,6 +68,8 @@ class ActuatorIdentification:
     q_nominal: float
     motion_counts: float
     verdict: Verdict
+    arx_q: Estimate | str
+    arx_S: Estimate | str
 
     def to_json(self) -> dict[str, Any]:
         """Plain dictionaries, lists and numbers."""
@@ -94,14 +100,15 @@ def identify_actuator(
     """
     u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
     rest = slice(max(0, start - int(_REST_S / period_s)), max(start, 1))
+    q_record, S_record = Record(period_s, u[start:], q[start:]), Record(period_s, u[start:], S[start:])
     q_candidates = rank(
-        Record(period_s, u[start:], q[start:]),
+        q_record,
         structures,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
     S_candidates = rank(
-        Record(period_s, u[start:], S[start:]),
+        S_record,
         structures,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
@@ -115,7 +122,16 @@ def identify_actuator(
         q_nominal=float(np.mean(q[rest])),
         motion_counts=float(np.ptp(q[start:])) / geometry.q_resolution,
         verdict=_joint_verdict(q_candidates.best.verdict, S_candidates.best.verdict),
+        arx_q=_by_arx(q_record),
+        arx_S=_by_arx(S_record),
     )
+
+
+def _by_arx(record: Record) -> Estimate | str:
+    try:
+        return estimate(record, "first", Method.ARX)
+    except IdentificationError as error:
+        return str(error)
 
 
 def joint_method(methods: Mapping[str, str]) -> str:

@@ -188,22 +188,36 @@ def _comparison(found: Identification, tension_N: float) -> Table:
         Column("Transfer function", number=False, wide=True),
         Column("K here"),
         Column("K geometry"),
+        Column("K by ARX"),
         Column("K table 1"),
         Column("T here", "s"),
+        Column("T by ARX", "s"),
         Column("T table 1", "s"),
     )
+    arx = {key: found.quality[key].get("arx", {}) for key in CHANNELS}  # not in what earlier versions stored
     rows = tuple(
         (
             key,
             shown(found.model[key]["first_order"]["K"], 4),
             shown(found.quality[key]["gain_geometry"], 4),
+            shown(arx[key].get("K"), 4),
             shown(K, 4),
             shown(found.model[key]["first_order"]["T"]),
+            shown(arx[key].get("T")),
             shown(T),
         )
         for key, K, T in (("G_q", row.K_q, row.T_q), ("G_S", row.K_S, row.T_S))
     )
-    return Table(f"First-order models beside the paper's table 1 at {exact(nearest)} N.", columns, rows)
+    title = (
+        f"First-order models beside the paper's table 1 at {exact(nearest)} N. By ARX: the paper's method, first order "
+        f"with a low-pass, on the same record, for comparison only. {_missing_arx(arx)}"
+    )
+    return Table(title.strip(), columns, rows)
+
+
+def _missing_arx(arx: Mapping[str, Mapping[str, Any]]) -> str:
+    reasons = [f"{key}: {item.get('problem') or 'not computed then'}." for key, item in arx.items() if "K" not in item]
+    return " ".join(reasons)
 
 
 def _data(found: Identification | None) -> tuple[Paragraph, ...]:

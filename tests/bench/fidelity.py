@@ -22,6 +22,7 @@ from backend.identification.published import TABLE_1
 from backend.identification.record import Record
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
+from tests.bench.fidelity_experiments import figure_7_rows, figure_8_rows
 from tests.bench.fidelity_runs import Array, Bench, first_order_output_error, newtons_per_count, unloaded_steps
 
 POSITIONS = 4
@@ -148,6 +149,10 @@ def tables(parameters: PlantParameters) -> dict[str, str]:
         "first order G_S": _markdown(first, first_order_rows(runs, "S")),
         "third order G_q": _markdown(third, third_order_rows(parameters, runs, "q")),
         "third order G_S": _markdown(third, third_order_rows(parameters, runs, "S")),
+        "figure 7": _markdown(["what the paper's text says", "here"], figure_7_rows(parameters)),
+        "figure 8": _markdown(
+            ["pushes", "raw [N]", "aligned [N]", "offset at rest [N]", "rms of dF/dt [N/s]"], figure_8_rows(parameters)
+        ),
     }
 
 

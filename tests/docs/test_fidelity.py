@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from backend.experiments.compliance_plan import CompliancePlan
 from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.fidelity import default_plan, gain_rows, motor_rows
+from tests.bench.fidelity_experiments import pushed_row
 from tests.bench.fidelity_runs import Bench
 
 PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
@@ -57,6 +59,20 @@ def test_gains_on_the_page_are_those_of_the_code(lab: PlantParameters) -> None:
 def test_time_constant_of_the_first_order_fit_rises_with_tension() -> None:
     T = [float(row[4].split("±")[0]) for row in written("first order G_q")]
     assert np.all(np.diff(T) > 0.0)
+
+
+def test_compliance_on_the_page_is_that_of_the_code(lab: PlantParameters) -> None:
+    name = "steps of ±10 and ±20 N"
+    on_page = next(row for row in written("figure 8") if row[0] == name)
+    computed = pushed_row(name, lab, CompliancePlan(profile="steps"))
+    assert numbers(computed) == pytest.approx(numbers(on_page), abs=2e-3)
+
+
+def test_what_the_page_says_of_the_delay_follows_from_its_own_table() -> None:
+    rate = {row[0]: float(row[4]) for row in written("figure 8") if row[4]}
+    hand, steps, delay = rate["hand, as shipped"], rate["steps of ±10 and ±20 N"], 0.012
+    assert f"12 ms at {hand} N/s are {delay * hand:.2f} N, at {steps} N/s {delay * steps:.2f} N" in PAGE
+    assert f"makes 2.239 N at {2.239 / delay:.0f} N/s" in PAGE
 
 
 def test_published_columns_are_table_1() -> None:

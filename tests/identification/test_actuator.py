@@ -5,7 +5,10 @@ import pytest
 from scipy.signal import lsim, max_len_seq
 
 from backend.identification.actuator import ActuatorGeometry, identify_actuator
-from backend.identification.result import Grade
+from backend.identification.estimate import estimate
+from backend.identification.fit import Method
+from backend.identification.record import Record
+from backend.identification.result import Estimate, Grade
 
 GEOMETRY = ActuatorGeometry(r_m=0.0075, r_j=0.075, k2=8543.8)
 PERIOD_S = 1e-3
@@ -31,6 +34,16 @@ def test_default_experiment_gives_gains_lags_and_rest_point() -> None:
     assert found.S_nominal == pytest.approx(8.24, abs=1e-3)
     assert found.q_nominal == pytest.approx(0.4, abs=2e-3)
     assert found.verdict.grade is Grade.USABLE
+
+
+def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives() -> None:
+    samples = default_experiment()
+    found = identify_actuator(samples, PERIOD_S, GEOMETRY, START)
+    for by_arx, column in ((found.arx_q, "q"), (found.arx_S, "S")):
+        assert isinstance(by_arx, Estimate)
+        alone = estimate(Record(PERIOD_S, samples["theta_A_ref"][START:], samples[column][START:]), "first", Method.ARX)
+        assert by_arx.method == alone.method == "ARX with low-pass prefilter"
+        assert by_arx.first_order == alone.first_order
 
 
 def test_too_little_motion_is_said_with_the_number_of_counts() -> None:

@@ -57,6 +57,7 @@ def identification() -> Identification:
             ],
             "residuals": {"whiteness": test, "input_correlation": {**test, "passed": True}},
         }
+    quality["G_q"]["arx"] = {"K": 0.048, "T": 0.31, "problem": ""}
     return Identification(
         id=5,
         kind="actuator",
@@ -100,7 +101,9 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     assert models[0][-1] == "coloured (7.7 of 2.8), free of input (7.7 of 2.8)"
     assert candidates[0] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.340", "97.0", "−1234", "usable")
     assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
-    assert comparison[1] == ("G_S", "0.7200", "0.7209", "2.826", "0.342", "1.19")
+    assert comparison[0] == ("G_q", "0.05000", "0.05000", "0.04800", "0.04840", "0.342", "0.310", "0.780")
+    assert comparison[1] == ("G_S", "0.7200", "0.7209", "–", "2.826", "0.342", "–", "1.19")
+    assert "G_S: not computed then." in tables[2].caption
 
 
 def test_report_renders_with_its_four_figures(report: Report) -> None:
