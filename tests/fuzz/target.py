@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 import httpx
 import requests
 
+from backend.faults import Fault
 from tests.e2e.service import Service
 
 Role = Literal["operator", "viewer"]
@@ -90,6 +91,8 @@ class Target:
                 assert time.monotonic() < until, answer.text
                 time.sleep(0.05)
             answer.raise_for_status()
+            if state["fault"] is not None and state["fault"]["code"] == Fault.WATCHDOG_DEAD:
+                self._loop = self._loop_process()  # injected: the reset of this one starts another loop
 
     def be_in_run(self) -> None:
         """Bring the loop to run, where it takes references and begins experiments."""
@@ -117,6 +120,10 @@ class Target:
         """Memory of the service process that is its own [MB]: its code and what it shares with the loop left out."""
         fields = dict(line.split(":", 1) for line in Path(f"/proc/{self.service.pid}/status").read_text().splitlines())
         return int(fields["RssAnon"].split()[0]) / 1024.0
+
+    def note_memory(self) -> None:
+        """Keep how much memory the service has after so many requests."""
+        self.memory.append((sum(self.answers.values()), self.memory_MB()))
 
     def _loop_process(self) -> int | None:
         for thread in Path(f"/proc/{self.service.pid}/task").iterdir():
