@@ -154,7 +154,7 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
     run = None if found.run_id is None else runs.get(session, found.run_id)
     return EntryLineage(
         identification=found.id,
-        method=joint_method({name: found.model[name].get("method", found.method) for name in MODEL_NAMES}),
+        method=joint_method({name: found.model.get(name, {}).get("method", found.method) for name in MODEL_NAMES}),
         verdict=found.verdict,
         run=found.run_id,
         created=found.created_at,

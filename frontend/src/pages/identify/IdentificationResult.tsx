@@ -69,9 +69,11 @@ function Models({ identification }: { identification: Identification }) {
   if (estimate === null) {
     return <p className={page.empty}>{message === "" ? "No model came out of this run." : message}</p>;
   }
+  const parts = [identification.G_q, identification.G_S, ...identification.motors];
+  const good = identification.usable && parts.every((part) => part === null || part.grade === "usable");
   return (
     <>
-      <Verdict good={identification.usable}>{message}</Verdict>
+      <Verdict good={good}>{message}</Verdict>
       {kind === "actuator" && <ActuatorResult identification={identification} />}
       {kind === "motor" && <MotorResult identification={identification} />}
       {kind === "spring" && <SpringRunResult identification={identification} />}
