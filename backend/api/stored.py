@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.api.schemas.bank import BankEntryView, BankView
-from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, Metric, SettingValue
+from backend.api.schemas.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.api.schemas.flight import FlightView
 from backend.api.schemas.identification import (
     IdentificationView,
@@ -23,6 +24,7 @@ from backend.api.schemas.run import Envelope, Evaluation, RunView, SamplesView
 from backend.identification.motor import grade_of
 from backend.identification.result import Grade
 from backend.recording import reader
+from backend.reports.verdict import reason_of, verdict_of
 from backend.sample import STORED
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
@@ -150,8 +152,7 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
         created=run.started_at,
         progress=progress,
         settings={**run.settings.get("plan", {}), **run.settings.get("loop", {})},
-        metrics=_metrics(result),
-        criteria=_criteria(result),
+        **_judgement(run, result),
         message=_message(run, result),
     )
 
@@ -170,30 +171,32 @@ def dry_run_view(
         message=_message(run, result),
         duration_s=duration_s,
         settings=settings,
-        metrics=_metrics(result),
-        criteria=_criteria(result),
+        **_judgement(run, result),
         samples=samples,
     )
 
 
-def _metrics(result: Result | None) -> list[Metric]:
-    figures = [] if result is None else result.metrics.get("figures", [])
-    return [Metric(name=item["name"], label=item["label"], value=item["value"], unit=item["unit"]) for item in figures]
+def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
+    metrics, criteria = (None, []) if result is None else (result.metrics, result.criteria)
+    running = "" if run.ended_at is not None else "the run is not over"
+    found = verdict_of(metrics, criteria, run.evaluation_problem or running)
+    return {
+        "outcome": found.outcome,
+        "verdict": found.sentence,
+        "metrics": [_metric(item) for item in (metrics or {}).get("figures", [])],
+        "criteria": [_criterion(item) for item in criteria],
+    }
 
 
-def _criteria(result: Result | None) -> list[Criterion]:
-    return [
-        Criterion(
-            name=item["name"],
-            label=item["title"],
-            value=item["figure"],
-            bound=item["bound"],
-            relation=item["relation"],
-            unit=item["unit"],
-            passed=item["passed"],
-        )
-        for item in ([] if result is None else result.criteria)
-    ]
+def _metric(item: Mapping[str, Any]) -> MeasuredMetric:
+    told = {name: item[name] for name in ("name", "label", "definition", "value", "unit")}
+    return MeasuredMetric(**told, reason=reason_of(item, item["value"]))
+
+
+def _criterion(item: Mapping[str, Any]) -> Criterion:
+    told = {name: item[name] for name in ("name", "bound", "relation", "unit", "passed")}
+    reason = reason_of(item, item["passed"])
+    return Criterion(**told, label=item["title"], value=item["figure"], reason=reason)
 
 
 def _message(run: Run, result: Result | None) -> str:

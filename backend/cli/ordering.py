@@ -96,21 +96,36 @@ def current_user() -> str:
 
 def _show(document: dict[str, Any]) -> None:
     out.print(f"run {document['run']}, {document['kind']}: {document['end_state']}", highlight=False, style="bold")
-    units = document["units"]
-    rows = [(name, value, units[name]) for name, value in document["metrics"].items()]
+    units, missing = document["units"], document["not_measured"]
+    rows = [
+        (name, _figure(value), units[name], missing.get(name, "measured"))
+        for name, value in document["metrics"].items()
+    ]
     if rows:
-        print_table(("figure", "value", "unit"), rows)
-    judged = {True: "passed", False: "FAILED", None: "no figure"}
+        kept = 4 if missing else 3
+        print_table(("figure", "value", "unit", "measured")[:kept], [row[:kept] for row in rows])
+    judged = {True: "passed", False: "FAILED", None: "not measured"}
     criteria = [
-        (item["title"], item["figure"], f"{item['relation']} {item['bound']:g}", item["unit"], judged[item["passed"]])
+        (
+            item["title"],
+            _figure(item["figure"]),
+            f"{item['relation']} {item['bound']:g}",
+            item["unit"],
+            judged[item["passed"]] + (f": {item['reason']}" if item["reason"] else ""),
+        )
         for item in document["criteria"]
     ]
     if criteria:
         print_table(("criterion", "value", "bound", "unit", "verdict"), criteria)
+        out.print(document["verdict"], highlight=False, markup=False)
     if document["identification"]:
         out.print(document["identification"]["verdict"], highlight=False, markup=False)
     for path in document["files"]:
         out.print(f"wrote {path}", highlight=False, markup=False)
+
+
+def _figure(value: float | None) -> float | str:
+    return "not measured" if value is None else value
 
 
 def _end_status(outcome: "Outcome") -> None:

@@ -7,7 +7,7 @@ from backend import __version__
 from backend.experiments import actuator_identification, motor_identification, spring_identification
 from backend.experiments.compliance import compliance_criteria, compliance_figures
 from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.criteria import Criterion, bounds_for, tracking_criteria
+from backend.experiments.criteria import Criterion, bounds_for, ended_early, tracking_criteria, unseen
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
@@ -43,9 +43,9 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
             case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
                 metrics, estimate, problem = _identified(columns, parameters, plan, run)
             case CompliancePlan():
-                metrics, criteria = _complied(columns, parameters, plan, run)
+                metrics, criteria = _complied(columns, parameters, plan, run, missed)
             case _:
-                metrics, criteria = _tracked(columns, parameters, plan, run)
+                metrics, criteria = _tracked(columns, parameters, plan, run, missed)
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
@@ -59,23 +59,24 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
 
 
 def _tracked(
-    columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run
+    columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run, missed: int
 ) -> tuple[Document, list[Document]]:
     bound = partial(least_reach_time, parameters)
     metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound, parameters.sensors.joint_step)
     criteria: tuple[Criterion, ...] = ()
     if isinstance(plan, TrackingPlan):
-        criteria = tracking_criteria(metrics, bounds_for(run.parameters_name))
+        criteria = tracking_criteria(metrics, bounds_for(run.parameters_name), missed)
     return tracking_document(metrics, plan.phases()), criteria_documents(criteria)
 
 
 def _complied(
-    columns: Columns, parameters: PlantParameters, plan: CompliancePlan, run: Run
+    columns: Columns, parameters: PlantParameters, plan: CompliancePlan, run: Run, missed: int
 ) -> tuple[Document, list[Document]]:
     document = _outline(columns, plan, run)
     figures = compliance_figures(columns, parameters.geometry.r_j)
-    criteria = compliance_criteria(figures, document["complete"])
-    return document | {"figures": figure_documents(figures)}, criteria_documents(criteria)
+    early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
+    criteria = compliance_criteria(figures, unseen(missed, early))
+    return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
 
 
 def _identified(

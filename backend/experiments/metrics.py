@@ -1,56 +1,29 @@
 """Metrics of step experiments, on measured signals (definitions of method section 7). Pure.
 
-Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N, voltages in V. What cannot be told
-(a step that never reached 90 %, a signal that never settled) is None, never a number that looks like one.
+Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N, voltages in V. What could not be
+measured (a step that began on its way, one that never reached 90 %, a signal that never settled) is told with its
+reason, and is never a number that looks like one.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.experiments.phase import Phase
-from backend.loop.program import Program, Shape
+from backend.experiments.rest import BOTH_STEP, NO_NUMBER, REST_S, Missing, in_words, other_moving
+from backend.experiments.steps import Step, StepMetrics, step_metrics, steps_of
+from backend.loop.program import Program
 
 Columns = Mapping[str, NDArray[np.float64]]
 """Samples by column name, equally long; ``t`` [s] counts from the start of the program."""
 
-SETTLING_BAND = 0.02
-STEADY_WINDOW_S = 0.5
+AT_LEAST = ("overshoot_percent", "cross_coupling")
+"""What was seen of these stays a figure where some steps could not be measured: there may have been more, not less."""
 
-
-@dataclass(frozen=True)
-class Step:
-    """One reference step: ``signal`` is "q" or "S"; ``alone`` when the other reference stays where it is."""
-
-    signal: str
-    phase: str
-    start_s: float
-    end_s: float
-    before: float
-    after: float
-    alone: bool
-
-
-@dataclass(frozen=True)
-class StepMetrics:
-    """How one step went.
-
-    ``rise_s`` 10-90 %; ``reach_s`` from the step to 90 %; ``settling_s`` last exit from ±2 % of the step around the new
-    reference, all three to half a count; ``overshoot_percent`` of the step; ``steady_error`` mean of signal minus
-    reference over the last half second; ``cross_coupling`` largest deviation of the other signal from its reference,
-    for a step that moves alone.
-    """
-
-    step: Step
-    rise_s: float | None
-    reach_s: float | None
-    settling_s: float | None
-    overshoot_percent: float
-    steady_error: float
-    cross_coupling: float | None
+NO_SUCH_STEP = "no such step was played to its end"
 
 
 def figure(unit: str, label: str, definition: str) -> Any:
@@ -60,7 +33,10 @@ def figure(unit: str, label: str, definition: str) -> Any:
 
 @dataclass(frozen=True)
 class Overall:
-    """Figures over all samples of the program; a maximum over steps is None when not every step has a figure."""
+    """Figures over all samples of the program; a maximum over steps is None when not every step has a figure.
+
+    Of overshoot and deviation, what was seen of them stays when not every step has a figure: they are at least that.
+    """
 
     rise_q_s: float | None = figure("s", "Rise time of q", "longest 10-90 % time of all q steps")
     rise_S_s: float | None = figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
@@ -76,7 +52,9 @@ class Overall:
         "Bound of the motors for it",
         "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
     )
-    reach_ratio_q: float | None = figure("1", "Time over bound", "time to 90 % over the bound of the motors")
+    reach_ratio_q: float | None = figure(
+        "1", "Times the bound of the motors", "time to 90 % divided by the bound of the motors; none can be below 1"
+    )
     overshoot_q_percent: float | None = figure("%", "Overshoot of q", "largest, in per cent of its step")
     overshoot_S_percent: float | None = figure("%", "Overshoot of S", "largest, in per cent of its step")
     deviation_S: float | None = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
@@ -90,53 +68,21 @@ class Overall:
 
 @dataclass(frozen=True)
 class TrackingMetrics:
-    """``complete`` is False when the run ended before its program: figures then cover what was played."""
+    """``complete`` is False when the run ended before its program: figures then cover what was played.
+
+    ``reasons`` tells by name which overall figures could not be measured, or not on all steps, and why.
+    """
 
     complete: bool
     played_s: float
     planned_s: float
     steps: tuple[StepMetrics, ...]
     overall: Overall
+    reasons: Mapping[str, str]
 
 
 class NoSamplesError(ValueError):
     """There is nothing to compute from."""
-
-
-def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[Step, ...]:
-    """Return the reference steps of a program. The first segment leads in from wherever the joint is, so it is none."""
-    steps: list[Step] = []
-    start = program.segments[0].duration_s
-    for before, segment in zip(program.segments, program.segments[1:], strict=False):
-        end = start + segment.duration_s
-        moves = {"q": (before.q_ref, segment.q_ref), "S": (before.S_ref, segment.S_ref)}
-        moving = [signal for signal, (old, new) in moves.items() if old != new]
-        if segment.shape is Shape.STEP and before.shape is not Shape.SINE:
-            phase = next(item.name for item in phases if item.start_s <= start + 1e-9 < item.end_s)
-            steps += [Step(signal, phase, start, end, *moves[signal], alone=len(moving) == 1) for signal in moving]
-        start = end
-    return tuple(steps)
-
-
-def step_metrics(t: NDArray[np.float64], y: NDArray[np.float64], step: Step, count: float = 0.0) -> StepMetrics:
-    """Measure one step on its own samples, ``t`` and ``y`` of shape (N,), first tick to before the next step.
-
-    ``count`` is the resolution of ``y``. A reading tells to half a count, and so much counts in favour of the signal:
-    else rounding would decide where a bound lies on a count, as 90 % of π/3 do with 4000 counts.
-    """
-    rising = (y - step.before) / (step.after - step.before)
-    margin = 0.5 * count / abs(step.after - step.before)
-    t_10, t_90 = _first_crossing(t, rising, 0.1 - margin), _first_crossing(t, rising, 0.9 - margin)
-    steady = t >= t[-1] - STEADY_WINDOW_S
-    return StepMetrics(
-        step=step,
-        rise_s=None if t_10 is None or t_90 is None else t_90 - t_10,
-        reach_s=None if t_90 is None else t_90 - step.start_s,
-        settling_s=_settling(t - step.start_s, rising, SETTLING_BAND + margin),
-        overshoot_percent=max(0.0, 100.0 * float(rising.max() - 1.0)),
-        steady_error=float(np.mean(y[steady]) - step.after),
-        cross_coupling=None,
-    )
 
 
 def tracking_metrics(
@@ -161,83 +107,83 @@ def tracking_metrics(
     slack_s = 1.5 * period_s
     ended = [step for step in steps_of(program, phases) if step.end_s <= played_s + slack_s]
     steps = tuple(_measured(columns, step, q_count if step.signal == "q" else 0.0) for step in ended)
-    return TrackingMetrics(
-        played_s + slack_s >= planned_s, played_s, planned_s, steps, _overall(columns, steps, reach_bound)
-    )
+    overall, reasons = _overall(columns, steps, reach_bound)
+    return TrackingMetrics(played_s + slack_s >= planned_s, played_s, planned_s, steps, overall, reasons)
 
 
 def _measured(columns: Columns, step: Step, count: float) -> StepMetrics:
     t = columns["t"]
-    inside = slice(*np.searchsorted(t, [step.start_s - 1e-9, step.end_s - 1e-9]))
-    result = step_metrics(t[inside], columns[step.signal][inside], step, count)
+    early, first, end = np.searchsorted(t, [step.start_s - REST_S - 1e-9, step.start_s - 1e-9, step.end_s - 1e-9])
+    y = columns[step.signal]
+    result = step_metrics(t[first:end], y[first:end], step, y[early:first], count)
     if not step.alone:
-        return result
+        return replace(result, reasons={**result.reasons, "cross_coupling": BOTH_STEP})
     other = "S" if step.signal == "q" else "q"
-    deviation = np.abs(columns[other][inside] - columns[f"{other}_ref"][inside])
-    return StepMetrics(**{**vars(result), "cross_coupling": float(deviation.max())})
+    deviation = np.abs(columns[other] - columns[f"{other}_ref"])
+    if not np.isfinite(deviation[early:end]).all():
+        return replace(result, reasons={**result.reasons, "cross_coupling": NO_NUMBER})
+    if moving := other_moving(other, deviation[early : first + 1]):
+        return replace(result, reasons={**result.reasons, "cross_coupling": moving})
+    return replace(result, cross_coupling=float(deviation[first:end].max()))
 
 
-def _overall(columns: Columns, steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None) -> Overall:
-    def largest(signal: str, quantity: str) -> float | None:
-        values = [getattr(item, quantity) for item in steps if item.step.signal == signal]
-        known = [value for value in values if value is not None]
-        return max(known) if known and (quantity == "cross_coupling" or len(known) == len(values)) else None
-
-    reach, bound = _largest_turn(steps, reach_bound)
+def _overall(
+    columns: Columns, steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None
+) -> tuple[Overall, dict[str, str]]:
+    q, S = ([item for item in steps if item.step.signal == signal] for signal in "qS")
+    q_alone, S_alone = ([item for item in moved if item.step.alone] for moved in (q, S))
+    turned = _largest_turns(q_alone)
+    over_steps = {
+        "rise_q_s": (q, "rise_s"),
+        "rise_S_s": (S, "rise_s"),
+        "settling_q_s": (q, "settling_s"),
+        "settling_S_s": (S, "settling_s"),
+        "reach_q_s": (turned, "reach_s"),
+        "overshoot_q_percent": (q, "overshoot_percent"),
+        "overshoot_S_percent": (S, "overshoot_percent"),
+        "deviation_S": (q_alone, "cross_coupling"),
+        "deviation_q": (S_alone, "cross_coupling"),
+    }
+    reasons = {name: _why_not(*asked) for name, asked in over_steps.items()}
+    largest = {name: _largest(*asked) for name, asked in over_steps.items()}
+    reach, bound = largest["reach_q_s"], None
+    if turned and reach_bound is not None:
+        bound = reach_bound(abs(turned[0].step.after - turned[0].step.before))
+    if bound is None:
+        reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no bound is known for these motors"
+    reasons["reach_ratio_q"] = reasons["reach_q_s"] or reasons.get("reach_bound_q_s", "")
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     voltages = np.concatenate([columns["u_A"], columns["u_B"]])
-    return Overall(
-        rise_q_s=largest("q", "rise_s"),
-        rise_S_s=largest("S", "rise_s"),
-        settling_q_s=largest("q", "settling_s"),
-        settling_S_s=largest("S", "settling_s"),
-        reach_q_s=reach,
+    overall = Overall(
+        **largest,
         reach_bound_q_s=bound,
         reach_ratio_q=None if reach is None or not bound else reach / bound,
-        overshoot_q_percent=largest("q", "overshoot_percent"),
-        overshoot_S_percent=largest("S", "overshoot_percent"),
-        deviation_S=largest("q", "cross_coupling"),
-        deviation_q=largest("S", "cross_coupling"),
         rmse_q=rms(columns["q"] - columns["q_ref"]),
         rmse_S=rms(columns["S"] - columns["S_ref"]),
         min_tension_N=float(tensions.min()),
         max_tension_N=float(tensions.max()),
         peak_voltage_V=float(np.abs(voltages).max()),
     )
+    return overall, {name: reason for name, reason in reasons.items() if reason}
 
 
-def _largest_turn(
-    steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None
-) -> tuple[float | None, float | None]:
-    """Time to 90 % of the largest q step that moves alone, the longest of equal ones, and its bound [s]."""
-    turns = [
-        (abs(item.step.after - item.step.before), item) for item in steps if item.step.signal == "q" and item.step.alone
-    ]
-    if not turns:
-        return None, None
-    largest = max(turn for turn, _ in turns)
-    times = [item.reach_s for turn, item in turns if turn > largest - 1e-9]
-    known = [time for time in times if time is not None]
-    reach = max(known) if len(known) == len(times) else None
-    return reach, None if reach_bound is None else reach_bound(largest)
+def _largest(steps: Sequence[StepMetrics], quantity: str) -> float | None:
+    values = [getattr(item, quantity) for item in steps]
+    known = [value for value in values if value is not None]
+    return max(known) if known and (quantity in AT_LEAST or len(known) == len(values)) else None
 
 
-def _first_crossing(t: NDArray[np.float64], y: NDArray[np.float64], level: float) -> float | None:
-    above = np.flatnonzero(y >= level)
-    if above.size == 0:
-        return None
-    k = int(above[0])
-    if k == 0:
-        return float(t[0])
-    return float(t[k - 1] + (level - y[k - 1]) / (y[k] - y[k - 1]) * (t[k] - t[k - 1]))
+def _why_not(steps: Sequence[StepMetrics], quantity: str) -> str:
+    if not steps:
+        return NO_SUCH_STEP
+    missing = [Missing(item.step.start_s, item.reasons[quantity]) for item in steps if quantity in item.reasons]
+    return in_words(missing, len(steps))
 
 
-def _settling(t: NDArray[np.float64], rising: NDArray[np.float64], band: float) -> float | None:
-    outside = np.flatnonzero(np.abs(rising - 1.0) > band)
-    if outside.size == 0:
-        return 0.0
-    last = int(outside[-1])
-    return float(t[last + 1]) if last + 1 < t.size else None
+def _largest_turns(alone: Sequence[StepMetrics]) -> list[StepMetrics]:
+    """Return the largest of the q steps that move alone, all of equal size."""
+    turns = [abs(item.step.after - item.step.before) for item in alone]
+    return [item for turn, item in zip(turns, alone, strict=True) if turn > max(turns) - 1e-9]
 
 
 def rms(error: NDArray[np.float64]) -> float:

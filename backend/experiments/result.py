@@ -9,8 +9,9 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from backend.experiments.criteria import Criterion
-from backend.experiments.metrics import StepMetrics, TrackingMetrics
+from backend.experiments.metrics import TrackingMetrics
 from backend.experiments.phase import Phase
+from backend.experiments.steps import StepMetrics
 
 Document = dict[str, Any]
 
@@ -21,16 +22,23 @@ def tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase]) -> Docu
         "complete": metrics.complete,
         "played_s": metrics.played_s,
         "planned_s": metrics.planned_s,
-        "figures": figure_documents(metrics.overall),
+        "figures": figure_documents(metrics.overall, metrics.reasons),
         "steps": [_step(item) for item in metrics.steps],
         "phases": [asdict(phase) for phase in phases],
     }
 
 
-def figure_documents(figures: Any) -> list[Document]:
-    """Return the fields of a dataclass made of ``figure`` declarations as self-describing JSON objects."""
-    values = json_ready(asdict(figures))
-    return [{"name": item.name, **item.metadata, "value": values[item.name]} for item in fields(figures)]
+def figure_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> list[Document]:
+    """Return the fields of a dataclass made of ``figure`` declarations as self-describing JSON objects.
+
+    ``reasons`` tells by name what could not be measured, or not on all steps, and why.
+    """
+    values, why = json_ready(asdict(figures)), reasons or {}
+    return [
+        {"name": item.name, **item.metadata, "value": values[item.name], "reason": why.get(item.name, "")}
+        for item in fields(figures)
+        if item.metadata
+    ]
 
 
 def criteria_documents(criteria: Sequence[Criterion]) -> list[Document]:

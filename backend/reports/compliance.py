@@ -49,7 +49,7 @@ def _figures(source: Source) -> Section:
     pushed_s = next(phase["start_s"] for phase in metrics["phases"] if phase["name"] == "pushes")
     r_j = source.run.parameters["geometry"]["r_j"]["value"]
     F_max = source.run.parameters["safety"]["F_max"]["value"]
-    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"], "forces")
+    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"] or 0.0, "forces")
     return Section(
         "Figures",
         (

@@ -10,6 +10,7 @@ from backend.reports.exports import to_csv
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
+from backend.reports.verdict import reason_of, verdict_of
 from backend.storage import Database
 
 
@@ -38,6 +39,9 @@ def metrics_document(source: Source) -> dict[str, Any]:
     metrics = source.result.metrics if source.result else {}
     figures = metrics.get("figures", [])
     found = source.identification
+    judged = verdict_of(
+        source.result.metrics if source.result else None, source.result.criteria if source.result else ()
+    )
     return {
         "run": run.id,
         "kind": run.kind,
@@ -50,6 +54,8 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "problem": metrics.get("problem", "") if source.result else run.evaluation_problem,
         "missing_samples": metrics.get("missing_samples"),
         "metrics": {item["name"]: item["value"] for item in figures},
+        "not_measured": {item["name"]: reason for item in figures if (reason := reason_of(item, item["value"]))},
+        "verdict": judged.sentence,
         "units": {item["name"]: item["unit"] for item in figures},
         "criteria": source.result.criteria if source.result else [],
         "steps": metrics.get("steps", []),

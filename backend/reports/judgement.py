@@ -7,31 +7,29 @@ from backend.identification.result import Grade
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
+from backend.reports.verdict import reason_of, verdict_of
 
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
 """Outcome of a report by the grade of its model."""
 
-_WORDS = {True: "pass", False: "fail", None: "not judged"}
+NOT_MEASURED = "not measured"
+_WORDS = {True: "pass", False: "fail", None: NOT_MEASURED}
 
 
 def verdict(source: Source) -> tuple[str, str]:
     """Return the outcome (passed, failed, incomplete or neutral) and the sentence that heads the report."""
-    if source.result is None:
-        return "incomplete", "No result: the run holds no samples of its program."
-    metrics, criteria = source.result.metrics, source.result.criteria
-    failed = [item["title"] for item in criteria if item["passed"] is False]
-    if not metrics["complete"]:
-        played = f"{exact(metrics['played_s'])} s of {exact(metrics['planned_s'])} s were played"
-        already = f" Already failed: {', '.join(failed)}." if failed else ""
-        return "incomplete", f"Incomplete: {played}. Figures cover that part only.{already}"
-    if failed:
-        return "failed", f"{len(failed)} of {len(criteria)} criteria failed: {', '.join(failed)}."
-    if not criteria:
-        return "neutral", "Completed. No criteria are set for this kind of run."
-    unjudged = sum(item["passed"] is None for item in criteria)
-    if unjudged:
-        return "incomplete", f"{unjudged} of {len(criteria)} criteria could not be judged."
-    return "passed", f"All {len(criteria)} criteria passed."
+    result = source.result
+    found = (
+        verdict_of(None, (), source.run.evaluation_problem)
+        if result is None
+        else verdict_of(result.metrics, result.criteria)
+    )
+    return found.outcome, found.sentence
+
+
+def measured(value: float | None, digits: int = 3) -> str:
+    """Write a figure, or that it was not measured."""
+    return NOT_MEASURED if value is None else shown(value, digits)
 
 
 def results_section(source: Source) -> tuple[Section, ...]:
@@ -45,19 +43,19 @@ def results_section(source: Source) -> tuple[Section, ...]:
 def criteria_table(criteria: list[dict[str, Any]]) -> Table:
     """Return each criterion with bound, figure and result."""
     columns = (
-        Column("Criterion", number=False, wide=True),
+        Column("Criterion", number=False),
         Column("Bound"),
         Column("Figure"),
         Column("Unit", number=False),
-        Column("Result", number=False),
+        Column("Result", number=False, wide=True),
     )
     rows = tuple(
         (
             item["title"],
             f"{item['relation']} {exact(item['bound'])}",
-            shown(item["figure"]),
+            measured(item["figure"]),
             item["unit"],
-            _WORDS[item["passed"]],
+            _with_reason(_WORDS[item["passed"]], reason_of(item, item["passed"])),
         )
         for item in criteria
     )
@@ -74,7 +72,18 @@ def figures_table(metrics: Mapping[str, Any]) -> Table:
     )
     part = "" if metrics["complete"] else " The run is incomplete: only finished steps count."
     rows = tuple(
-        (item["label"], shown(item["value"]), shown_unit(item["unit"]), item["definition"])
+        (
+            item["label"],
+            measured(item["value"]),
+            shown_unit(item["unit"]),
+            _with_reason(item["definition"], reason_of(item, item["value"]), item["value"]),
+        )
         for item in metrics["figures"]
     )
     return Table(f"Metrics on measured signals.{part}", columns, rows)
+
+
+def _with_reason(text: str, reason: str, seen: float | None = None) -> str:
+    if not reason:
+        return text
+    return f"{text}; {reason}" if seen is None else f"{text}; at least this: {reason}"

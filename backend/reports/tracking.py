@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, shown
-from backend.reports.judgement import results_section, verdict
+from backend.reports.judgement import NOT_MEASURED, measured, results_section, verdict
 from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
 from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
@@ -24,6 +24,15 @@ _NOTES = (
     "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
 )
 
+_NAMES = {
+    "rise_s": "rise",
+    "reach_s": "to 90 %",
+    "settling_s": "settling",
+    "overshoot_percent": "overshoot",
+    "steady_error": "steady error",
+    "cross_coupling": "deviation of the other",
+}
+
 
 def tracking_report(source: Source) -> Report:
     """Build the report of a tracking run; a run without result says why it has none."""
@@ -33,7 +42,7 @@ def tracking_report(source: Source) -> Report:
     if source.columns["t"].size:
         sections.append(_figures(source, metrics))
     if metrics.get("steps"):
-        sections.append(Section("Steps", (_steps(metrics["steps"]),)))
+        sections.append(Section("Steps", _steps(metrics["steps"])))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
         title="Tracking experiment",
@@ -92,7 +101,7 @@ def _constant(column: Any) -> float | None:
     return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
 
 
-def _steps(steps: list[dict[str, Any]]) -> Table:
+def _steps(steps: list[dict[str, Any]]) -> tuple[Table, ...]:
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
         Column("Phase", number=False),
@@ -109,23 +118,56 @@ def _steps(steps: list[dict[str, Any]]) -> Table:
     rows = []
     for step in steps:
         signal, other = step["signal"], "S" if step["signal"] == "q" else "q"
-        deviation = step["cross_coupling"]
         rows.append(
             (
                 step["phase"],
                 f"{signal} [{units[signal]}]",
                 shown(step["before"]),
                 shown(step["after"]),
-                shown(step["rise_s"]),
-                shown(step["reach_s"]),
-                shown(step["settling_s"]),
-                shown(step["overshoot_percent"], 2),
-                shown(step["steady_error"], 2),
-                "–" if deviation is None else f"{shown(deviation, 2)} {units[other]}",
+                measured(step["rise_s"]),
+                measured(step["reach_s"]),
+                measured(step["settling_s"]),
+                measured(step["overshoot_percent"], 2),
+                measured(step["steady_error"], 2),
+                _deviation(step, units[other]),
             )
         )
-    return Table(
-        "Every step that was played to its end; a dash where both signals move or nothing was reached.",
-        columns,
-        tuple(rows),
+    every = Table("Every step that was played to its end.", columns, tuple(rows))
+    return (every, *_reasons(steps))
+
+
+def _deviation(step: dict[str, Any], unit: str) -> str:
+    if not step["alone"]:
+        return "both step"
+    value = step["cross_coupling"]
+    return NOT_MEASURED if value is None else f"{shown(value, 2)} {unit}"
+
+
+def _reasons(steps: list[dict[str, Any]]) -> tuple[Table, ...]:
+    """Return why figures of steps are missing, a line for each step and reason."""
+    rows = []
+    for step in steps:
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in step.get("reasons", {}).items():
+            if name == "cross_coupling" and not step["alone"]:
+                continue
+            by_reason.setdefault(reason, []).append(_NAMES[name])
+        for reason, names in by_reason.items():
+            rows.append((f"{step['start_s']:g}", step["signal"], ", ".join(names), reason))
+    columns = (
+        Column("Step at", "s"),
+        Column("of", number=False),
+        Column("What", number=False),
+        Column("Why it was not measured", number=False, wide=True),
+    )
+    return (
+        (
+            Table(
+                "What could not be measured; a figure that stands above all the same is at least that.",
+                columns,
+                tuple(rows),
+            ),
+        )
+        if rows
+        else ()
     )

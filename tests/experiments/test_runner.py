@@ -94,7 +94,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
 def test_tracking_keeps_what_it_promises(
     station: Station, overshoot: float, deviation_S: float, tension: float
 ) -> None:
-    plan = TrackingPlan(q_duration_s=3.0, S_duration_s=3.0)
+    plan = TrackingPlan(q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
     figures = {item["name"]: item["value"] for item in outcome.evaluation.result.metrics["figures"]}

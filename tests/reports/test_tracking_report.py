@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import cast
@@ -115,9 +116,47 @@ def test_a_stopped_run_is_incomplete() -> None:
     assert to_pdf(report).startswith(b"%PDF-")
 
 
+def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_source: Source) -> None:
+    """The steps of q take longer than their holds: nothing of them can be told, and none is drawn as a dash."""
+    report = tracking_report(source_of(samples(PLAN, lam_q=3.0)))
+    assert report.outcome == "incomplete"
+    assert report.verdict.startswith("2 of 4 criteria were not measured: Overshoot of q, ")
+    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
+    criteria, metrics = tables[:2]
+    judged = {row[0]: (row[2], row[4]) for row in criteria.rows}
+    figure, result = judged["Overshoot of q"]
+    assert figure == "not measured"
+    assert re.fullmatch(
+        r"not measured; 8 of 8 steps were not measured; the one at 4 s: it was not within ±2 % .*", result
+    )
+    figures = {row[0]: (row[1], row[3]) for row in metrics.rows}
+    assert figures["Rise time of q"][0] == "not measured"
+    assert "% of its way" in figures["Rise time of q"][1]
+    missing = next(table for table in tables if table.caption.startswith("What could not be measured"))
+    assert any(row[1] == "q" and "the motion before was not over" in row[3] for row in missing.rows)
+    assert not any(cell == "–" for table in (criteria, metrics, missing) for row in table.rows for cell in row)
+
+
+def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_source: Source) -> None:
+    result = tracking_source.result
+    assert result is not None
+    without = [
+        {name: value for name, value in item.items() if name != "reason"} | {"value": None}
+        for item in result.metrics["figures"]
+    ]
+    criteria = [{name: value for name, value in item.items() if name != "reason"} for item in result.criteria]
+    criteria[0] |= {"passed": None, "figure": None}
+    steps = [{name: value for name, value in item.items() if name != "reasons"} for item in result.metrics["steps"]]
+    old = replace(result, metrics=result.metrics | {"figures": without, "steps": steps}, criteria=criteria)
+    report = tracking_report(replace(tracking_source, result=old))
+    assert report.outcome == "incomplete"
+    assert "evaluated by an older version" in to_html(report)
+
+
 def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> None:
     empty = {name: column[:0] for name, column in tracking_source.columns.items()}
-    report = tracking_report(Source(tracking_source.run, None, empty, None))
+    run = replace(tracking_source.run, evaluation_problem="the run holds no samples of its program")
+    report = tracking_report(Source(run, None, empty, None))
     assert report.outcome == "incomplete"
     assert "no samples" in report.verdict
     assert to_html(report)

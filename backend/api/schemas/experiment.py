@@ -7,6 +7,7 @@ from pydantic import Field
 
 from backend.api.schemas.base import Finite, Schema, quantity
 from backend.api.schemas.run import SamplesView
+from backend.reports.verdict import Outcome
 
 SettingName = Annotated[str, Field(max_length=40)]
 SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]
@@ -56,6 +57,13 @@ class Metric(Schema):
     unit: str
 
 
+class MeasuredMetric(Metric):
+    """One number of a result that was measured, or that could not be."""
+
+    definition: str
+    reason: str = Field(description="why it was not measured; with a value: why not on all steps, so at least that")
+
+
 class Criterion(Schema):
     """A bound that a metric had to keep."""
 
@@ -65,7 +73,8 @@ class Criterion(Schema):
     bound: float
     relation: str = Field(description="'<' or '>'")
     unit: str
-    passed: bool | None = Field(description="null when the run gives no figure to judge by")
+    passed: bool | None = Field(description="null when it was not measured")
+    reason: str = Field(description="why it was not measured")
 
 
 class QueuedView(Schema):
@@ -93,7 +102,9 @@ class DryRunView(Schema):
     message: str
     duration_s: float = quantity("s", "length of the experiment")
     settings: dict[str, SettingValue] = Field(description="all it was played with, those of the loop included")
-    metrics: list[Metric]
+    outcome: Outcome
+    verdict: str = Field(description="what it came to, in a sentence")
+    metrics: list[MeasuredMetric]
     criteria: list[Criterion]
     samples: SamplesView | None
 
@@ -107,6 +118,8 @@ class ExperimentView(Schema):
     created: datetime
     progress: float = Field(ge=0.0, le=1.0)
     settings: dict[str, SettingValue | None]
-    metrics: list[Metric]
+    outcome: Outcome
+    verdict: str = Field(description="what it came to, in a sentence")
+    metrics: list[MeasuredMetric]
     criteria: list[Criterion]
     message: str

@@ -2,6 +2,7 @@
 
 import { IconAlertTriangle, IconCheck } from "@tabler/icons-react";
 import type { ReactNode } from "react";
+import type { Experiment } from "../wire/types";
 import styles from "./Verdict.module.css";
 
 export function Verdict({ good, children }: { good: boolean; children: ReactNode }) {
@@ -12,4 +13,10 @@ export function Verdict({ good, children }: { good: boolean; children: ReactNode
       <span>{children}</span>
     </span>
   );
+}
+
+/** What a run came to, in the sentence of its report; only one that passed looks as if it had. */
+export function Outcome({ of: { outcome, verdict } }: { of: Pick<Experiment, "outcome" | "verdict"> }) {
+  if (outcome === "neutral") return <span>{verdict}</span>;
+  return <Verdict good={outcome === "passed"}>{verdict}</Verdict>;
 }

@@ -3,6 +3,7 @@
 export const MINUS = "−";
 /** Stands for a value that is not there; as wide as a digit. */
 export const ABSENT = "–";
+export const NOT_MEASURED = "not measured";
 
 /** A number with fixed decimals, a true minus sign, and no negative zero. */
 export function fixed(value: number | null | undefined, decimals: number): string {
@@ -25,6 +26,18 @@ export function significant(value: number | null | undefined, digits: number): s
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
   if (magnitude < -5 || magnitude > 6) return value.toExponential(digits - 1).replaceAll("-", MINUS);
   return fixed(value, Math.max(0, digits - 1 - magnitude));
+}
+
+/** A figure of a result; one that is not there was not measured, and the reason stands beside it. */
+export function measured(value: number | null, digits: number): string {
+  return value === null ? NOT_MEASURED : significant(value, digits);
+}
+
+/** A setting as somebody chose it: numbers to six digits, which nobody types by hand beyond. */
+export function settingValue(value: boolean | number | string): string {
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  if (typeof value === "string") return value;
+  return String(Number(value.toPrecision(6))).replaceAll("-", MINUS);
 }
 
 /** A number as short as it can be told to four digits: 0.5, 8.25, 50. */

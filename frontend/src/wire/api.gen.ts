@@ -1774,9 +1774,14 @@ export interface components {
             unit: string;
             /**
              * Passed
-             * @description null when the run gives no figure to judge by
+             * @description null when it was not measured
              */
             passed: boolean | null;
+            /**
+             * Reason
+             * @description why it was not measured
+             */
+            reason: string;
         };
         /**
          * DataFormat
@@ -1830,8 +1835,14 @@ export interface components {
             settings: {
                 [key: string]: boolean | number | string;
             };
+            outcome: components["schemas"]["Outcome"];
+            /**
+             * Verdict
+             * @description what it came to, in a sentence
+             */
+            verdict: string;
             /** Metrics */
-            metrics: components["schemas"]["Metric"][];
+            metrics: components["schemas"]["MeasuredMetric"][];
             /** Criteria */
             criteria: components["schemas"]["Criterion"][];
             samples: components["schemas"]["SamplesView"] | null;
@@ -1994,8 +2005,14 @@ export interface components {
             settings: {
                 [key: string]: boolean | number | string | null;
             };
+            outcome: components["schemas"]["Outcome"];
+            /**
+             * Verdict
+             * @description what it came to, in a sentence
+             */
+            verdict: string;
             /** Metrics */
-            metrics: components["schemas"]["Metric"][];
+            metrics: components["schemas"]["MeasuredMetric"][];
             /** Criteria */
             criteria: components["schemas"]["Criterion"][];
             /** Message */
@@ -2617,6 +2634,27 @@ export interface components {
             coherence: number[];
         };
         /**
+         * MeasuredMetric
+         * @description One number of a result that was measured, or that could not be.
+         */
+        MeasuredMetric: {
+            /** Name */
+            name: string;
+            /** Label */
+            label: string;
+            /** Value */
+            value: number | null;
+            /** Unit */
+            unit: string;
+            /** Definition */
+            definition: string;
+            /**
+             * Reason
+             * @description why it was not measured; with a value: why not on all steps, so at least that
+             */
+            reason: string;
+        };
+        /**
          * Metric
          * @description One number of the result.
          */
@@ -2856,6 +2894,12 @@ export interface components {
              */
             force: number[];
         };
+        /**
+         * Outcome
+         * @description How a run counts.
+         * @enum {string}
+         */
+        Outcome: "passed" | "failed" | "incomplete" | "neutral";
         /**
          * Ping
          * @description Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does.
@@ -3793,17 +3837,17 @@ export interface components {
             period_s: number;
             /**
              * Rate Hz
-             * @description ticks per second over the last second [Hz]
+             * @description ticks per second over the last 5 s [Hz]
              */
             rate_Hz: number;
             /**
              * Lateness P50 Ms
-             * @description median lateness of the last second's ticks [ms]
+             * @description median lateness of the ticks of the last 5 s [ms]
              */
             lateness_p50_ms: number;
             /**
              * Lateness P99 Ms
-             * @description 99th percentile of lateness of the last second's ticks [ms]
+             * @description 99th percentile of lateness of the ticks of the last 5 s [ms]
              */
             lateness_p99_ms: number;
             /**

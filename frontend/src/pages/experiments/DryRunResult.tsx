@@ -6,6 +6,7 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import { usePanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
@@ -21,6 +22,7 @@ export function DryRunResult({ result, onClose }: { result: DryRun; onClose: () 
           Simulated, nothing moved and nothing was stored: {result.status}, {duration(result.duration_s)}.{" "}
           {result.message}
         </span>
+        <Outcome of={result} />
         <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
         {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
       </div>

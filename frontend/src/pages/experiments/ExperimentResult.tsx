@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { RunState } from "../../components/RunState";
 import { taskProgress } from "../../components/status";
-import { Verdict } from "../../components/Verdict";
+import { Outcome } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration } from "../../samples/format";
 import { experimentQuery, isRunning } from "../../service/queries";
@@ -68,16 +68,9 @@ function ExperimentProgress({ experiment }: { experiment: Experiment }) {
 
 function Findings({ experiment }: { experiment: Experiment }) {
   const { criteria, metrics, id } = experiment;
-  const failed = criteria.filter((criterion) => criterion.passed === false).length;
   return (
     <>
-      {criteria.length > 0 && (
-        <Verdict good={failed === 0}>
-          {failed === 0
-            ? `All ${criteria.length} criteria passed.`
-            : `${failed} of ${criteria.length} criteria failed.`}
-        </Verdict>
-      )}
+      <Outcome of={experiment} />
       <div className={page.actions}>
         <Downloads run={id} report />
       </div>

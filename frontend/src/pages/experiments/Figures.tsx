@@ -2,7 +2,7 @@
 
 import { Table } from "@mantine/core";
 import { Verdict } from "../../components/Verdict";
-import { significant } from "../../samples/format";
+import { measured, NOT_MEASURED } from "../../samples/format";
 import type { Criterion, Metric } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -31,12 +31,13 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
             {criteria.map((criterion) => (
               <Table.Tr key={criterion.name}>
                 <Table.Td>{criterion.label}</Table.Td>
-                <Table.Td className={page.number}>{significant(criterion.value, 3)}</Table.Td>
+                <Table.Td className={page.number}>{measured(criterion.value, 3)}</Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>
                   {criterion.relation} {criterion.bound} {criterion.unit}
                 </Table.Td>
                 <Table.Td>
                   <Outcome passed={criterion.passed} />
+                  <Reason text={criterion.reason} />
                 </Table.Td>
               </Table.Tr>
             ))}
@@ -55,9 +56,12 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
           <Table.Tbody>
             {metrics.map((metric) => (
               <Table.Tr key={metric.name}>
-                <Table.Td>{metric.label}</Table.Td>
-                <Table.Td className={page.number}>{significant(metric.value, 4)}</Table.Td>
-                <Table.Td>{metric.unit}</Table.Td>
+                <Table.Td title={metric.definition}>
+                  {metric.label}
+                  <Reason text={metric.reason} seen={metric.value} />
+                </Table.Td>
+                <Table.Td className={page.number}>{measured(metric.value, 4)}</Table.Td>
+                <Table.Td>{metric.unit === "1" ? "" : metric.unit}</Table.Td>
               </Table.Tr>
             ))}
           </Table.Tbody>
@@ -68,6 +72,17 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
 }
 
 function Outcome({ passed }: { passed: boolean | null }) {
-  if (passed === null) return <span className={page.dim}>no figure</span>;
+  if (passed === null) return <>{NOT_MEASURED}</>;
   return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
+}
+
+/** Why there is no figure, or why it is that of a part of the steps only. */
+function Reason({ text, seen = null }: { text: string; seen?: number | null }) {
+  if (text === "") return null;
+  return (
+    <div className={page.dim}>
+      {seen === null ? "" : "at least this: "}
+      {text}
+    </div>
+  );
 }

@@ -1,0 +1,149 @@
+"""What could not be measured is said so with its reason, and grants nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.experiments.compliance import compliance_criteria, compliance_figures
+from backend.experiments.criteria import BOUNDS_IDEAL, Criterion, judge, tracking_criteria
+from backend.experiments.metrics import TrackingMetrics, tracking_metrics
+from backend.experiments.plans import TrackingPlan
+from backend.experiments.steps import Step, step_metrics
+from tests.experiments.test_compliance import R_J, pushed
+from tests.experiments.test_metrics import T_s, double_lag, step, tracked
+
+SHORT_HOLDS = TrackingPlan(q_duration_s=1.5, S_duration_s=2.0)
+
+
+def measured(plan: TrackingPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
+    return tracking_metrics(tracked(plan, lam_q=lam_q, lam_S=lam_S), plan.program(), plan.phases())
+
+
+def by_name(criteria: tuple[Criterion, ...]) -> dict[str, Criterion]:
+    return {item.name: item for item in criteria}
+
+
+def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
+    criteria = by_name(tracking_criteria(measured(SHORT_HOLDS), BOUNDS_IDEAL))
+    assert {name: item.passed for name, item in criteria.items()} == {
+        "overshoot_q": None,
+        "overshoot_S": None,
+        "deviation_S": None,
+        "min_tension": True,
+    }
+    assert "±2 %" in criteria["overshoot_q"].reason
+    assert criteria["min_tension"].reason == ""
+
+
+def test_a_step_that_begins_on_its_way_has_no_figure_of_its_own() -> None:
+    """S from 8 to 10 beginning at 8.36: 18 % of the way. It crosses 10 % before it begins."""
+    t = np.arange(0, 8, T_s)
+    begins_at = 0.18
+    y = 8.0 + 2.0 * (begins_at + (1 - begins_at) * double_lag(t, 0.42))
+    result = step_metrics(t, y, Step("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
+    assert (result.rise_s, result.reach_s, result.settling_s, result.overshoot_percent) == (None, None, None, None)
+    for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent"):
+        assert result.reasons[name] == "it began at 18 % of its way: the motion before was not over"
+
+
+def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
+    """It is where the step begins at that very moment, at 2 of its lengths a second."""
+    t = np.arange(0, 8, T_s)
+    before = -2.0 * T_s * np.arange(100, 0, -1)
+    result = step_metrics(t, double_lag(t, 0.5), step(), before)
+    assert result.rise_s is None
+    assert "the motion before was not over" in result.reasons["rise_s"]
+    assert step_metrics(t, double_lag(t, 0.5), step(), np.zeros(100)).rise_s is not None
+
+
+def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
+    t = np.arange(0, 1.5, T_s)
+    short = step_metrics(t, double_lag(t, 0.5), step(end_s=1.5))
+    came_to = 100 * (1 - 4 * math.exp(-3))  # 1 − (1 + x) exp(−x) at x = 3
+    assert short.overshoot_percent is None
+    assert short.reasons["reach_s"] == f"it came to {came_to:.0f} % of its way in its time"
+    assert short.reasons["overshoot_percent"] == "it was not within ±2 % of its reference when its time was over"
+    assert short.steady_error is None
+    rings = 1 + 0.3 * np.cos(6 * t)
+    rings[0] = 0.0
+    assert step_metrics(t, rings, step(end_s=1.5)).overshoot_percent == pytest.approx(30, abs=0.1)
+
+
+def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
+    """λ_q = 1 s and 3 s: after three λ a fifth of the last q step is still to go when S begins to step."""
+    plan = TrackingPlan(q_duration_s=3.0, S_duration_s=8.0)
+    columns = tracked(plan, lam_q=1.0)
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    first, *rest = [item for item in metrics.steps if item.step.phase == "stiffness"]
+    assert first.cross_coupling is None
+    just_before = np.searchsorted(columns["t"], first.step.start_s - 0.1 - 1e-9)
+    left = abs(columns["q"][just_before] - columns["q_ref"][just_before])
+    assert f"q was {left:.2f} rad from its reference" in first.reasons["cross_coupling"]
+    assert all(item.cross_coupling is not None and item.cross_coupling < 0.01 for item in rest)
+    assert metrics.overall.deviation_q == max(item.cross_coupling or 0.0 for item in rest)
+    assert metrics.reasons["deviation_q"].startswith("1 of 5 steps was not measured")
+
+
+def test_every_figure_that_is_missing_has_a_reason() -> None:
+    for plan in (SHORT_HOLDS, TrackingPlan(q_duration_s=0.5, S_duration_s=0.5)):
+        metrics = measured(plan)
+        for name, value in vars(metrics.overall).items():
+            assert value is not None or metrics.reasons[name], name
+        for item in metrics.steps:
+            for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent", "steady_error", "cross_coupling"):
+                assert getattr(item, name) is not None or item.reasons[name], name
+
+
+def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() -> None:
+    columns = tracked(SHORT_HOLDS)
+    swings = (columns["t"] > 2.0) & (columns["t"] < 3.5)
+    columns["q"] = np.where(swings, math.pi / 3 * 1.1, columns["q"])
+    metrics = tracking_metrics(columns, SHORT_HOLDS.program(), SHORT_HOLDS.phases())
+    failed = by_name(tracking_criteria(metrics, BOUNDS_IDEAL))["overshoot_q"]
+    assert (failed.passed, failed.figure) == (False, pytest.approx(10.0))
+
+
+def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:
+    metrics = measured(TrackingPlan())
+    whole = tracking_criteria(metrics, BOUNDS_IDEAL)
+    assert all(item.passed for item in whole)
+    holes = tracking_criteria(metrics, BOUNDS_IDEAL, missed=12)
+    assert {item.passed for item in holes} == {None}
+    assert {item.reason for item in holes} == {"the recording lacks 12 samples"}
+    for relation in "<>":
+        nothing = judge("F", "Tension", relation, 5.0, math.nan, "N")
+        assert (nothing.passed, nothing.figure) == (None, None)
+        assert nothing.reason
+
+
+@pytest.mark.parametrize(
+    ("signal", "criteria"), [("q", {"overshoot_q", "deviation_S"}), ("S", {"overshoot_S", "deviation_S"})]
+)
+def test_one_sample_without_a_number_lets_nothing_pass_that_looks_at_it(signal: str, criteria: set[str]) -> None:
+    plan = TrackingPlan()
+    columns = tracked(plan)
+    columns[signal] = columns[signal].copy()
+    columns[signal][[17_000, 45_000]] = np.nan  # in a step of q alone, and in one of S alone
+    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    judged = by_name(tracking_criteria(metrics, BOUNDS_IDEAL))
+    assert {name for name, item in judged.items() if item.passed is None} == criteria
+    assert all("no number" in judged[name].reason for name in criteria)
+
+
+def test_a_joint_that_nobody_pushed_does_not_feel_as_stiff_as_it_should() -> None:
+    columns = pushed()
+    for name, rest in (("q", 0.0), ("F_A", 17.0), ("F_B", 17.0)):
+        columns[name] = np.full_like(columns["t"], rest)
+    figures = compliance_figures(columns, R_J)
+    assert (figures.stiffness_felt, figures.delay_s, figures.rmse_aligned_N) == (None, None, None)
+    criteria = by_name(compliance_criteria(figures))
+    assert criteria["rmse_aligned"].passed is None
+    assert "strongest push was 0.0 N" in criteria["rmse_aligned"].reason
+    assert criteria["min_tension"].passed
+
+
+def test_a_delay_at_the_end_of_what_was_looked_at_is_no_delay() -> None:
+    figures = compliance_figures(pushed(delay_ms=60), R_J)
+    assert figures.delay_s is None
+    assert "40 ms" in figures.reasons["delay_s"]
