@@ -113,7 +113,7 @@ async def _serve(
             yield
 
     try:
-        # All that computes for long is done before the loop starts: it counts on a heartbeat every 0.1 s.
+        # All that computes for long is done before the loop starts: it counts on the heartbeat.
         supervision = Supervision()
         parts.push_async_callback(supervision.close)
         supervisor, recorder, service, scenes = _build(settings, folder, gate, supervision, parts)
@@ -271,7 +271,7 @@ def _id_of_bank(tuning: TuningInUse) -> int | None:
 
 
 def _ask_for_priority() -> None:
-    """Come before ordinary programs where the machine grants it: the loop stops when it hears nothing for 0.4 s."""
+    """Come before ordinary programs where the machine grants it: the loop stops where it hears nothing."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 

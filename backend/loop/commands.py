@@ -68,7 +68,7 @@ class SetTuning:
 
 @dataclass(frozen=True)
 class RunProgram:
-    """Play a program in IDENTIFY (laws IDENTIFYING) or EXPERIMENT; back to PRETENSION or RUN when it has ended."""
+    """Play a program in IDENTIFY (laws IDENTIFYING) or EXPERIMENT; back to PRETENSION when it has ended."""
 
     program: Program
     run: int = 0

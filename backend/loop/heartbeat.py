@@ -20,7 +20,7 @@ from backend.loop.channel import Channel, encode
 from backend.loop.commands import Heartbeat
 
 HEARTBEAT_S = 0.05
-"""So often that the loop, which hears nothing for 0.34 s before it stops, bears six that come late."""
+"""So often that the loop, which stops when it hears nothing for the worker's SILENCE_S, bears six that come late."""
 
 STALE_S = 3.0
 """An event loop that has not shown itself for so long [s] hangs."""

@@ -32,7 +32,7 @@ class Carry(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What a motion decided in one tick; ``F_push`` is None where it leaves the plant's push alone."""
+    """What a motion decided in one tick; without ``pushes`` the plant's push is left alone."""
 
     u_A: float
     u_B: float

@@ -23,9 +23,9 @@ class TimingView(Schema):
     """How well the loop keeps its period."""
 
     period_s: float = quantity("s", "sampling period")
-    rate_Hz: float = quantity("Hz", "ticks per second over the last second")
-    lateness_p50_ms: float = quantity("ms", "median lateness of the last second's ticks")
-    lateness_p99_ms: float = quantity("ms", "99th percentile of lateness of the last second's ticks")
+    rate_Hz: float = quantity("Hz", "ticks per second over the last 5 s")
+    lateness_p50_ms: float = quantity("ms", "median lateness of the ticks of the last 5 s")
+    lateness_p99_ms: float = quantity("ms", "99th percentile of lateness of the ticks of the last 5 s")
     overruns: int = Field(description="deadlines missed since the loop started")
 
 

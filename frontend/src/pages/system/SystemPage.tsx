@@ -43,7 +43,7 @@ export default function SystemPage() {
             ["Started", state && `${state.link.starts} times by this service`],
             ["Running for", state && duration(state.tick * (layout?.period_s ?? 0.001))],
             ["Period", timing && `${fixed(1000 * timing.period_s, 3)} ms`],
-            ["Rate, last second", timing && kilohertz(timing.rate_Hz)],
+            ["Rate, last 5 s", timing && kilohertz(timing.rate_Hz)],
             ["Lateness, median", timing && `${fixed(timing.lateness_p50_ms, 3)} ms`],
             ["Lateness, 99th percentile", timing && `${fixed(timing.lateness_p99_ms, 3)} ms`],
             ["Deadlines missed", timing && fixed(timing.overruns, 0)],

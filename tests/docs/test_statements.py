@@ -1,0 +1,152 @@
+"""What README, ARCHITECTURE, pages and docstrings say of the code, compared with the code."""
+
+import importlib
+import inspect
+import pkgutil
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import cast
+
+import pytest
+
+import backend.loop
+from backend import main
+from backend.api import control
+from backend.api.schemas.state import TimingView
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.loop import checks, commands, heartbeat, motion, sensor_checks, supervisor, timing, worker
+from backend.loop.channel import Setup
+from backend.loop.loop import Loop
+from backend.recording import flight
+from backend.sample import FIELDS
+from plant import card
+from plant.interface import PlantError, T_s
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from tests.docs.faults_page import PAGE as FAULTS
+
+ROOT = Path(__file__).parents[2]
+README, ARCHITECTURE = (
+    " ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "ARCHITECTURE.md")
+)
+PARAMETERS = load_parameters("lab")
+
+
+def decision(number: str) -> str:
+    (page,) = (ROOT / "docs" / "decisions").glob(f"{number}-*.md")
+    return " ".join(page.read_text(encoding="utf-8").split())
+
+
+def _modules() -> Iterator[ModuleType]:
+    for module in pkgutil.iter_modules(backend.loop.__path__, "backend.loop."):
+        yield importlib.import_module(module.name)
+
+
+def _motions(module: ModuleType) -> Iterator[type]:
+    """Classes of a module that step the motors and hand them on."""
+    for found in vars(module).values():
+        if inspect.isclass(found) and found.__module__ == module.__name__ and found is not motion.Motion:
+            signature = inspect.signature(found.step) if hasattr(found, "step") and hasattr(found, "carry") else None
+            if signature is not None and list(signature.parameters) == ["self", "tuning", "m"]:
+                yield found
+
+
+def said(documented: object) -> str:
+    return " ".join((inspect.getdoc(documented) or "").split())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        f"A soft stop brakes the joint under tension first, for {motion.BRAKING_S:g} s.",
+        f"heard nothing from the service for {worker.SILENCE_S:g} s",
+        f"F_max ({PARAMETERS.safety.F_max:g} N)",
+        f"below 1 N for more than {checks.SLACK_MAX_S:g} s",
+        f"For {sensor_checks.CONTRADICTION_S:g} s a load cell",
+        f"differed by more than {sensor_checks.CONTRADICTION_N:g} N",
+        f"by a count for {sensor_checks.UNMOVED_S:g} s",
+        f"may be left alone: {Simulator.unattended_max_s:g} s on the simulator",
+        f"was not heard for {control.LOST_S:g} s",
+        f"held for {control.HOLD_S:g} s more",
+        f"not written for {card.WATCHDOG_S:g} s",
+    ],
+)
+def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) -> None:
+    assert statement in " ".join(FAULTS.split())
+
+
+def test_silence_is_as_long_wherever_it_is_told() -> None:
+    told = f"{worker.SILENCE_S:g} s"
+    assert f"falls silent for {told}" in decision("0001")
+    assert f"nothing for {told}" in supervisor._HEARTBEAT.meaning
+    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion.BRAKING_S
+    assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
+    # In comments and docstrings the constant is named: a number there would be held by nothing.
+    for module in (main, heartbeat):
+        assert not re.search(r"nothing for 0\.\d+ s|heartbeat every 0\.\d+ s", inspect.getsource(module)), module
+
+
+def test_docstrings_say_what_the_code_does() -> None:
+    assert "back to PRETENSION when it has ended" in said(commands.RunProgram)
+    assert set(re.findall(r"``(\w+)``", said(motion.Decision))) <= set(motion.Decision._fields)
+    window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
+    for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
+        assert window in (TimingView.model_fields[name].description or ""), name
+
+
+def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
+    setup = Setup("rig", "lab", 0, cast("commands.SetTuning", None))
+    with pytest.raises(PlantError, match="drives the simulator only"):
+        worker._plant(setup, PARAMETERS, cast("card.Card", None))
+    assert "This version drives the simulator only" in README.split("![", 1)[0]
+
+
+def test_readme_has_the_figures_of_the_code() -> None:
+    assert f"until the tendons hold {motion.PRETENSION_N:g} N" in README
+    excitation_s = ActuatorIdentificationPlan().program().duration_s
+    assert 25.0 < excitation_s < 35.0
+    assert "for half a minute" in README
+
+
+def test_a_signal_is_defined_where_the_architecture_says() -> None:
+    assert "`FIELDS` of `backend/sample.py`" in ARCHITECTURE
+    assert "`Loop._append`" in ARCHITECTURE
+    assert len(FIELDS) == inspect.getsource(Loop._append).split("self._row[:] = (")[1].split("        )\n")[0].count(
+        ",\n"
+    )
+
+
+def test_motions_live_in_the_files_that_the_architecture_names() -> None:
+    files = {f"{module.__name__.rpartition('.')[2]}.py" for module in _modules() if any(_motions(module))}
+    sentence = re.search(r"Each mode has a motion \((.*?)\)", ARCHITECTURE)
+    assert sentence is not None
+    assert set(re.findall(r"`(\w+\.py)`", sentence[1])) == files
+
+
+def test_imports_run_as_the_contract_has_them() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    layers = [line.replace("backend.", "") for line in contracts[0]["layers"] if not line.endswith("__main__")]
+    drawn = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").split("| stands between strangers.\n\n", 1)[1]
+    assert [line.strip() for line in drawn.split("\n\n", 1)[0].splitlines()] == layers
+
+
+def test_files_that_the_architecture_names_are_there() -> None:
+    places = ("", "backend", "backend/loop", "backend/experiments", "tests")
+    for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", ARCHITECTURE):
+        assert any((ROOT / place / name).is_file() for place in places), name
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        f"{flight.BEFORE_S:g} s before and {flight.AFTER_S:g} s after at 1 kHz",
+        f"not heard for {control.LOST_S:g} s is lost; after {control.HOLD_S:g} s more",
+    ],
+)
+def test_times_of_the_architecture_are_those_of_the_code(statement: str) -> None:
+    assert statement in ARCHITECTURE
