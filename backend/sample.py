@@ -1,7 +1,7 @@
 """The sample: one row per tick, defined once.
 
 The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
-from ``FIELDS``. A new signal is a new row here.
+from ``FIELDS``. A new signal is a new row here, and its value at the same place in ``backend.loop.loop.Loop._append``.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,12 @@ class Field:
 FIELDS: tuple[Field, ...] = (
     Field("tick", "k", "1", "index of the sample since the loop started", derived=True),
     Field("t", "t", "s", "tick times the sampling period", derived=True),
-    Field("mode", "mode", "1", "position of the mode in backend.loop.mode.Mode"),
+    Field(
+        "mode",
+        "mode",
+        "1",
+        "what the loop does: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
+    ),
     Field("run", "run", "1", "identifier of the stored run this sample belongs to, 0 for none"),
     Field("q", "q", "rad", "joint position, measured"),
     Field("q_ref", "q_ref", "rad", "joint position reference as commanded"),
@@ -48,8 +53,8 @@ FIELDS: tuple[Field, ...] = (
     Field("lam_q", "λ_q", "s", "tuning parameter of the position loop in use"),
     Field("lam_S", "λ_S", "s", "tuning parameter of the stiffness loop in use"),
     Field("bank_entry", "entry", "1", "active entry of the controller bank, fractional while interpolating"),
-    Field("limits", "limits", "1", "bits of backend.faults.Limit that acted in this tick"),
-    Field("fault", "fault", "1", "position of the latched fault in backend.faults.Fault, 0 for none"),
+    Field("limits", "limits", "1", "limits that acted in this tick, a bit each; docs/faults.md lists them"),
+    Field("fault", "fault", "1", "number of the latched fault in the list of docs/faults.md, 0 for none"),
     Field("lateness_s", "late", "s", "how late the tick began against its deadline"),
     Field("overruns", "overruns", "1", "deadlines missed since the loop started"),
 )

@@ -4,6 +4,7 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
+from backend.loop.mode import MODES
 from backend.sample import FIELDS
 from plant.interface import T_s
 from plant.parameter_sections import SECTIONS
@@ -21,6 +22,13 @@ def rows(heading: str) -> list[list[str]]:
 def test_signals_are_the_columns_of_a_sample() -> None:
     written = [(code.strip("`"), symbol, unit, meaning) for symbol, code, unit, meaning, _ in rows("Signals")]
     assert written == [(field.name, field.symbol, field.unit, field.meaning) for field in FIELDS]
+
+
+def test_what_a_person_reads_of_a_signal_has_no_name_of_the_code_in_it() -> None:
+    for field in FIELDS:
+        assert "backend." not in field.meaning, field.name
+    meaning = next(field.meaning for field in FIELDS if field.name == "mode")
+    assert meaning.endswith(", ".join(f"{code} {mode}" for code, mode in enumerate(MODES)))
 
 
 def test_parameters_are_those_of_the_plant() -> None:

@@ -37,13 +37,13 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
       </span>
       {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
       <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
-        <Metric label="Loop" value={timing ? kilohertz(timing.rate_Hz) : "–"} width="9ch" />
+        <Metric label="Loop" value={timing ? kilohertz(timing.rate_Hz) : "unknown"} width="9ch" />
         <Metric
           label="Late p99"
-          value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "–"}
+          value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "unknown"}
           width="8ch"
         />
-        <Metric label="Overruns" value={timing ? fixed(timing.overruns, 0) : "–"} width="8ch" />
+        <Metric label="Overruns" value={timing ? fixed(timing.overruns, 0) : "unknown"} width="8ch" />
         <LinkStatus link={link} now_ms={now_ms} />
       </div>
       <div className={styles.tools}>

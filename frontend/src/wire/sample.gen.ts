@@ -5,7 +5,7 @@ export const FIELDS = [
     "name": "mode",
     "symbol": "mode",
     "unit": "1",
-    "meaning": "position of the mode in backend.loop.mode.Mode"
+    "meaning": "what the loop does: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped"
   },
   {
     "name": "run",
@@ -137,13 +137,13 @@ export const FIELDS = [
     "name": "limits",
     "symbol": "limits",
     "unit": "1",
-    "meaning": "bits of backend.faults.Limit that acted in this tick"
+    "meaning": "limits that acted in this tick, a bit each; docs/faults.md lists them"
   },
   {
     "name": "fault",
     "symbol": "fault",
     "unit": "1",
-    "meaning": "position of the latched fault in backend.faults.Fault, 0 for none"
+    "meaning": "number of the latched fault in the list of docs/faults.md, 0 for none"
   },
   {
     "name": "lateness_s",

@@ -108,7 +108,7 @@ function Channel({ channel }: { channel: ChannelCurves }) {
         test={channel.whiteness}
         hue={hue}
         good="white"
-        bad="coloured"
+        bad="not white: it follows a pattern that the model does not have"
       />
       <Residuals
         title="Residual with input"

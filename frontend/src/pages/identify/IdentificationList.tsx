@@ -68,12 +68,24 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                   </Table.Td>
                   <Table.Td>{row.kind}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
-                  <Table.Td className={page.number}>{fixed(row.tension_N, 0)}</Table.Td>
-                  <Table.Td className={page.number}>{fixed(row.S_nominal, 2)}</Table.Td>
-                  <Table.Td className={page.number}>{significant(row.G_q?.K, 3)}</Table.Td>
-                  <Table.Td className={page.number}>{significant(row.G_q?.T, 3)}</Table.Td>
-                  <Table.Td className={page.number}>{significant(row.G_S?.K, 3)}</Table.Td>
-                  <Table.Td className={page.number}>{significant(row.G_S?.T, 3)}</Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.tension_N === null ? "" : fixed(row.tension_N, 0)}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.S_nominal === null ? noModel(row) : fixed(row.S_nominal, 2)}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.G_q === null ? noModel(row) : significant(row.G_q.K, 3)}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.G_q === null ? noModel(row) : significant(row.G_q.T, 3)}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.G_S === null ? noModel(row) : significant(row.G_S.K, 3)}
+                  </Table.Td>
+                  <Table.Td className={page.number}>
+                    {row.G_S === null ? noModel(row) : significant(row.G_S.T, 3)}
+                  </Table.Td>
                   <Table.Td>
                     <RunState state={row.status} reason={row.message} />
                   </Table.Td>
@@ -85,4 +97,9 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
       )}
     </Card>
   );
+}
+
+/** Motors and springs have no such columns; an actuator's run without a model says so. */
+function noModel({ kind }: Identification): string {
+  return kind === "actuator" ? "no model" : "";
 }

@@ -113,7 +113,7 @@ function Rows({ runs }: { runs: readonly Run[] }) {
             <Table.Th>Who</Table.Th>
             <Table.Th>Plant</Table.Th>
             <Table.Th>End</Table.Th>
-            <Table.Th className={page.number}>Missing</Table.Th>
+            <Table.Th className={page.number}>Samples missing</Table.Th>
             <Table.Th>Note</Table.Th>
           </Table.Tr>
         </Table.Thead>

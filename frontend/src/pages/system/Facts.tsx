@@ -17,7 +17,7 @@ export function Facts({ title, facts, children }: FactsProps) {
         {facts.map(([name, value]) => (
           <div key={name} style={{ display: "contents" }}>
             <dt>{name}</dt>
-            <dd>{value ?? "–"}</dd>
+            <dd>{value ?? "not known yet"}</dd>
           </div>
         ))}
       </dl>

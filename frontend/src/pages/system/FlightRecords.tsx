@@ -34,7 +34,11 @@ export function FlightRecords() {
                   <Table.Td>{dateTime(flight.at)}</Table.Td>
                   <Table.Td>{flight.text}</Table.Td>
                   <Table.Td>
-                    {flight.run === null ? "–" : <a href={`#/runs/${flight.run}`}>Run {flight.run}</a>}
+                    {flight.run === null ? (
+                      "none was recorded"
+                    ) : (
+                      <a href={`#/runs/${flight.run}`}>Run {flight.run}</a>
+                    )}
                   </Table.Td>
                   <Table.Td className={styles.number}>
                     −{fixed(flight.before_s, 1)} … {fixed(flight.after_s, 1)}

@@ -34,7 +34,7 @@ export function Lateness({ system }: { system: SystemState | undefined }) {
                 </Table.Td>
                 <Table.Td className={styles.number}>{ticks}</Table.Td>
                 <Table.Td className={styles.number}>
-                  {total > 0 ? fixed((100 * ticks) / total, 2) : "–"}
+                  {total > 0 ? fixed((100 * ticks) / total, 2) : "no tick yet"}
                 </Table.Td>
                 <Table.Td>
                   <div

@@ -90,7 +90,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                 </Table.Td>
                 <Table.Td>{dateTime(run.started)}</Table.Td>
                 <Table.Td>{run.who}</Table.Td>
-                <Table.Td>{run.note || "–"}</Table.Td>
+                <Table.Td>{run.note || "no note"}</Table.Td>
                 <Table.Td className={styles.number}>{bytes(run.size_bytes)}</Table.Td>
               </Table.Tr>
             ))}
