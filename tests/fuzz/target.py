@@ -43,9 +43,12 @@ class Target:
         self.accepted: Counter[tuple[str, Role]] = Counter()
         self.sessions: dict[Role, requests.Session] = {role: requests.Session() for role in TOKEN_FILE}
         self._loop = self._loop_process()
+        # One for all: each client of its own would load the certificates of the system first.
+        self._beside = httpx.Client(base_url=service.url, timeout=TIMEOUT_S)
         self.ask("POST", "/api/banks", {"name": "bench", "identifications": [1]}).raise_for_status()
 
     def close(self) -> None:
+        self._beside.close()
         for session in self.sessions.values():
             session.close()
         kinds = sorted({kind for kind, _ in self.answers})
@@ -71,7 +74,7 @@ class Target:
     def ask(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
         """Ask as the operator, beside the fuzz."""
         headers = self.authorization("operator")
-        return httpx.request(method, self.service.url + path, headers=headers, json=body, timeout=TIMEOUT_S)
+        return self._beside.request(method, path, headers=headers, json=body)
 
     def state(self) -> dict[str, Any]:
         return dict(self.ask("GET", "/api/state").raise_for_status().json())
