@@ -6,10 +6,10 @@ import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
 import { useReset } from "../service/commands";
-import { useStop } from "../service/StopProvider";
 import type { Task } from "../wire/types";
 import styles from "./StatusStrip.module.css";
-import { currentStatus, type Status, stopSentence, type Tone, taskProgress } from "./status";
+import { StopResult } from "./StopResult";
+import { currentStatus, type Status, type Tone, taskProgress } from "./status";
 
 const ICONS: Record<Tone, typeof IconInfoCircle> = {
   calm: IconInfoCircle,
@@ -23,7 +23,6 @@ export function StatusStrip() {
   const link = useLive((live) => live.link);
   const now_ms = useNow(500);
   const reset = useReset();
-  const stop = useStop();
   const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms));
   const Icon = ICONS[status.tone];
   return (
@@ -42,9 +41,7 @@ export function StatusStrip() {
           Reset
         </Button>
       )}
-      <output className={styles.proof} aria-label="Stop result" data-kind={stop.state.kind}>
-        {stopSentence(stop.state, state?.mode, state?.stop_proof ?? null)}
-      </output>
+      <StopResult />
     </div>
   );
 }

@@ -60,20 +60,13 @@ describe("currentStatus", () => {
 });
 
 describe("stopSentence", () => {
-  const confirmed = { kind: "confirmed", proof: PROOF } as const;
-
-  it("shows the proof until the motors may move again", () => {
-    expect(stopSentence(confirmed, "tripped", null)).toBe("Zero volts in 1 tick · 0.83 ms (tick 1001)");
-    expect(stopSentence(confirmed, "pretension", null)).toBe("");
-  });
-
-  it("shows the proof of a stop from elsewhere", () => {
-    expect(stopSentence({ kind: "idle" }, "tripped", PROOF)).toContain("0.83 ms");
-    expect(stopSentence({ kind: "idle" }, "run", PROOF)).toBe("");
+  it("shows the proof of a stop from elsewhere, while the motors are latched", () => {
+    expect(stopSentence({ kind: "idle" }, { mode: "tripped", stop_proof: PROOF })).toContain("0.83 ms");
+    expect(stopSentence({ kind: "idle" }, { mode: "run", stop_proof: PROOF })).toBe("");
   });
 
   it("never hides that a stop is not confirmed", () => {
-    const text = stopSentence({ kind: "unconfirmed", reason: "No answer." }, "run", null);
+    const text = stopSentence({ kind: "unconfirmed", reason: "No answer." }, null);
     expect(text).toContain("NOT CONFIRMED");
     expect(text).toContain("at the machine");
   });

@@ -68,20 +68,11 @@ export function taskProgress(task: Task): number {
   return task.duration_s > 0 ? Math.min(1, task.elapsed_s / task.duration_s) : 0;
 }
 
-/**
- * What became of the last STOP, in words; empty when there was none, and once the motors may move again. A stop that
- * somebody else asked for is told by the service's own `proof`.
- */
-export function stopSentence(
-  stop: StopState,
-  mode: State["mode"] | undefined,
-  proof: StopProof | null,
-): string {
-  const over = mode !== undefined && mode !== "tripped" && mode !== "off";
-  if (stop.kind === "confirmed" && over) return "";
+/** What became of the last STOP, in words; a stop that took place is told by the service, from wherever it came. */
+export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_proof"> | null): string {
   switch (stop.kind) {
     case "idle":
-      return proof === null || mode !== "tripped" ? "" : proofSentence(proof);
+      return state?.mode === "tripped" && state.stop_proof !== null ? proofSentence(state.stop_proof) : "";
     case "sending":
       return "STOP sent, waiting for proof …";
     case "confirmed":

@@ -40,7 +40,7 @@ export function SignInPage() {
           </Group>
           {stop.state.kind !== "idle" && (
             <Alert color={stop.state.kind === "unconfirmed" ? "red" : "blue"} p="xs">
-              <output aria-label="Stop result">{stopSentence(stop.state, undefined, null)}</output>
+              <output aria-label="Stop result">{stopSentence(stop.state, null)}</output>
             </Alert>
           )}
           <PasswordInput

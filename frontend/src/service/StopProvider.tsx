@@ -11,13 +11,16 @@ import {
   useState,
 } from "react";
 import { answered, api } from "../wire/client";
-import { isStopKey, type StopState, sendStop } from "./stop";
+import type { State } from "../wire/types";
+import { isStopKey, type StopState, sendStop, settled } from "./stop";
 
 const ANSWER_WITHIN_MS = 1500;
 
 interface Stopper {
   readonly state: StopState;
   stop(): void;
+  /** The service has told its state: what it says of the stop counts from here on. */
+  heard(state: State): void;
   /** Listen for the keys in another document of this page. */
   watch(target: Window): () => void;
 }
@@ -38,6 +41,8 @@ export function StopProvider({ children }: { children: ReactNode }) {
     });
   }, []);
 
+  const heard = useCallback((told: State) => setState((stopped) => settled(stopped, told)), []);
+
   const watch = useCallback(
     (target: Window) => {
       const onKey = (event: KeyboardEvent) => {
@@ -53,7 +58,7 @@ export function StopProvider({ children }: { children: ReactNode }) {
   );
 
   useEffect(() => watch(window), [watch]);
-  const stopper = useMemo(() => ({ state, stop, watch }), [state, stop, watch]);
+  const stopper = useMemo(() => ({ state, stop, heard, watch }), [state, stop, heard, watch]);
   return <StopContext value={stopper}>{children}</StopContext>;
 }
 

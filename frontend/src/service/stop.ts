@@ -1,6 +1,6 @@
 /** Sending STOP: at once, whatever the link looks like, tried a few times, and honest about what came back. */
 
-import type { StopProof } from "../wire/types";
+import type { State, StopProof } from "../wire/types";
 
 export type StopState =
   | { readonly kind: "idle" }
@@ -24,6 +24,22 @@ export async function sendStop(post: () => Promise<StopProof>): Promise<StopStat
     }
   }
   return { kind: "unconfirmed", reason };
+}
+
+/**
+ * What is left to say of a press once `state` came in after it. A stop that took place belongs to the service, which has
+ * its proof until the reset; one that was not confirmed is over when the loop itself says that the motors rest.
+ */
+export function settled(
+  stop: StopState,
+  state: Pick<State, "mode" | "tick" | "stop_proof" | "link">,
+): StopState {
+  const resting = state.link.alive && (state.mode === "tripped" || state.mode === "off");
+  const told =
+    stop.kind === "confirmed"
+      ? state.stop_proof?.arrived_tick === stop.proof.arrived_tick || state.tick >= stop.proof.zero_tick
+      : stop.kind === "unconfirmed" && resting;
+  return told ? { kind: "idle" } : stop;
 }
 
 /** True for the one key combination that stops. */
