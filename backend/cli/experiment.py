@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from backend.cli.ordering import current_user, run_headless, values_of
+from backend.cli.ordering import current_user, ordered, run_headless, values_of
 from backend.cli.output import AsJson
 from backend.cli.place import DataFolder, ParameterSet, settings_with
 
@@ -33,13 +33,13 @@ def experiment(
     """Run an experiment headless on the simulator, faster than real time; stored like one from the browser.
 
     Settings of tracking: q_amplitude, q_hold [rad], S_hold, S_low, S_high [N·m/rad], q_duration_s, S_duration_s [s].
-    Settings of the loop: lam_q, lam_S, lam_motor [s], bank (number), interpolate (true, false), seed.
+    Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
+    interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """
     from backend.experiments.catalogue import experiment as entry_of
-    from backend.experiments.loop_settings import split_values
     from backend.experiments.runner import Order
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
-    plan, loop_settings = split_values(entry_of(name).plan, chosen)
     settings = settings_with(params=params, data=data)
+    plan, loop_settings = ordered(settings, entry_of(name).plan, chosen, as_json=as_json)
     run_headless(settings, Order(plan, loop_settings, current_user()), out, as_json=as_json)

@@ -8,7 +8,7 @@ import typer
 
 from backend.cli import identify_data
 from backend.cli.experiment import OutFolder, SetWords
-from backend.cli.ordering import current_user, run_headless, run_in_turn, values_of
+from backend.cli.ordering import current_user, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail, print_json, print_table
 from backend.cli.output import out as screen
 from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
@@ -45,7 +45,7 @@ def motor(
     """Identify K_m, T_m and dry friction of both motors from unloaded voltage steps (method section 2).
 
     Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
-    Settings of the loop: lam_motor [s], seed.
+    Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
     from backend.experiments.identification_plans import MotorIdentificationPlan
 
@@ -64,7 +64,7 @@ def spring(
     """Identify both springs from a slow sweep of the tension, or one from a measured table (method section 3).
 
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
-    Settings of the loop: lam_motor [s], seed.
+    Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
     from backend.experiments.identification_plans import SpringIdentificationPlan
 
@@ -89,7 +89,7 @@ def actuator(
     """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
 
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s].
-    Settings of the loop: lam_q, lam_S, lam_motor [s], seed.
+    Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
     from backend.experiments.plans import ActuatorIdentificationPlan
 
@@ -99,7 +99,10 @@ def actuator(
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
-    orders = [_order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}) for word in tensions.split(",")]
+    orders = [
+        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, settings, as_json=as_json)
+        for word in tensions.split(",")
+    ]
     run_in_turn(settings, orders, out, as_json=as_json)
 
 
@@ -110,14 +113,15 @@ def _identify(
     settings: Settings,
     as_json: bool,
 ) -> None:
-    run_headless(settings, _order(plan, values), out, as_json=as_json)
+    run_headless(settings, _order(plan, values, settings, as_json=as_json), out, as_json=as_json)
 
 
-def _order(plan: "type[IdentificationPlan]", values: dict[str, object]) -> "Order":
-    from backend.experiments.loop_settings import split_values
+def _order(
+    plan: "type[IdentificationPlan]", values: dict[str, object], settings: Settings, *, as_json: bool
+) -> "Order":
     from backend.experiments.runner import Order
 
-    chosen, loop_settings = split_values(plan, values)
+    chosen, loop_settings = ordered(settings, plan, values, as_json=as_json)
     return Order(chosen, loop_settings, current_user())
 
 

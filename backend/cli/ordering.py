@@ -5,14 +5,17 @@ import getpass
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from backend.cli.output import fail, meter, out, print_json, print_table
+from backend.cli.output import errors, fail, meter, out, print_json, print_table
 from backend.cli.place import database_of
 from backend.settings import Settings
 
 if TYPE_CHECKING:
+    from backend.experiments.loop_settings import LoopSettings
     from backend.experiments.runner import Order, Outcome
+
+_Plan = TypeVar("_Plan")
 
 
 class _Play(Protocol):
@@ -30,6 +33,48 @@ def values_of(words: list[str]) -> dict[str, object]:
             fail(f"--set {word}: write key=value, for example --set lam_q=0.6", status=2)
         values[name.strip()] = value.strip()
     return values
+
+
+def ordered(
+    settings: Settings, plan: "type[_Plan]", values: dict[str, object], *, as_json: bool
+) -> "tuple[_Plan, LoopSettings]":
+    """Return plan and loop settings: what is said, else what is in force in the data folder, else the default.
+
+    Says on the screen of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
+    """
+    from backend.experiments.loop_settings import split_values
+
+    kept = _in_force(settings)
+    chosen, loop = split_values(plan, {**kept, **values})
+    if not as_json:
+        parts = [
+            f"{text} ({'set' if name in values else 'in force' if name in kept else 'default'})"
+            for name, text in loop.parts_in_words().items()
+        ]
+        out.print(f"tuning: {', '.join(parts)}", highlight=False, markup=False, soft_wrap=True)
+    return chosen, loop
+
+
+def _in_force(settings: Settings) -> dict[str, object]:
+    """Return the tuning that the dashboard left in force for this plant; empty where there is none that can be used."""
+    from backend.experiments import kept_choice
+    from backend.experiments.settings import SettingError
+    from backend.refusal import OutOfRangeError
+    from plant.parameters import load_parameters
+
+    parameters = load_parameters(settings.params)
+    with database_of(settings) as database:
+        try:
+            kept = kept_choice.newest(database, parameters)
+        except (SettingError, OutOfRangeError) as error:
+            errors.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
+            return {}
+    if kept is None:
+        return {}
+    if not kept.same_plant:
+        errors.print("defaults: the tuning in force is for other parameters of the plant", highlight=False)
+        return {}
+    return kept.choice.document()
 
 
 def run_headless(settings: Settings, order: "Order", folder: Path | None, *, as_json: bool) -> None:

@@ -53,13 +53,18 @@ class TuningChoice:
 
     def in_words(self) -> str:
         """Return all but the bank in one line: "λ_q 0.5 s, … b 0, switching between entries"."""
-        numbers = ", ".join(
-            f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
+        return ", ".join(text for name, text in self.parts_in_words().items() if name != "bank")
+
+    def parts_in_words(self) -> dict[str, str]:
+        """Return each part by name as a person reads it: "λ_q 0.5 s", "gains from geometry"."""
+        words = {
+            setting.name: f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
             + ("" if setting.unit == "1" else f" {setting.unit}")
             for setting in DECLARED
-            if setting.kind == "number"
-        )
-        return f"{numbers}, {'interpolating' if self.interpolate else 'switching'} between entries"
+        }
+        words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
+        words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
+        return words
 
     def differences(self, before: "TuningChoice") -> list[str]:
         """Say part by part what differs from ``before``: "λ_q 0.5 → 0.6 s"."""

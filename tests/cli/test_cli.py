@@ -4,12 +4,16 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from backend.cli import main
-from backend.storage import open_database
+from backend.experiments import kept_choice
+from backend.experiments.tuning_choice import TuningChoice
+from backend.storage import open_database, runs
+from plant.parameters import load_parameters
 from tests.recording.test_retention import recorded
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
@@ -45,6 +49,26 @@ def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[
     assert metrics["metrics"]["min_tension_N"] > 5.0
     assert metrics["settings"]["loop"]["lam_q"] == 0.6
     assert metrics["settings"]["loop"]["seed"] == 3
+
+
+def test_an_experiment_starts_from_what_is_in_force_and_says_so(tmp_path: Path) -> None:
+    parameters, order = load_parameters("ideal"), ["experiment", "sequence", "--params", "ideal", "--data"]
+    with closing(open_database(tmp_path)) as database:
+        kept_choice.put(database, TuningChoice(lam_q=0.7, b=0.5), parameters, "A. Operator")
+    segments = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
+    ended = sinew(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.splitlines()[0] == (
+        "tuning: λ_q 0.7 s (in force), λ_S 0.42 s (in force), λ_motor 0.0854 s (in force), b 1 (set), "
+        "gains from geometry (set), switching between entries (in force)"
+    )
+    with closing(open_database(tmp_path)) as database:
+        with database.reading() as session:
+            used = runs.find(session, limit=1)[0].settings["loop"]
+        kept = kept_choice.newest(database, parameters)
+    assert TuningChoice.of(used) == TuningChoice(lam_q=0.7, b=1.0)
+    assert kept is not None
+    assert kept.choice == TuningChoice(lam_q=0.7, b=0.5)  # of an experiment nothing stays
 
 
 def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[str, object]]) -> None:
