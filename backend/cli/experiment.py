@@ -41,5 +41,5 @@ def experiment(
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(params=params, data=data)
-    plan, loop_settings = ordered(settings, entry_of(name).plan, chosen, as_json=as_json)
-    run_headless(settings, Order(plan, loop_settings, current_user()), out, as_json=as_json)
+    plan, loop_settings, tuning = ordered(settings, entry_of(name).plan, chosen)
+    run_headless(settings, Order(plan, loop_settings, current_user()), tuning, out, as_json=as_json)

@@ -100,10 +100,9 @@ def actuator(
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
     orders = [
-        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, settings, as_json=as_json)
-        for word in tensions.split(",")
+        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, settings) for word in tensions.split(",")
     ]
-    run_in_turn(settings, orders, out, as_json=as_json)
+    run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json)
 
 
 def _identify(
@@ -113,16 +112,15 @@ def _identify(
     settings: Settings,
     as_json: bool,
 ) -> None:
-    run_headless(settings, _order(plan, values, settings, as_json=as_json), out, as_json=as_json)
+    order, tuning = _order(plan, values, settings)
+    run_headless(settings, order, tuning, out, as_json=as_json)
 
 
-def _order(
-    plan: "type[IdentificationPlan]", values: dict[str, object], settings: Settings, *, as_json: bool
-) -> "Order":
+def _order(plan: "type[IdentificationPlan]", values: dict[str, object], settings: Settings) -> "tuple[Order, str]":
     from backend.experiments.runner import Order
 
-    chosen, loop_settings = ordered(settings, plan, values, as_json=as_json)
-    return Order(chosen, loop_settings, current_user())
+    chosen, loop_settings, tuning = ordered(settings, plan, values)
+    return Order(chosen, loop_settings, current_user()), tuning
 
 
 def _identify_table(table: Path, settings: Settings, *, as_json: bool) -> None:

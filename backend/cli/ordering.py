@@ -35,24 +35,20 @@ def values_of(words: list[str]) -> dict[str, object]:
     return values
 
 
-def ordered(
-    settings: Settings, plan: "type[_Plan]", values: dict[str, object], *, as_json: bool
-) -> "tuple[_Plan, LoopSettings]":
+def ordered(settings: Settings, plan: "type[_Plan]", values: dict[str, object]) -> "tuple[_Plan, LoopSettings, str]":
     """Return plan and loop settings: what is said, else what is in force in the data folder, else the default.
 
-    Says on the screen of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
+    The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
     from backend.experiments.loop_settings import split_values
 
     kept = _in_force(settings)
     chosen, loop = split_values(plan, {**kept, **values})
-    if not as_json:
-        parts = [
-            f"{text} ({'set' if name in values else 'in force' if name in kept else 'default'})"
-            for name, text in loop.parts_in_words().items()
-        ]
-        out.print(f"tuning: {', '.join(parts)}", highlight=False, markup=False, soft_wrap=True)
-    return chosen, loop
+    parts = [
+        f"{text} ({'set' if name in values else 'in force' if name in kept else 'default'})"
+        for name, text in loop.parts_in_words().items()
+    ]
+    return chosen, loop, f"tuning: {', '.join(parts)}"
 
 
 def _in_force(settings: Settings) -> dict[str, object]:
@@ -77,9 +73,10 @@ def _in_force(settings: Settings) -> dict[str, object]:
     return kept.choice.document()
 
 
-def run_headless(settings: Settings, order: "Order", folder: Path | None, *, as_json: bool) -> None:
+def run_headless(settings: Settings, order: "Order", tuning: str, folder: Path | None, *, as_json: bool) -> None:
     """Play an order on the simulator, store it, and show what came of it; exit 1 when it did not complete."""
     with _bench(settings, order) as play:
+        _say(tuning, as_json=as_json)
         outcome, document = play(order, folder, hidden=as_json)
         if as_json:
             print_json(document)
@@ -88,10 +85,13 @@ def run_headless(settings: Settings, order: "Order", folder: Path | None, *, as_
     _end_status(outcome)
 
 
-def run_in_turn(settings: Settings, orders: "Sequence[Order]", folder: Path | None, *, as_json: bool) -> None:
+def run_in_turn(
+    settings: Settings, orders: "Sequence[Order]", tuning: str, folder: Path | None, *, as_json: bool
+) -> None:
     """Play orders one after the other, files in a folder per run; one that does not complete ends the sequence."""
     documents = []
     with _bench(settings, orders[0]) as play:
+        _say(tuning, as_json=as_json)
         for order in orders:
             outcome, document = play(order, folder, hidden=as_json, own_folder=True)
             documents.append(document)
@@ -137,6 +137,12 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
 def current_user() -> str:
     """Return who runs the command, for the record."""
     return getpass.getuser()
+
+
+def _say(tuning: str, *, as_json: bool) -> None:
+    """Say what the gains come from, once it is accepted."""
+    if not as_json:
+        out.print(tuning, highlight=False, markup=False, soft_wrap=True)
 
 
 def _show(document: dict[str, Any]) -> None:
