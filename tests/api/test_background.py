@@ -90,6 +90,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     serving.start()
     until(lambda: ready or not serving.is_alive())
     address, loop, token = ready[0]
+    gc.unfreeze()  # what a service makes at its start, and leaves to its end, is looked for here
     with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=60.0) as client:
         yield Running(loop, client)
     for server in [found for found in gc.get_objects() if isinstance(found, uvicorn.Server)]:
