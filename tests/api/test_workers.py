@@ -2,6 +2,7 @@
 
 import json
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -169,10 +170,16 @@ def hanging(service: Service, viewer: httpx.Client) -> Iterator[socket.socket]:
     body = json.dumps(lasting(600)).encode()
     head = f"POST /api/experiments/dry-run HTTP/1.1\r\nHost: {parts.netloc}\r\nAuthorization: Bearer {token}\r\n"
     head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
-    with connected((str(parts.hostname), int(parts.port or 0)), head.encode() + body) as connection:
-        while viewer.post("/api/experiments/dry-run", json=SHORT).status_code != 429:
-            pass
-        yield connection
+    address = (str(parts.hostname), int(parts.port or 0))
+    for _ in range(ASKED):
+        with connected(address, head.encode() + body) as connection:
+            while viewer.post("/api/experiments/dry-run", json=SHORT).status_code != 429:
+                if select.select([connection], [], [], 0.0)[0]:
+                    break  # refused: a short one was there first
+            else:
+                yield connection
+                return
+    raise AssertionError("the long dry run never came first")
 
 
 def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
