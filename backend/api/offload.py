@@ -106,16 +106,15 @@ class _Worker:
 
     def end(self) -> None:
         """Kill the process, as soon as it is there, and watch it no longer."""
-        self.pool.shutdown(wait=False, cancel_futures=True)
-        self._unwatch()
+        self._let_go(cancel=True)
 
     def forget(self) -> None:
         """Let go of a process that has died: what waited for it is told so by the pool, and not cancelled."""
-        self.pool.shutdown(wait=False)
-        self._unwatch()
+        self._let_go(cancel=False)
 
-    def _unwatch(self) -> None:
-        self._ended = True
+    def _let_go(self, *, cancel: bool) -> None:
+        self._ended = True  # first: whoever hears of the process from now on kills it
+        self.pool.shutdown(wait=False, cancel_futures=cancel)
         if self._process is not None:
             self._loop.remove_reader(self._process)
             with suppress(ProcessLookupError):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from backend.cli.ordering import current_user, ordered, run_headless, values_of
+from backend.cli.ordering import current_user, in_force, ordered, run_headless, values_of
 from backend.cli.output import AsJson
 from backend.cli.place import DataFolder, ParameterSet, settings_with
 
@@ -41,5 +41,5 @@ def experiment(
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(params=params, data=data)
-    plan, loop_settings, tuning = ordered(settings, entry_of(name).plan, chosen)
+    plan, loop_settings, tuning = ordered(entry_of(name).plan, chosen, in_force(settings))
     run_headless(settings, Order(plan, loop_settings, current_user()), tuning, out, as_json=as_json)

@@ -8,7 +8,7 @@ import typer
 
 from backend.cli import identify_data
 from backend.cli.experiment import OutFolder, SetWords
-from backend.cli.ordering import current_user, ordered, run_headless, run_in_turn, values_of
+from backend.cli.ordering import current_user, in_force, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail, print_json, print_table
 from backend.cli.output import out as screen
 from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
@@ -99,9 +99,8 @@ def actuator(
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
-    orders = [
-        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, settings) for word in tensions.split(",")
-    ]
+    kept = in_force(settings)
+    orders = [_order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, kept) for word in tensions.split(",")]
     run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json)
 
 
@@ -112,14 +111,14 @@ def _identify(
     settings: Settings,
     as_json: bool,
 ) -> None:
-    order, tuning = _order(plan, values, settings)
+    order, tuning = _order(plan, values, in_force(settings))
     run_headless(settings, order, tuning, out, as_json=as_json)
 
 
-def _order(plan: "type[IdentificationPlan]", values: dict[str, object], settings: Settings) -> "tuple[Order, str]":
+def _order(plan: "type[IdentificationPlan]", values: dict[str, object], kept: dict[str, object]) -> "tuple[Order, str]":
     from backend.experiments.runner import Order
 
-    chosen, loop_settings, tuning = ordered(settings, plan, values)
+    chosen, loop_settings, tuning = ordered(plan, values, kept)
     return Order(chosen, loop_settings, current_user()), tuning
 
 

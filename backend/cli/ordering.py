@@ -35,14 +35,15 @@ def values_of(words: list[str]) -> dict[str, object]:
     return values
 
 
-def ordered(settings: Settings, plan: "type[_Plan]", values: dict[str, object]) -> "tuple[_Plan, LoopSettings, str]":
-    """Return plan and loop settings: what is said, else what is in force in the data folder, else the default.
+def ordered(
+    plan: "type[_Plan]", values: dict[str, object], kept: dict[str, object]
+) -> "tuple[_Plan, LoopSettings, str]":
+    """Return plan and loop settings: what is said, else what is ``kept`` in force, else the default.
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
     from backend.experiments.loop_settings import split_values
 
-    kept = _in_force(settings)
     chosen, loop = split_values(plan, {**kept, **values})
     parts = [
         f"{text} ({'set' if name in values else 'in force' if name in kept else 'default'})"
@@ -51,7 +52,7 @@ def ordered(settings: Settings, plan: "type[_Plan]", values: dict[str, object]) 
     return chosen, loop, f"tuning: {', '.join(parts)}"
 
 
-def _in_force(settings: Settings) -> dict[str, object]:
+def in_force(settings: Settings) -> dict[str, object]:
     """Return the tuning that the dashboard left in force for this plant; empty where there is none that can be used."""
     from backend.experiments import kept_choice
     from backend.experiments.settings import SettingError

@@ -5,8 +5,9 @@ import asyncio
 from starlette.types import Receive, Scope, Send
 
 from backend.api.door import Place
+from backend.api.export import openapi
 from backend.api.gate import BEARER, Person
-from backend.api.pace import Pace
+from backend.api.pace import PASSES_BY, Pace
 from backend.api.protocols import PLACE
 from backend.api.schemas.session import Role
 
@@ -47,11 +48,15 @@ class Answers:
         return None
 
 
+def test_what_passes_by_is_the_service_s_stop() -> None:
+    assert "post" in openapi()["paths"][PASSES_BY]
+
+
 def test_stop_begins_at_once_whoever_waits() -> None:
     answers = Answers()
     crowd = [asked(f"/{n}", Role.VIEWER) for n in range(CROWD)]
-    asyncio.run(answers.to_all(*crowd, asked("/api/stop", Role.VIEWER)))
-    assert answers.begun["/api/stop"] == answers.begun["/0"]
+    asyncio.run(answers.to_all(*crowd, asked(PASSES_BY, Role.VIEWER)))
+    assert answers.begun[PASSES_BY] == answers.begun["/0"]
     rounds = [answers.begun[f"/{n}"] for n in range(CROWD)]
     assert rounds == sorted(set(rounds))  # one a round, in the order of their coming
 
