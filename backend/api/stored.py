@@ -20,7 +20,8 @@ from backend.api.schemas.identification import (
     SpringTableView,
     SpringView,
 )
-from backend.api.schemas.run import Envelope, Evaluation, RunView, SamplesView
+from backend.api.schemas.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
+from backend.experiments.used_settings import used_settings
 from backend.identification.motor import grade_of
 from backend.identification.result import Grade
 from backend.recording import reader
@@ -59,7 +60,7 @@ def run_view(
         samples=samples,
         missing_samples=missed,
         samples_deleted=samples_deleted,
-        settings=run.settings,
+        settings=[UsedSetting(**item) for item in used_settings(run.settings)],
         note=run.note,
         evaluation=evaluation,
         evaluation_problem=run.evaluation_problem,

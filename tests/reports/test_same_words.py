@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from backend.api.stored import experiment_view
+from backend.api.schemas.run import Evaluation
+from backend.api.stored import experiment_view, run_view
 from backend.reports.build import build_report
 from backend.reports.files import metrics_document
 from backend.reports.source import Source
@@ -55,3 +56,21 @@ def test_a_result_without_reasons_says_that_it_is_old() -> None:
     missing = [item.reason for item in view.metrics if item.value is None]
     assert missing
     assert set(missing) == {"evaluated by an older version, which kept no reason; evaluate the run again to have one"}
+
+
+def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
+    """Programs keep them declared; sessions have a tuning, older ones beside their mode."""
+
+    run = source_of(samples(PLAN)).run
+    for settings in (
+        {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}},
+        {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False, "bank": None},
+    ):
+        view = run_view(replace(run, settings=settings), Evaluation.NONE, 10, 0.01, 0)
+        shown = {item.name: (item.symbol, item.unit, item.value) for item in view.settings}
+        assert shown == {
+            "lam_q": ("λ_q", "s", 0.5),
+            "lam_S": ("λ_S", "s", 0.42),
+            "b": ("b", "1", 0.0),
+            "interpolate": ("interpolate", "1", False),
+        }

@@ -19,6 +19,16 @@ class Evaluation(StrEnum):
     """it could not be computed; asked for again, it may be"""
 
 
+class UsedSetting(Schema):
+    """What a run was set to in one respect."""
+
+    name: str
+    symbol: str
+    unit: str = Field(description="SI, 1 for what has none")
+    meaning: str
+    value: bool | float | str
+
+
 class RunView(Schema):
     """One stored run."""
 
@@ -35,7 +45,7 @@ class RunView(Schema):
     samples: int
     missing_samples: int = Field(description="ticks that the recording lacks; more than 0 is an error of the run")
     samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
-    settings: dict[str, object]
+    settings: list[UsedSetting]
     note: str
     evaluation: Evaluation
     evaluation_problem: str = Field(description="why the run has no result, where that is known")

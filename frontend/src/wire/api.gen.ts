@@ -3296,9 +3296,7 @@ export interface components {
              */
             samples_deleted: string | null;
             /** Settings */
-            settings: {
-                [key: string]: unknown;
-            };
+            settings: components["schemas"]["UsedSetting"][];
             /** Note */
             note: string;
             evaluation: components["schemas"]["Evaluation"];
@@ -4050,6 +4048,25 @@ export interface components {
              * @description active entry of the bank, fractional while interpolating
              */
             entry: number;
+        };
+        /**
+         * UsedSetting
+         * @description What a run was set to in one respect.
+         */
+        UsedSetting: {
+            /** Name */
+            name: string;
+            /** Symbol */
+            symbol: string;
+            /**
+             * Unit
+             * @description SI, 1 for what has none
+             */
+            unit: string;
+            /** Meaning */
+            meaning: string;
+            /** Value */
+            value: boolean | number | string;
         };
     };
     responses: never;

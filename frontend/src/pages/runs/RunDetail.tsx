@@ -1,4 +1,4 @@
-/** One run: what it was, what it left, its curves. */
+/** One run: what it came to and its curves first, then what it was and with which settings. */
 
 import { Button, Textarea } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -7,16 +7,17 @@ import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { Refusal } from "../../components/Refusal";
-import { RunState, unevaluated } from "../../components/RunState";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { useEvaluate, useSetNote } from "../../service/commands";
+import { useSetNote } from "../../service/commands";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 import { CompareWith } from "./CompareWith";
 import { LineageCard } from "./LineageCard";
 import { RunCharts } from "./RunCharts";
+import { RunResult } from "./RunResult";
+import { SettingsCard } from "./SettingsCard";
 
 const WITH_REPORT = new Set(["tracking", "compliance"]);
 
@@ -30,16 +31,18 @@ export function RunDetail({ id, other }: { id: number; other: number | undefined
       {data === undefined && <p className={page.empty}>{error?.message ?? "Loading …"}</p>}
       {data && (
         <>
-          <div className={page.halves}>
-            <Facts run={data} />
-            <NoteCard run={data} />
-          </div>
-          <LineageCard run={id} />
+          <RunResult run={data} />
           <Card title="Curves" aside={<CompareWith run={data} other={other} />}>
             <div className={page.charts}>
               <RunCharts run={id} other={other} />
             </div>
           </Card>
+          <div className={page.halves}>
+            <Facts run={data} />
+            <NoteCard run={data} />
+          </div>
+          <SettingsCard settings={data.settings} />
+          <LineageCard run={id} />
         </>
       )}
     </div>
@@ -48,10 +51,7 @@ export function RunDetail({ id, other }: { id: number; other: number | undefined
 
 function Facts({ run }: { run: Run }) {
   return (
-    <Card
-      title={run.kind.replaceAll("_", " ")}
-      aside={<RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />}
-    >
+    <Card title={run.kind.replaceAll("_", " ")}>
       <dl className={page.facts}>
         <dt>Started</dt>
         <dd>
@@ -70,10 +70,6 @@ function Facts({ run }: { run: Run }) {
           {run.ended === null ? "still running" : dateTime(run.ended)}
           {run.end_reason !== "" && `: ${run.end_reason}`}
         </dd>
-        <dt>Result</dt>
-        <dd>
-          <Result run={run} />
-        </dd>
         <dt>Completeness</dt>
         <dd>
           <Verdict good={run.missing_samples === 0}>
@@ -84,28 +80,8 @@ function Facts({ run }: { run: Run }) {
           {run.samples_deleted !== null &&
             `; the samples were deleted ${dateTime(run.samples_deleted)} to make room`}
         </dd>
-        <dt>Settings</dt>
-        <dd>{settingsText(run.settings)}</dd>
       </dl>
     </Card>
-  );
-}
-
-function Result({ run }: { run: Run }) {
-  const evaluate = useEvaluate(run.id);
-  if (run.evaluation === "none") return <>none to be had</>;
-  if (run.evaluation === "under_way" || evaluate.isPending) return <>being computed</>;
-  if (run.evaluation === "done") return <>computed</>;
-  return (
-    <>
-      not evaluated: {unevaluated(run)}
-      <div className={page.actions}>
-        <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
-          Evaluate again
-        </Button>
-        <Refusal text={evaluate.error?.message} />
-      </div>
-    </>
   );
 }
 
@@ -140,13 +116,4 @@ function NoteCard({ run }: { run: Run }) {
       </div>
     </Card>
   );
-}
-
-function settingsText(settings: Run["settings"]): string {
-  const parts = Object.entries(settings).map(([name, value]) => `${name} ${plain(value)}`);
-  return parts.length === 0 ? "defaults" : parts.join(", ");
-}
-
-function plain(value: unknown): string {
-  return typeof value === "object" && value !== null ? JSON.stringify(value) : String(value);
 }

@@ -1,0 +1,133 @@
+// @vitest-environment jsdom
+/** The page of a run as it is laid out: what comes first, and what it says where something was not measured. */
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { render, screen, within } from "@testing-library/react";
+import { expect, it, vi } from "vitest";
+import { experimentQuery, lineageQuery, runQuery } from "../../service/queries";
+import type { Experiment, Lineage, Run } from "../../wire/types";
+import { RunDetail } from "./RunDetail";
+
+// A canvas cannot draw here; where the curves stand is what counts.
+vi.mock("./RunCharts", () => ({ RunCharts: () => <div data-testid="curves" /> }));
+
+const RUN: Run = {
+  id: 7,
+  kind: "tracking",
+  plant: "simulator",
+  parameters: "lab",
+  who: "A. Operator",
+  started: "2026-03-04T10:20:30Z",
+  ended: "2026-03-04T10:21:30Z",
+  end_state: "completed",
+  end_reason: "",
+  duration_s: 21,
+  samples: 21_000,
+  missing_samples: 0,
+  samples_deleted: null,
+  settings: [
+    { name: "q_duration_s", symbol: "t_q", unit: "s", meaning: "time each reference is held", value: 1.5 },
+    { name: "interpolate", symbol: "interpolate", unit: "1", meaning: "gain scheduling", value: false },
+  ],
+  note: "",
+  evaluation: "done",
+  evaluation_problem: "",
+};
+
+const REASON = "8 of 8 steps were not measured; the one at 2 s: it came to 66 % of its way in its time";
+const EXPERIMENT: Experiment = {
+  id: 7,
+  name: "tracking",
+  status: "completed",
+  created: RUN.started,
+  progress: 1,
+  settings: {},
+  outcome: "incomplete",
+  verdict: "1 of 2 criteria was not measured: Overshoot of q.",
+  metrics: [
+    { name: "rise_q_s", label: "Rise time of q", definition: "", value: null, unit: "s", reason: REASON },
+    { name: "peak_voltage_V", label: "Peak voltage", definition: "", value: 3, unit: "V", reason: "" },
+  ],
+  criteria: [
+    {
+      name: "overshoot_q",
+      label: "Overshoot of q",
+      value: null,
+      bound: 2,
+      relation: "<",
+      unit: "%",
+      passed: null,
+      reason: REASON,
+    },
+    {
+      name: "min_tension",
+      label: "Smallest tendon tension",
+      value: 9.1,
+      bound: 4,
+      relation: ">",
+      unit: "N",
+      passed: true,
+      reason: "",
+    },
+  ],
+  message: "",
+};
+
+const LINEAGE: Lineage = {
+  software: "1.0.0",
+  parameters: "lab",
+  parameters_as_now: true,
+  bank: null,
+  entries: [],
+  banks_built: [],
+  runs_with_them: [],
+} as unknown as Lineage;
+
+function show() {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
+  client.setQueryData(runQuery(7).queryKey, RUN);
+  client.setQueryData(experimentQuery(7).queryKey, EXPERIMENT);
+  client.setQueryData(lineageQuery(7).queryKey, LINEAGE);
+  render(
+    <QueryClientProvider client={client}>
+      <MantineProvider>
+        <RunDetail id={7} other={undefined} />
+      </MantineProvider>
+    </QueryClientProvider>,
+  );
+}
+
+it("shows the result and the curves before anything else, and settings with their units", () => {
+  show();
+  const headings = screen.getAllByRole("heading", { level: 2 }).map((heading) => heading.textContent);
+  expect(headings).toEqual(["Result", "Curves", "tracking", "Note and downloads", "Settings", "Lineage"]);
+  const settings = within(screen.getByRole("table", { name: "Settings" }));
+  const rows = settings.getAllByRole("row").map((row) =>
+    within(row)
+      .queryAllByRole("cell")
+      .map((cell) => cell.textContent),
+  );
+  expect(rows.slice(1)).toEqual([
+    ["time each reference is held", "t_q", "1.5", "s"],
+    ["gain scheduling", "interpolate", "no", ""],
+  ]);
+  expect(document.body.textContent).not.toContain("{");
+  const result = within(screen.getByRole("region", { name: "Result" }));
+  expect(result.getByText(EXPERIMENT.verdict)).toBeTruthy();
+  expect(result.queryByText(/All .* passed/)).toBeNull();
+  for (const table of ["Criteria", "Metrics"]) {
+    const first = within(result.getByRole("table", { name: table })).getAllByRole("row")[1];
+    expect(first?.textContent).toContain("not measured");
+    expect(first?.textContent).toContain(REASON);
+    expect(first?.textContent).not.toContain("–");
+  }
+});
