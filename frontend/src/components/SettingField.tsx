@@ -1,44 +1,53 @@
 /** One declared setting as an input with its unit and bounds. */
 
-import { NativeSelect, NumberInput, Switch, TextInput } from "@mantine/core";
+import { NativeSelect, Switch, TextInput } from "@mantine/core";
 import type { Setting } from "../wire/types";
+import { NumberField } from "./NumberField";
 
 export type SettingValue = boolean | number | string;
 
 interface SettingFieldProps {
   readonly setting: Setting;
+  /** Text where a number is wanted: what was typed is none. */
   readonly value: SettingValue;
+  /** Where the value comes from: in force, default, changed here. */
+  readonly origin?: string;
   onChange(value: SettingValue): void;
 }
 
-export function SettingField({ setting, value, onChange }: SettingFieldProps) {
+export function SettingField({ setting, value, origin = "", onChange }: SettingFieldProps) {
   const { meaning, unit, minimum, maximum, choices } = setting;
   const label = unit === "1" || unit === "" ? capital(meaning) : `${capital(meaning)} [${unit}]`;
   if (typeof value === "boolean") {
     return (
-      <Switch label={label} checked={value} onChange={(event) => onChange(event.currentTarget.checked)} />
+      <Switch
+        label={label}
+        description={origin}
+        checked={value}
+        onChange={(event) => onChange(event.currentTarget.checked)}
+      />
     );
   }
   if (choices && choices.length > 0) {
     return (
       <NativeSelect
         label={label}
+        description={origin}
+        inputWrapperOrder={["label", "input", "description", "error"]}
         data={[...choices]}
         value={String(value)}
         onChange={(event) => onChange(event.currentTarget.value)}
       />
     );
   }
-  if (typeof setting.default === "number" || setting.minimum != null) {
-    const bounded = minimum != null && maximum != null;
+  if (isNumeric(setting)) {
+    const bounds = minimum != null && maximum != null ? `${minimum} … ${maximum}` : "";
     return (
-      <NumberInput
+      <NumberField
         label={label}
-        description={bounded ? `${minimum} … ${maximum}` : undefined}
-        inputWrapperOrder={["label", "input", "description", "error"]}
-        value={typeof value === "number" ? value : ""}
-        hideControls
-        onChange={(next) => onChange(next === "" ? "" : Number(next))}
+        description={[bounds, origin].filter((part) => part !== "").join("; ")}
+        value={value}
+        onChange={onChange}
       />
     );
   }
@@ -49,6 +58,11 @@ export function SettingField({ setting, value, onChange }: SettingFieldProps) {
       onChange={(event) => onChange(event.currentTarget.value)}
     />
   );
+}
+
+/** Whether a setting takes a number. */
+export function isNumeric(setting: Setting): boolean {
+  return typeof setting.default === "number";
 }
 
 function capital(text: string): string {

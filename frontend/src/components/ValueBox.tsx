@@ -1,7 +1,8 @@
-/** A number box that is sent on Enter or when it is left, and given up on Escape. */
+/** A number box that is sent on Enter or when it is left, and given up on Escape. What is no number is never sent. */
 
-import { NumberInput } from "@mantine/core";
-import { useState } from "react";
+import { TextInput } from "@mantine/core";
+import { type KeyboardEvent, useState } from "react";
+import { notANumber, numberIn } from "../samples/number";
 
 interface ValueBoxProps {
   readonly label: string;
@@ -11,42 +12,71 @@ interface ValueBoxProps {
   readonly step: number;
   readonly width: number;
   readonly disabled?: boolean;
+  /** A number as it is shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
+  /** Why what was typed is not sent; null once it is changed or given up. */
+  onProblem(problem: string | null): void;
 }
 
 export function ValueBox(props: ValueBoxProps) {
-  const { label, unit, value, decimals, step, width, disabled = false, onCommit } = props;
-  const [typed, setTyped] = useState<string | number | null>(null);
+  const { label, unit, value, decimals, step, width, disabled = false, onCommit, onProblem } = props;
+  const [typed, setTyped] = useState<string | null>(null);
+  const [refused, setRefused] = useState(false);
+
+  function take(text: string | null, problem: string | null = null): void {
+    setTyped(text);
+    setRefused(problem !== null);
+    onProblem(problem);
+  }
 
   function commit(): void {
-    const number = typeof typed === "string" ? Number(typed.replace("−", "-")) : typed;
-    setTyped(null);
-    if (number !== null && typed !== "" && Number.isFinite(number)) onCommit(number);
+    if (typed === null) return;
+    const number = numberIn(typed);
+    if (typed.trim() === "") take(null);
+    else if (number === null) take(typed, `${notANumber(typed)}: nothing was sent. Escape restores.`);
+    else {
+      take(null);
+      onCommit(rounded(number, decimals));
+    }
+  }
+
+  function press(event: KeyboardEvent): void {
+    const steps = { ArrowUp: step, ArrowDown: -step }[event.key];
+    if (event.key === "Enter") commit();
+    else if (event.key === "Escape") take(null);
+    else if (steps !== undefined) {
+      event.preventDefault();
+      const from = typed === null ? value : numberIn(typed);
+      if (from !== null) take(shown(from + steps, decimals));
+    }
   }
 
   return (
-    <NumberInput
+    <TextInput
       aria-label={label}
-      value={typed ?? Number(value.toFixed(decimals))}
-      decimalScale={decimals}
-      fixedDecimalScale={typed === null}
-      step={step}
-      hideControls
+      value={typed ?? shown(value, decimals)}
+      error={refused}
       disabled={disabled}
+      autoComplete="off"
       w={width}
       rightSection={<span aria-hidden="true">{unit}</span>}
       rightSectionWidth={unit.length * 7 + 12}
       rightSectionPointerEvents="none"
-      onChange={setTyped}
+      onChange={(event) => take(event.currentTarget.value)}
       onBlur={commit}
-      onKeyDown={(event) => {
-        if (event.key === "Enter") commit();
-        if (event.key === "Escape") setTyped(null);
-      }}
+      onKeyDown={press}
       styles={{
         input: { textAlign: "right", fontWeight: 500 },
         section: { color: "var(--text-2)", fontSize: 11 },
       }}
     />
   );
+}
+
+function rounded(number: number, decimals: number): number {
+  return Number(number.toFixed(decimals)) + 0; // + 0: no negative zero
+}
+
+function shown(number: number, decimals: number): string {
+  return rounded(number, decimals).toFixed(decimals);
 }

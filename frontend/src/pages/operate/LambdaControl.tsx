@@ -2,9 +2,10 @@
 
 import { ActionIcon, Slider } from "@mantine/core";
 import { IconMinus, IconPlus, IconRestore } from "@tabler/icons-react";
-import { type ReactNode, useEffect } from "react";
+import { type ReactNode, useEffect, useState } from "react";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
+import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
@@ -42,6 +43,11 @@ export function LambdaControl(props: LambdaControlProps) {
   const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
+  const [problem, setProblem] = useState<string | null>(null);
+  const [proposed, setProposed] = useState(false);
+  const target = proposed
+    ? `${fixed(sent.value, DECIMALS)} s is not sent yet: Enter takes it, Escape leaves it.`
+    : null;
   const drafted = sent.editing ? sent.value : undefined;
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
@@ -69,6 +75,7 @@ export function LambdaControl(props: LambdaControlProps) {
           step={STEP_S}
           width={84}
           onCommit={sent.commit}
+          onProblem={setProblem}
         />
         <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
           <IconPlus size={14} />
@@ -83,21 +90,44 @@ export function LambdaControl(props: LambdaControlProps) {
       </div>
       <TouchLock name={symbol}>
         <div className={styles.lambdaSlider} style={{ ["--unsafe" as string]: `${unsafe}%` }}>
-          <Slider
-            thumbLabel={symbol}
-            thumbValueText={(position) => `${fixed(position, DECIMALS)} s`}
-            size="sm"
-            domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
-            min={Math.log(min)}
-            max={Math.log(max)}
-            step={SLIDER_STEP}
-            precision={4}
-            scale={Math.exp}
-            value={Math.log(sent.value)}
-            label={null}
-            onChange={(position) => sent.edit(fromSlider(position))}
-            onChangeEnd={(position) => sent.commit(fromSlider(position))}
-          />
+          <TargetKeys
+            min={min}
+            max={max}
+            step={STEP_S}
+            value={sent.value}
+            proposed={proposed}
+            onPropose={(value) => {
+              setProposed(true);
+              sent.edit(rounded(value));
+            }}
+            onCommand={() => {
+              setProposed(false);
+              sent.commit(Math.min(Math.max(sent.value, min), max));
+            }}
+            onLeave={() => {
+              setProposed(false);
+              sent.cancel();
+            }}
+          >
+            <Slider
+              thumbLabel={symbol}
+              thumbValueText={(position) => `${fixed(position, DECIMALS)} s`}
+              size="sm"
+              domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
+              min={Math.log(min)}
+              max={Math.log(max)}
+              step={SLIDER_STEP}
+              precision={4}
+              scale={Math.exp}
+              value={Math.log(sent.value)}
+              label={null}
+              onChange={(position) => sent.edit(fromSlider(position))}
+              onChangeEnd={(position) => {
+                setProposed(false);
+                sent.commit(fromSlider(position));
+              }}
+            />
+          </TargetKeys>
           <div className={styles.scale} aria-hidden="true">
             <span style={{ left: `${unsafe}%` }}>{fixed(min, DECIMALS)}</span>
             <span style={{ left: "100%" }}>{fixed(max, 0)} s</span>
@@ -111,7 +141,10 @@ export function LambdaControl(props: LambdaControlProps) {
         drafted={sent.value !== tuning[name]}
         compare={compare}
       />
-      <Refusal text={refusalText(sent.refusal, 1, DECIMALS, "s")} detail={sent.refusal?.message} />
+      <Refusal
+        text={problem ?? target ?? refusalText(sent.refusal, 1, DECIMALS, "s")}
+        detail={sent.refusal?.message}
+      />
     </div>
   );
 }

@@ -1,13 +1,17 @@
-/** Position and stiffness in one plane: what may be asked for, where the joint is and was; a click sets both references. */
+/** Position and stiffness in one plane: what may be asked for, where the joint is and was; a click aims, a button sends. */
 
+import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { type MouseEvent, useMemo } from "react";
+import { type MouseEvent, useMemo, useState } from "react";
 import { useCanvas } from "../../charts/useCanvas";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore } from "../../live/react";
+import { fixed } from "../../samples/format";
 import { useSetReferences } from "../../service/commands";
 import { banksQuery } from "../../service/queries";
+import { DEGREES } from "../../theme/signals";
+import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
 import { paintPlane } from "./paintPlane";
 import { planeOver, pointAt } from "./planeScale";
@@ -17,6 +21,7 @@ const NO_ENTRIES: readonly number[] = [];
 export function MapCard() {
   const store = useLiveStore();
   const send = useSetReferences();
+  const [target, setTarget] = useState<References | null>(null);
   const bank = useLive((live) => live.state?.tuning.bank?.id);
   const banks = useQuery(banksQuery);
   const entries = useMemo(
@@ -28,14 +33,16 @@ export function MapCard() {
     return {
       signature: () => {
         const { q_ref, S_ref } = store.snapshot().state?.references ?? {};
-        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...entries].join();
+        const aimed = [target?.q_ref, target?.S_ref];
+        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...aimed, ...entries].join();
       },
       paint: (surface: Parameters<typeof paintPlane>[0]) => {
         const state = store.snapshot().state;
-        if (state !== null) paintPlane(surface, state.limits, state.references, store.window, entries);
+        if (state !== null)
+          paintPlane(surface, state.limits, state.references, store.window, entries, target);
       },
     };
-  }, [store, entries]);
+  }, [store, entries, target]);
   const canvas = useCanvas(drawing);
 
   function aim(event: MouseEvent<HTMLCanvasElement>): void {
@@ -44,7 +51,14 @@ export function MapCard() {
     const box = event.currentTarget.getBoundingClientRect();
     const plane = planeOver(limits, box.width, box.height);
     const { q, S } = pointAt(plane, event.clientX - box.left, event.clientY - box.top);
-    send.mutate({ q_ref: q, S_ref: S });
+    send.reset();
+    setTarget({ q_ref: rounded(q * DEGREES, 1) / DEGREES, S_ref: rounded(S, 2) });
+  }
+
+  function command(): void {
+    if (target === null) return;
+    send.mutate(target);
+    setTarget(null);
   }
 
   return (
@@ -54,10 +68,30 @@ export function MapCard() {
       className={styles.card}
     >
       <canvas ref={canvas} className={styles.map} role="img" aria-label="Reachable map" onClick={aim} />
-      <Refusal
-        text={send.error?.message}
-        hint={`A click sets q_ref and S_ref together.${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
-      />
+      {target === null ? (
+        <Refusal
+          text={send.error?.message}
+          hint={`A click aims at q_ref and S_ref together.${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
+        />
+      ) : (
+        // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
+        <div className={styles.target} role="group" aria-label="Target of the map">
+          <output>
+            {fixed(target.q_ref * DEGREES, 1)} deg, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
+          </output>
+          <Button size="compact-xs" onClick={command}>
+            Send target
+          </Button>
+          <Button size="compact-xs" variant="default" onClick={() => setTarget(null)}>
+            Leave target
+          </Button>
+        </div>
+      )}
     </Card>
   );
+}
+
+/** As it is shown, so that what is shown is what is sent. */
+function rounded(value: number, decimals: number): number {
+  return Number(value.toFixed(decimals));
 }

@@ -1,9 +1,11 @@
 /** What the cascade is asked to follow. */
 
 import { Slider } from "@mantine/core";
+import { useState } from "react";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
+import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
@@ -76,6 +78,11 @@ interface ReferenceControlProps {
 function ReferenceControl(props: ReferenceControlProps) {
   const { name, unit, factor, inForce, min, max, step, decimals, send } = props;
   const sent = useSentValue(inForce, send);
+  const [problem, setProblem] = useState<string | null>(null);
+  const [proposed, setProposed] = useState(false);
+  const target = proposed
+    ? `${fixed(sent.value, decimals)} ${unit} is not sent yet: Enter commands it, Escape leaves it.`
+    : null;
   return (
     <div className={styles.control}>
       <div className={styles.referenceRow}>
@@ -83,19 +90,42 @@ function ReferenceControl(props: ReferenceControlProps) {
           <SignalName name={name} />
         </span>
         <TouchLock name={name}>
-          <Slider
-            thumbLabel={name}
-            thumbValueText={(value) => `${value} ${unit}`}
-            size="sm"
+          <TargetKeys
             min={min}
             max={max}
             step={step}
             value={sent.value}
-            label={null}
-            startPointValue={Math.max(0, min)}
-            onChange={sent.edit}
-            onChangeEnd={sent.commit}
-          />
+            proposed={proposed}
+            onPropose={(value) => {
+              setProposed(true);
+              sent.edit(value);
+            }}
+            onCommand={() => {
+              setProposed(false);
+              sent.commit(sent.value);
+            }}
+            onLeave={() => {
+              setProposed(false);
+              sent.cancel();
+            }}
+          >
+            <Slider
+              thumbLabel={name}
+              thumbValueText={(value) => `${value} ${unit}${proposed ? ", not sent yet" : ""}`}
+              size="sm"
+              min={min}
+              max={max}
+              step={step}
+              value={sent.value}
+              label={null}
+              startPointValue={Math.max(0, min)}
+              onChange={sent.edit}
+              onChangeEnd={(value) => {
+                setProposed(false);
+                sent.commit(value);
+              }}
+            />
+          </TargetKeys>
         </TouchLock>
         <ValueBox
           label={`${name} value [${unit}]`}
@@ -105,10 +135,11 @@ function ReferenceControl(props: ReferenceControlProps) {
           step={step}
           width={124}
           onCommit={sent.commit}
+          onProblem={setProblem}
         />
       </div>
       <Refusal
-        text={refusalText(sent.refusal, factor, decimals, unit)}
+        text={problem ?? target ?? refusalText(sent.refusal, factor, decimals, unit)}
         detail={sent.refusal?.message}
         hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`}
       />

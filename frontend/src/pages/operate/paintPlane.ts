@@ -20,6 +20,7 @@ export function paintPlane(
   references: References | undefined,
   window: SampleWindow,
   entries: readonly number[],
+  target: References | null = null,
 ): void {
   const { context: pen, width, height, colours } = surface;
   const plane = planeOver(limits, width, height);
@@ -28,18 +29,31 @@ export function paintPlane(
   paintTensions(pen, plane, limits, colours);
   paintEntries(pen, plane, entries, colours);
   paintTrail(pen, plane, window, colours);
-  if (references) {
-    const [x, y] = [xOf(plane, references.q_ref), yOf(plane, references.S_ref)];
-    pen.strokeStyle = colours.accent;
-    pen.lineWidth = 2;
-    pen.beginPath();
-    pen.moveTo(x - CROSS, y);
-    pen.lineTo(x + CROSS, y);
-    pen.moveTo(x, y - CROSS);
-    pen.lineTo(x, y + CROSS);
-    pen.stroke();
+  if (references) paintCross(pen, plane, references, colours);
+  if (target) {
+    pen.setLineDash([3, 2]);
+    paintCross(pen, plane, target, colours);
+    pen.setLineDash([]);
   }
   paintJoint(pen, xOf(plane, window.newest("q")), yOf(plane, window.newest("S")), colours);
+}
+
+/** References in force as a cross; one that is only aimed at is dashed by the caller. */
+function paintCross(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  at: References,
+  colours: Surface["colours"],
+): void {
+  const [x, y] = [xOf(plane, at.q_ref), yOf(plane, at.S_ref)];
+  pen.strokeStyle = colours.accent;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.moveTo(x - CROSS, y);
+  pen.lineTo(x + CROSS, y);
+  pen.moveTo(x, y - CROSS);
+  pen.lineTo(x, y + CROSS);
+  pen.stroke();
 }
 
 function paintRegion(

@@ -1,0 +1,108 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { useState } from "react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { NumberField } from "./NumberField";
+import { ValueBox } from "./ValueBox";
+
+const NOT_NUMBERS = ["5-3", "1e", "0,5", "12 deg", "--4"];
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+});
+afterEach(cleanup);
+
+const box = () => screen.getByRole("textbox") as HTMLInputElement;
+const type = (text: string) => fireEvent.change(box(), { target: { value: text } });
+const press = (key: string) => fireEvent.keyDown(box(), { key });
+
+function openBox() {
+  const sent = vi.fn();
+  const told = vi.fn();
+  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100 };
+  render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });
+  return { sent, told };
+}
+
+it.each(NOT_NUMBERS)("commands nothing for %j, says so, and Escape restores", (text) => {
+  const { sent, told } = openBox();
+  type(text);
+  press("Enter");
+  fireEvent.blur(box());
+  expect(sent).not.toHaveBeenCalled();
+  expect(box().value).toBe(text);
+  expect(box().getAttribute("aria-invalid")).toBe("true");
+  expect(told).toHaveBeenLastCalledWith(`“${text}” is not a number: nothing was sent. Escape restores.`);
+  press("Escape");
+  expect(box().value).toBe("12.0");
+  expect(told).toHaveBeenLastCalledWith(null);
+  fireEvent.blur(box());
+  expect(sent).not.toHaveBeenCalled();
+});
+
+it.each([
+  ["1e1", 10],
+  ["−53", -53],
+  ["7.26", 7.3],
+  ["-0.01", 0],
+])("sends %j as the number that it is, rounded as it is shown", (text, value) => {
+  const { sent } = openBox();
+  type(text);
+  press("Enter");
+  fireEvent.blur(box());
+  expect(sent.mock.calls).toEqual([[value]]);
+});
+
+it("sends nothing when it is left as it was, or empty", () => {
+  const { sent } = openBox();
+  fireEvent.blur(box());
+  press("Enter");
+  type("");
+  press("Enter");
+  expect(sent).not.toHaveBeenCalled();
+  expect(box().value).toBe("12.0");
+});
+
+it("steps with the arrows, and sends on Enter only", () => {
+  const { sent } = openBox();
+  press("ArrowUp");
+  press("ArrowUp");
+  press("ArrowDown");
+  expect(box().value).toBe("13.0");
+  expect(sent).not.toHaveBeenCalled();
+  press("Enter");
+  expect(sent.mock.calls).toEqual([[13]]);
+});
+
+function openField(seen: (value: number | string) => void) {
+  function Form() {
+    const [value, setValue] = useState<number | string>(0.5);
+    seen(value);
+    return <NumberField label="λ_q" value={value} onChange={setValue} />;
+  }
+  render(<Form />, { wrapper: MantineProvider });
+}
+
+it.each([...NOT_NUMBERS, ""])("hands %j on as the text that it is, and Escape restores", (text) => {
+  const seen = vi.fn();
+  openField(seen);
+  fireEvent.focus(box());
+  type(text);
+  expect(seen).toHaveBeenLastCalledWith(text);
+  expect(box().value).toBe(text);
+  expect(box().getAttribute("aria-invalid")).toBe("true");
+  press("Escape");
+  expect(seen).toHaveBeenLastCalledWith(0.5);
+  expect(box().value).toBe("0.5");
+});
+
+it("keeps what is being typed while it means the same number", () => {
+  const seen = vi.fn();
+  openField(seen);
+  for (const text of ["1", "1.", "1.0", "1.05"]) {
+    type(text);
+    expect(box().value).toBe(text);
+  }
+  expect(seen).toHaveBeenLastCalledWith(1.05);
+});

@@ -1,0 +1,137 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import type { ReactElement } from "react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import { DEGREES } from "../../theme/signals";
+import type { State } from "../../wire/types";
+import { MapCard } from "./MapCard";
+import { planeOver, xOf, yOf } from "./planeScale";
+import { ReferencesCard } from "./ReferencesCard";
+
+const LIMITS = {
+  q_min: -80 / DEGREES,
+  q_max: 80 / DEGREES,
+  S_min: 7,
+  S_max: 15,
+  q_trip: 95 / DEGREES,
+  tensions: [
+    { F: 5, S: 6 },
+    { F: 40, S: 16 },
+  ],
+};
+const STATE = {
+  references: { q_ref: 10 / DEGREES, S_ref: 10 },
+  limits: LIMITS,
+  tuning: { bank: null },
+} as unknown as State;
+
+function open(card: ReactElement): void {
+  const store = new LiveStore(0);
+  store.setState(STATE);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>{card}</LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+async function commanded(): Promise<{ q_ref: number; S_ref: number }[]> {
+  const puts = fetched.mock.calls.map(([request]) => request).filter(({ method }) => method === "PUT");
+  return Promise.all(puts.map((request) => request.clone().json()));
+}
+
+/** Whatever is on its way has left by then. */
+const settled = () => new Promise((resolve) => setTimeout(resolve, 20));
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const path = new URL(url).pathname;
+    if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    return Response.json(path === "/api/banks" ? { banks: [] } : {});
+  });
+});
+afterEach(cleanup);
+
+const q_ref = () => screen.getByRole("slider", { name: "q_ref" });
+const box = () => screen.getByRole("textbox", { name: "q_ref value [deg]" }) as HTMLInputElement;
+
+it.each([
+  ["End", 80],
+  ["Home", -80],
+])("shows where %s would take the joint, and commands it on Enter only", async (key, degrees) => {
+  open(<ReferencesCard />);
+  fireEvent.keyDown(q_ref(), { key });
+  await settled();
+  expect(await commanded()).toEqual([]);
+  expect(box().value).toBe(degrees.toFixed(1));
+  expect(screen.getByText(/80\.0 deg is not sent yet: Enter commands it/)).toBeTruthy();
+  fireEvent.keyDown(q_ref(), { key: "Enter" });
+  await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: 10 }]));
+  expect(screen.queryByText(/not sent yet/)).toBeNull();
+});
+
+it("moves a target with the arrows without commanding, and leaves it on Escape or when the slider is left", async () => {
+  open(<ReferencesCard />);
+  fireEvent.keyDown(q_ref(), { key: "End" });
+  fireEvent.keyDown(q_ref(), { key: "ArrowLeft" });
+  expect(box().value).toBe("79.0");
+  fireEvent.keyDown(q_ref(), { key: "Escape" });
+  expect(box().value).toBe("10.0");
+  fireEvent.keyDown(q_ref(), { key: "Home" });
+  fireEvent.blur(q_ref());
+  expect(box().value).toBe("10.0");
+  await settled();
+  expect(await commanded()).toEqual([]);
+});
+
+it("still commands a step of the arrows at once", async () => {
+  open(<ReferencesCard />);
+  fireEvent.keyDown(q_ref(), { key: "ArrowRight" });
+  await waitFor(async () => expect((await commanded())[0]?.q_ref).toBeCloseTo(11 / DEGREES, 9));
+});
+
+function clickMap(degrees: number, S: number): void {
+  const map = screen.getByRole("img", { name: "Reachable map" });
+  const size = { left: 0, top: 0, width: 400, height: 300 };
+  vi.spyOn(map, "getBoundingClientRect").mockReturnValue({ ...size } as DOMRect);
+  const plane = planeOver(STATE.limits, size.width, size.height);
+  fireEvent.click(map, { clientX: xOf(plane, degrees / DEGREES), clientY: yOf(plane, S) });
+}
+
+it("aims with a click on the map, and sends what it shows by a button", async () => {
+  open(<MapCard />);
+  clickMap(30, 9);
+  await settled();
+  expect(await commanded()).toEqual([]);
+  const shown = screen.getByRole("group", { name: "Target of the map" }).textContent ?? "";
+  const [degrees, S] = (shown.match(/-?\d+\.\d+/g) ?? []).map(Number) as [number, number];
+  expect(Math.abs(degrees - 30)).toBeLessThan(0.6);
+  expect(Math.abs(S - 9)).toBeLessThan(0.1);
+  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: S }]));
+  expect(screen.queryByText(/not sent yet/)).toBeNull();
+});
+
+it("forgets a target that is left", async () => {
+  open(<MapCard />);
+  clickMap(-40, 12);
+  fireEvent.click(screen.getByRole("button", { name: "Leave target" }));
+  await settled();
+  expect(await commanded()).toEqual([]);
+  expect(screen.queryByText(/not sent yet/)).toBeNull();
+});
