@@ -24,9 +24,10 @@ export const healthQuery = queryOptions({
   queryFn: () => answered(api.GET("/api/health")),
 });
 
-export function previewQuery(lam_q: number, lam_S: number) {
+/** `tuning` is the rest of the tuning in force, as `tuningKey` says it: another one has another preview. */
+export function previewQuery(lam_q: number, lam_S: number, tuning: string) {
   return queryOptions({
-    queryKey: ["tuning", "preview", lam_q, lam_S],
+    queryKey: ["tuning", "preview", lam_q, lam_S, tuning],
     queryFn: () => answered(api.GET("/api/tuning/preview", { params: { query: { lam_q, lam_S } } })),
     placeholderData: (before) => before,
     staleTime: 60_000,
@@ -93,9 +94,11 @@ export function predictionQuery(body: IdentificationRequest | null) {
   });
 }
 
-/** λ in force as a word: gains and M_s of a bank are asked for again when it changes. */
-export function lambdaKey(tuning: Tuning | undefined): string {
-  return tuning === undefined ? "" : `${tuning.lam_q} ${tuning.lam_S} ${tuning.lam_motor} ${tuning.bank?.id}`;
+/** The tuning in force as a word: gains, M_s and previews are asked for again when any part of it changes. */
+export function tuningKey(tuning: Tuning | undefined): string {
+  if (tuning === undefined) return "";
+  const { lam_q, lam_S, lam_motor, b, interpolate, bank, entry } = tuning;
+  return [lam_q, lam_S, lam_motor, b, interpolate, bank?.id, Math.round(entry)].join(" ");
 }
 
 /** What identifying one point again would change about the models in use. */

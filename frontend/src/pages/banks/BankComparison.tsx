@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
-import { bankDifferenceQuery, lambdaKey } from "../../service/queries";
+import { bankDifferenceQuery, tuningKey } from "../../service/queries";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 import { nameOf } from "./BankTable";
@@ -15,7 +15,7 @@ export function BankComparison({ bank, all }: { bank: Bank; all: readonly Bank[]
   const others = all.filter((other) => other.id !== bank.id);
   const likely = others.find((other) => other.active) ?? others.find((other) => other.name === bank.name);
   const [chosen, setChosen] = useState((likely ?? others[0])?.id ?? 0);
-  const lambdas = useLive((live) => lambdaKey(live.state?.tuning));
+  const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const difference = useQuery(bankDifferenceQuery(chosen, bank.id, lambdas));
   return (
     <Card title={`Changes to ${nameOf(bank)}`}>

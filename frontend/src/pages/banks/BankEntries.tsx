@@ -7,7 +7,7 @@ import { Card } from "../../components/Card";
 import { SignalName } from "../../components/SignalName";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
-import { bankDetailQuery, lambdaKey } from "../../service/queries";
+import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
 import { nameOf } from "./BankTable";
@@ -18,7 +18,7 @@ const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 type Lineage = BankDetail["entries"][number]["lineage"];
 
 export function BankEntries({ bank }: { bank: Bank }) {
-  const lambdas = useLive((live) => lambdaKey(live.state?.tuning));
+  const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const detail = useQuery(bankDetailQuery(bank.id, lambdas));
   const shownAt = detail.data
     ? `Gains and M_s at λ_q = ${fixed(detail.data.lam_q, 3)} s, λ_S = ${fixed(detail.data.lam_S, 3)} s`

@@ -13,8 +13,16 @@ import { excerptOf } from "../../wire/curves";
 import type { DryRun } from "../../wire/types";
 import page from "../Page.module.css";
 import { Figures } from "./Figures";
+import { OrderWords } from "./OrderWords";
 
-export function DryRunResult({ result, onClose }: { result: DryRun; onClose: () => void }) {
+interface DryRunResultProps {
+  /** Kind of experiment that was played. */
+  readonly name: string;
+  readonly result: DryRun;
+  onClose(): void;
+}
+
+export function DryRunResult({ name, result, onClose }: DryRunResultProps) {
   return (
     <Card title="Dry run" aside={<CloseButton aria-label="Close dry run" size="sm" onClick={onClose} />}>
       <div className={page.fields}>
@@ -23,6 +31,7 @@ export function DryRunResult({ result, onClose }: { result: DryRun; onClose: () 
           {result.message}
         </span>
         <Outcome of={result} />
+        <OrderWords name={name} settings={result.settings} />
         <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
         {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
       </div>

@@ -1,18 +1,27 @@
-/** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. */
+/** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. What it shows is what it sends. */
 
-import { Button } from "@mantine/core";
+import { Button, NativeSelect } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
-import { type SettingValues, useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
-import type { DryRun, ExperimentKind, Setting } from "../../wire/types";
+import { useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
+import { banksQuery } from "../../service/queries";
+import type { DryRun, ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
+import {
+  bankChoices,
+  isOfTheLoop,
+  orderOf,
+  type Shown,
+  shownSettings,
+  tuningInWords,
+  type Values,
+} from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
-
-/** Settings of the loop, the same for every kind. */
-const OF_THE_LOOP = new Set(["lam_q", "lam_S", "lam_motor", "bank", "interpolate", "seed"]);
+import { segmentsProblem } from "./segments";
 
 interface ExperimentFormProps {
   readonly kind: ExperimentKind;
@@ -21,41 +30,45 @@ interface ExperimentFormProps {
 }
 
 export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProps) {
-  const [changed, setChanged] = useState<SettingValues>({});
+  const [changed, setChanged] = useState<Values>({});
   const state = useLive((live) => live.state);
+  const { data: banks = [] } = useQuery(banksQuery);
   const start = useStartExperiment();
   const dryRun = useDryRun();
   const queue = useQueueCommand();
-  const reason = state?.task != null ? "Another task is running." : whyNot(state, "experiment");
+  const shown = shownSettings(kind, state, changed);
+  const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
+  const asked = orderOf(kind, shown);
+  const unknown = state === null ? "The tuning in force is not known yet." : null;
+  const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
+  const order = problem === null ? asked.order : null;
+  const reason = problem ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
   const failure = start.error ?? dryRun.error ?? queue.error;
-  const order = () => ({
-    name: kind.name,
-    settings: Object.fromEntries(Object.entries(changed).filter(([, value]) => value !== "")),
-  });
 
   function submit(event: FormEvent): void {
     event.preventDefault();
-    if (reason !== null) return;
-    start.mutate(order(), { onSuccess: (started) => onStarted(started.id) });
+    if (reason !== null || order === null) return;
+    start.mutate(order, { onSuccess: (started) => onStarted(started.id) });
   }
 
-  const field = (setting: Setting) => (
+  const field = (one: Shown) => (
     <Field
-      key={setting.name}
-      setting={setting}
-      value={changed[setting.name] ?? setting.default ?? ""}
-      onChange={(value) => setChanged((before) => ({ ...before, [setting.name]: value }))}
+      key={one.setting.name}
+      shown={one}
+      choices={one.setting.name === "bank" ? bankChoices(banks) : null}
+      onChange={(value) => setChanged((before) => ({ ...before, [one.setting.name]: value }))}
     />
   );
 
   return (
     <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
       <span className={page.dim}>{kind.description}</span>
-      {kind.settings.filter(({ name }) => !OF_THE_LOOP.has(name)).map(field)}
+      {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
       <details>
-        <summary>Settings of the loop</summary>
+        <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
         <div className={page.fields} style={{ paddingTop: 8 }}>
-          {kind.settings.filter(({ name }) => OF_THE_LOOP.has(name)).map(field)}
+          {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
+          <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
         </div>
       </details>
       <div className={page.actions}>
@@ -72,33 +85,49 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
         <Button
           size="sm"
           variant="default"
+          disabled={order === null}
           loading={queue.isPending}
-          onClick={() => queue.mutate({ do: "add", ...order() })}
+          onClick={() => order && queue.mutate({ do: "add", ...order })}
         >
           Add to queue
         </Button>
         <Button
           size="sm"
           variant="default"
+          disabled={order === null}
           loading={dryRun.isPending}
           title="Play it on a simulator of its own, faster than real time; nothing moves"
-          onClick={() => dryRun.mutate(order(), { onSuccess: onDryRun })}
+          onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
         >
           Dry run
         </Button>
       </div>
-      <Refusal text={failure?.message ?? reason} />
+      <Refusal text={problem ?? failure?.message ?? reason} />
     </form>
   );
 }
 
 interface FieldProps {
-  readonly setting: Setting;
-  readonly value: SettingValue;
+  readonly shown: Shown;
+  /** Of a bank: what there is to choose from. */
+  readonly choices: readonly { value: string; label: string }[] | null;
   onChange(value: SettingValue): void;
 }
 
-function Field({ setting, value, onChange }: FieldProps) {
+function Field({ shown: { setting, value, origin }, choices, onChange }: FieldProps) {
   if (setting.name === "segments") return <SegmentsEditor json={String(value)} onChange={onChange} />;
-  return <SettingField setting={setting} value={value} onChange={onChange} />;
+  if (choices === null) {
+    return <SettingField setting={setting} value={value} origin={origin} onChange={onChange} />;
+  }
+  const known = choices.some((choice) => choice.value === String(value));
+  return (
+    <NativeSelect
+      label="Models that the gains come from"
+      description={origin}
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      data={known ? [...choices] : [...choices, { value: String(value), label: `bank ${value}` }]}
+      value={String(value)}
+      onChange={(event) => onChange(Number(event.currentTarget.value))}
+    />
+  );
 }

@@ -14,6 +14,7 @@ import type { Experiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { RunCharts } from "../runs/RunCharts";
 import { Figures } from "./Figures";
+import { OrderWords } from "./OrderWords";
 
 export function ExperimentResult({ id }: { id: number }) {
   const { data, error } = useQuery(experimentQuery(id));
@@ -32,6 +33,7 @@ export function ExperimentResult({ id }: { id: number }) {
           <span>
             {data.name.replaceAll("_", " ")}, run {data.id}, {dateTime(data.created)}. {data.message}
           </span>
+          <OrderWords name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}
         </div>
       </Card>

@@ -19,7 +19,7 @@ export default function ExperimentsPage() {
   const { id } = useParams();
   const [, go] = useLocation();
   const [chosen, choose] = useState<string | null>(null);
-  const [dryRun, setDryRun] = useState<DryRun | null>(null);
+  const [dryRun, setDryRun] = useState<{ name: string; result: DryRun } | null>(null);
   const kinds = useQuery(experimentKindsQuery);
   const names = kinds.data?.map((kind) => kind.name).join(",") ?? "";
   const runs = useQuery({
@@ -50,14 +50,14 @@ export default function ExperimentsPage() {
                 key={kind.name}
                 kind={kind}
                 onStarted={(started) => go(`/experiments/${started}`)}
-                onDryRun={setDryRun}
+                onDryRun={(result) => setDryRun({ name: kind.name, result })}
               />
             </Card>
           )}
           <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
-          {dryRun !== null && <DryRunResult result={dryRun} onClose={() => setDryRun(null)} />}
+          {dryRun !== null && <DryRunResult {...dryRun} onClose={() => setDryRun(null)} />}
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
         </div>

@@ -11,6 +11,7 @@ import { queueQuery } from "../../service/queries";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
+import { OrderWords } from "./OrderWords";
 
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
@@ -33,10 +34,9 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
               <li key={item.id}>
                 <div className={page.actions} style={{ justifyContent: "space-between", flexWrap: "nowrap" }}>
                   <span>
-                    {title(item.name)}{" "}
-                    <span className={page.dim}>
-                      {Object.keys(item.settings).length === 0 ? "defaults" : "own settings"}, {item.who}
-                    </span>
+                    {title(item.name)} <span className={page.dim}>by {item.who}</span>
+                    <br />
+                    <OrderWords name={item.name} settings={item.settings} />
                   </span>
                   <ActionIcon
                     variant="subtle"
@@ -64,7 +64,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
               loading={command.isPending}
               onClick={() => command.mutate({ do: "run" })}
             >
-              Start queue
+              {queue?.problem ? "Start queue again" : "Start queue"}
             </Button>
           )}
         </div>

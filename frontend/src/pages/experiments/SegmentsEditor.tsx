@@ -1,10 +1,11 @@
 /** Own sequence of references, one row per segment. */
 
-import { ActionIcon, Button, NativeSelect, NumberInput } from "@mantine/core";
+import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import { IconPlus, IconX } from "@tabler/icons-react";
+import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
 import styles from "./SegmentsEditor.module.css";
-import { further, parseSegments, type Segment, SHAPES, writeSegments } from "./segments";
+import { further, parseSegments, type Segment, SHAPES, totalOf, writeSegments } from "./segments";
 
 const COLUMNS = [
   { name: "duration_s", label: "Time [s]" },
@@ -22,7 +23,7 @@ interface SegmentsEditorProps {
 export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
   const segments = parseSegments(json) ?? [];
   const send = (rows: readonly Segment[]) => onChange(writeSegments(rows));
-  const total_s = segments.reduce((sum, segment) => sum + segment.duration_s, 0);
+  const total_s = totalOf(segments);
 
   return (
     <fieldset className={styles.editor}>
@@ -46,13 +47,12 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
             }}
           />
           {COLUMNS.map(({ name, label }) => (
-            <NumberInput
+            <NumberField
               key={name}
               aria-label={`${label} of segment ${index + 1}`}
-              hideControls
               disabled={name === "period_s" && segment.shape !== "sine"}
               value={segment[name]}
-              onChange={(value) => send(segments.with(index, { ...segment, [name]: Number(value) }))}
+              onChange={(value) => send(segments.with(index, { ...segment, [name]: value }))}
             />
           ))}
           <ActionIcon

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { further, parseSegments, writeSegments } from "./segments";
+import { further, parseSegments, segmentsProblem, totalOf, writeSegments } from "./segments";
 
 describe("segments", () => {
   it("shows degrees and sends radians", () => {
@@ -14,6 +14,26 @@ describe("segments", () => {
     const json = '[{"duration_s":8,"q_ref":0,"S_ref":10,"F_push":5,"shape":"sine","period_s":4}]';
     expect(JSON.parse(writeSegments(parseSegments(json) ?? []))).toEqual(JSON.parse(json));
     expect(writeSegments([{ ...further([]), shape: "ramp" }])).not.toContain("period_s");
+  });
+
+  it("sends the angle that it shows", () => {
+    const [row] = parseSegments('[{"duration_s":1,"q_ref":0.5,"S_ref":10}]') ?? [];
+    expect(row?.q_ref_deg).toBe(28.64789);
+    const typed = writeSegments([{ ...further([]), q_ref_deg: 12.345 }]);
+    expect(parseSegments(typed)?.[0]?.q_ref_deg).toBe(12.345);
+  });
+
+  it.each([
+    ["q_ref_deg", "5-3", "Segment 2, q_ref: “5-3” is not a number."],
+    ["duration_s", "", "Segment 2, time: needs a number."],
+    ["F_push", "1e", "Segment 2, push: “1e” is not a number."],
+  ] as const)("keeps %s = %j as it is and says that it cannot be sent", (name, text, problem) => {
+    const json = writeSegments([further([]), { ...further([]), [name]: text }]);
+    const rows = parseSegments(json) ?? [];
+    expect(rows[1]?.[name]).toBe(text);
+    expect(segmentsProblem(json)).toBe(problem);
+    expect(totalOf(rows)).toBeLessThanOrEqual(8);
+    expect(segmentsProblem(writeSegments([further([])]))).toBeNull();
   });
 
   it("says when something is no list", () => {

@@ -1,20 +1,35 @@
 /** Own sequences of references as rows of an editor; degrees here, SI on the wire. Pure. */
 
+import { notANumber } from "../../samples/number";
 import { DEGREES } from "../../theme/signals";
 
 export const SHAPES = ["step", "ramp", "sine"] as const;
 
+/** Decimals of an angle [deg]; coarser than what a radian's last digits say, finer than an encoder. */
+const ANGLE_DECIMALS = 6;
+
+/** Text stands for what was typed and is no number: it is shown, and never sent. */
+type Typed = number | string;
+
 export interface Segment {
   readonly shape: (typeof SHAPES)[number];
-  readonly duration_s: number;
-  readonly q_ref_deg: number;
-  readonly S_ref: number;
-  readonly F_push: number;
+  readonly duration_s: Typed;
+  readonly q_ref_deg: Typed;
+  readonly S_ref: Typed;
+  readonly F_push: Typed;
   /** Of a sine. */
-  readonly period_s: number;
+  readonly period_s: Typed;
 }
 
 const NEW: Segment = { shape: "step", duration_s: 4, q_ref_deg: 0, S_ref: 10, F_push: 0, period_s: 2 };
+
+const NAMES = {
+  duration_s: "time",
+  q_ref_deg: "q_ref",
+  S_ref: "S_ref",
+  F_push: "push",
+  period_s: "period",
+} as const;
 
 /** Rows of a JSON list of segments; null when it is none. */
 export function parseSegments(json: string): Segment[] | null {
@@ -29,7 +44,7 @@ export function parseSegments(json: string): Segment[] | null {
 export function writeSegments(segments: readonly Segment[]): string {
   const items = segments.map(({ shape, duration_s, q_ref_deg, S_ref, F_push, period_s }) => ({
     duration_s,
-    q_ref: q_ref_deg / DEGREES,
+    q_ref: typeof q_ref_deg === "number" ? q_ref_deg / DEGREES : q_ref_deg,
     S_ref,
     ...(F_push === 0 ? {} : { F_push }),
     ...(shape === "step" ? {} : { shape }),
@@ -38,22 +53,36 @@ export function writeSegments(segments: readonly Segment[]): string {
   return JSON.stringify(items);
 }
 
+/** Why these segments cannot be sent: the first box that holds no number; null when all do, or there are none. */
+export function segmentsProblem(json: unknown): string | null {
+  for (const [index, segment] of (typeof json === "string" ? (parseSegments(json) ?? []) : []).entries()) {
+    for (const [name, words] of Object.entries(NAMES)) {
+      const value = segment[name as keyof typeof NAMES];
+      if (typeof value === "string") return `Segment ${index + 1}, ${words}: ${notANumber(value)}.`;
+    }
+  }
+  return null;
+}
+
+/** Length of all segments [s], of those that say one. */
+export function totalOf(segments: readonly Segment[]): number {
+  return segments.reduce((sum, { duration_s }) => sum + (typeof duration_s === "number" ? duration_s : 0), 0);
+}
+
 /** A further segment like the last one. */
 export function further(segments: readonly Segment[]): Segment {
   return segments.at(-1) ?? NEW;
 }
 
 function segmentOf(item: Record<string, number | string>): Segment {
-  const number = (name: string, otherwise: number) => {
-    const value = item[name];
-    return typeof value === "number" ? value : otherwise;
-  };
+  const typed = (name: string, otherwise: number): Typed => item[name] ?? otherwise;
+  const q_ref = typed("q_ref", 0);
   return {
     shape: SHAPES.find((shape) => shape === item.shape) ?? "step",
-    duration_s: number("duration_s", NEW.duration_s),
-    q_ref_deg: Number((number("q_ref", 0) * DEGREES).toFixed(2)),
-    S_ref: number("S_ref", NEW.S_ref),
-    F_push: number("F_push", 0),
-    period_s: number("period_s", NEW.period_s),
+    duration_s: typed("duration_s", 4),
+    q_ref_deg: typeof q_ref === "number" ? Number((q_ref * DEGREES).toFixed(ANGLE_DECIMALS)) : q_ref,
+    S_ref: typed("S_ref", 10),
+    F_push: typed("F_push", 0),
+    period_s: typed("period_s", 2),
   };
 }

@@ -6,7 +6,7 @@ import { CurvePlot } from "../../charts/CurvePlot";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
-import { curvesQuery, differenceInUseQuery, lambdaKey } from "../../service/queries";
+import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { ChannelCurves, Correlation, Identification } from "../../wire/types";
 import { DifferenceTable } from "../banks/DifferenceTable";
@@ -184,7 +184,7 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
 }
 
 function AgainstBankInUse({ run }: { run: number }) {
-  const lambdas = useLive((live) => lambdaKey(live.state?.tuning));
+  const lambdas = useLive((live) => tuningKey(live.state?.tuning));
   const difference = useQuery(differenceInUseQuery(run, lambdas));
   return (
     <section aria-label="Against the models in use">

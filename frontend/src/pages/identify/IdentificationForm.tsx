@@ -1,19 +1,21 @@
 /** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
 
-import { Button, NumberInput, SegmentedControl, TextInput } from "@mantine/core";
+import { Button, SegmentedControl, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { Card } from "../../components/Card";
+import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useStartIdentification } from "../../service/commands";
-import { identificationKindsQuery, predictionQuery } from "../../service/queries";
-import type { IdentificationKind, Setting } from "../../wire/types";
+import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
+import type { IdentificationKind } from "../../wire/types";
+import { tuningInWords, tuningOf } from "../experiments/order";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
-import { type Kind, requestOf, type Values } from "./order";
+import { type Kind, originOf, requestOf, type Values, valuesOf } from "./order";
 import { PredictionView } from "./PredictionView";
 import { SpringTableForm } from "./SpringTableForm";
 
@@ -69,8 +71,11 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
   const [changed, setChanged] = useState<Values>({});
   const [tensions, setTensions] = useState("");
   const state = useLive((live) => live.state);
+  const { data: banks = [] } = useQuery(banksQuery);
+  const tuning = tuningOf(state);
   const start = useStartIdentification();
-  const asked = requestOf(kind, changed, kind.kind === "actuator" ? tensions : "");
+  const values = valuesOf(kind, changed);
+  const asked = requestOf(kind, values, kind.kind === "actuator" ? tensions : "");
   const [request] = useDebouncedValue(asked.request, 300);
   const prediction = useQuery(predictionQuery(request));
   const busy = state?.task != null;
@@ -91,7 +96,7 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
     <form className={page.fields} aria-label="New identification" onSubmit={submit}>
       {kind.kind === "actuator" && (
         <TensionFields
-          tension_N={changed.tension_N ?? Number(settingOf(kind, "tension_N")?.default ?? "")}
+          tension_N={values.tension_N ?? ""}
           tensions={tensions}
           onTension={(value) => set("tension_N", value)}
           onTensions={setTensions}
@@ -101,17 +106,18 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
         {kind.settings
           .filter((setting) => setting.name !== "tension_N")
           .map((setting) => (
-            <NumberInput
+            <NumberField
               key={setting.name}
               label={LABELS[setting.name] ?? setting.meaning}
-              description={`${setting.meaning}; ${setting.minimum}\u00a0…\u00a0${setting.maximum}`}
-              inputWrapperOrder={["label", "input", "description"]}
-              value={changed[setting.name] ?? Number(setting.default)}
-              hideControls
+              description={`${setting.meaning}; ${setting.minimum}\u00a0…\u00a0${setting.maximum}; ${originOf(setting, changed)}`}
+              value={values[setting.name] ?? ""}
               onChange={(value) => set(setting.name, value)}
             />
           ))}
       </div>
+      {state !== null && (
+        <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
+      )}
       <PredictionView prediction={prediction.data} problem={asked.problem ?? prediction.error?.message} />
       <Button
         type="submit"
@@ -140,13 +146,7 @@ function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionPr
   return (
     <>
       <div className={styles.tension}>
-        <NumberInput
-          label="Tension [N]"
-          value={tension_N}
-          disabled={inTurn}
-          hideControls
-          onChange={onTension}
-        />
+        <NumberField label="Tension [N]" value={tension_N} disabled={inTurn} onChange={onTension} />
         <Button.Group>
           {NOMINAL_TENSIONS_N.map((tension) => (
             <Button
@@ -184,8 +184,4 @@ function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionPr
       </div>
     </>
   );
-}
-
-function settingOf(kind: IdentificationKind, name: string): Setting | undefined {
-  return kind.settings.find((setting) => setting.name === name);
 }

@@ -1,14 +1,33 @@
 import { describe, expect, it } from "vitest";
 import type { IdentificationKind } from "../../wire/types";
-import { requestOf } from "./order";
+import { originOf, requestOf, valuesOf } from "./order";
 
-const ACTUATOR: IdentificationKind = { kind: "actuator", title: "Actuator", description: "", settings: [] };
+const ACTUATOR: IdentificationKind = {
+  kind: "actuator",
+  title: "Actuator",
+  description: "",
+  settings: [
+    { name: "tension_N", meaning: "tension", unit: "N", default: 20 },
+    { name: "chip_s", meaning: "chip", unit: "s", default: 0.04 },
+  ],
+};
 
 describe("requestOf", () => {
-  it("asks for what was changed, and for nothing else", () => {
-    expect(requestOf(ACTUATOR, { tension_N: 30 }, "")).toEqual({
-      request: { kind: "actuator", tension_N: 30 },
-      problem: null,
+  it("asks for all that is shown", () => {
+    const values = valuesOf(ACTUATOR, { tension_N: 30 });
+    expect(values).toEqual({ tension_N: 30, chip_s: 0.04 });
+    expect(requestOf(ACTUATOR, values, "")).toEqual({ request: { kind: "actuator", ...values }, problem: null });
+    expect(ACTUATOR.settings.map((setting) => originOf(setting, { tension_N: 30 }))).toEqual([
+      "default: 20",
+      "default",
+    ]);
+  });
+
+  it("leaves out the one tension that is not in use", () => {
+    expect(requestOf(ACTUATOR, valuesOf(ACTUATOR, { tension_N: "" }), "10 20").request).toEqual({
+      kind: "actuator",
+      chip_s: 0.04,
+      tensions_N: [10, 20],
     });
   });
 
@@ -24,7 +43,9 @@ describe("requestOf", () => {
       request: null,
       problem: expect.stringContaining("chip_s"),
     });
-    expect(requestOf(ACTUATOR, {}, "10, twenty")).toMatchObject({ request: null });
+    for (const text of ["10, twenty", "0x10", "1e"]) {
+      expect(requestOf(ACTUATOR, {}, text)).toMatchObject({ request: null });
+    }
     expect(requestOf(ACTUATOR, {}, "8 9 10 11 12 13 14 15 16").problem).toContain("at most 8");
   });
 });

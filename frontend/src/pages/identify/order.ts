@@ -1,6 +1,7 @@
 /** From what stands in the form to what is asked of the service. Pure. */
 
-import type { IdentificationKind, IdentificationRequest } from "../../wire/types";
+import { notANumber, numberIn } from "../../samples/number";
+import type { IdentificationKind, IdentificationRequest, Setting } from "../../wire/types";
 
 export type Kind = IdentificationRequest["kind"];
 export type Values = Record<string, number | string>;
@@ -13,13 +14,30 @@ export interface Asked {
 
 const MAX_TENSIONS = 8;
 
+/** Every setting: what a person changed, else its default. All of it is shown, and sent. */
+export function valuesOf(kind: IdentificationKind, changed: Values): Values {
+  const values = kind.settings.map((setting) => [
+    setting.name,
+    changed[setting.name] ?? Number(setting.default),
+  ]);
+  return Object.fromEntries(values);
+}
+
+/** Where the value of a setting comes from. */
+export function originOf(setting: Setting, changed: Values): string {
+  const value = changed[setting.name];
+  return value === undefined || value === setting.default ? "default" : `default: ${setting.default}`;
+}
+
 /** `tensions` lists several, separated by commas; empty for the one among the values. */
 export function requestOf(kind: IdentificationKind, values: Values, tensions: string): Asked {
-  const empty = Object.entries(values).find(([, value]) => typeof value !== "number");
-  if (empty !== undefined) return { request: null, problem: `${empty[0]} needs a number.` };
   const list = tensions.split(/[,;\s]+/).filter((word) => word !== "");
-  const numbers = list.map(Number);
-  if (numbers.some((number) => !Number.isFinite(number))) {
+  // one tension is not in use while there are several
+  const used = Object.entries(values).filter(([name]) => list.length === 0 || name !== "tension_N");
+  const odd = used.find(([, value]) => typeof value !== "number");
+  if (odd !== undefined) return { request: null, problem: `${odd[0]}: ${notANumber(String(odd[1]))}.` };
+  const numbers = list.map(numberIn).filter((number) => number !== null);
+  if (numbers.length < list.length) {
     return { request: null, problem: "Several tensions: write numbers separated by commas." };
   }
   if (numbers.length > MAX_TENSIONS) {
@@ -27,7 +45,7 @@ export function requestOf(kind: IdentificationKind, values: Values, tensions: st
   }
   const several = numbers.length > 0 ? { tensions_N: numbers } : {};
   return {
-    request: { kind: kind.kind as Kind, ...values, ...several } as IdentificationRequest,
+    request: { kind: kind.kind as Kind, ...Object.fromEntries(used), ...several } as IdentificationRequest,
     problem: null,
   };
 }

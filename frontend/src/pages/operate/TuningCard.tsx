@@ -8,7 +8,7 @@ import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { useSetTuning } from "../../service/commands";
-import { previewQuery } from "../../service/queries";
+import { previewQuery, tuningKey } from "../../service/queries";
 import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
 import type { Tuning, TuningPreview } from "../../wire/types";
@@ -42,7 +42,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
     { lam_q: drafts.lam_q ?? wanted("lam_q"), lam_S: drafts.lam_S ?? wanted("lam_S") },
     PREVIEW_AFTER_MS,
   );
-  const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S));
+  const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S, tuningKey(tuning)));
   return (
     <>
       {LAMBDAS.map(({ name, symbol, hue, loop }) => (

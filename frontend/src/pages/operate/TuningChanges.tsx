@@ -1,23 +1,29 @@
-/** Saved, in force and staged λ side by side; staged ones are applied, tried for a while, or dropped. */
+/** Saved, in force and staged tuning side by side; staged λ are applied, tried for a while, or dropped. */
 
-import { Button, NumberInput, Switch } from "@mantine/core";
+import { Button, Switch } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
+import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning } from "../../service/commands";
 import { savedTuningQuery } from "../../service/queries";
-import type { Staging } from "../../service/useStaged";
+import type { LambdaName, Staging } from "../../service/useStaged";
 import type { Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
 
-const NAMES = [
+/** Every part of a tuning but the bank, for which it is saved: what differs in one of them is another tuning. */
+const PARTS = [
   ["lam_q", "λ_q"],
   ["lam_S", "λ_S"],
+  ["lam_motor", "λ_motor"],
+  ["b", "b"],
+  ["interpolate", "entries"],
 ] as const;
 const DECIMALS = 3;
+const DECIMALS_OF_MOTOR = 4;
 const TRIAL_S = 10;
 
 export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Staging }) {
@@ -27,8 +33,8 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
   const save = useSaveTuning();
   const tryOut = useTryTuning();
   const end = useEndTrial();
-  const [seconds, setSeconds] = useState(TRIAL_S);
-  const changed = saved !== undefined && NAMES.some(([name]) => saved[name] !== tuning[name]);
+  const [seconds, setSeconds] = useState<number | string>(TRIAL_S);
+  const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
   const failure = set.error ?? save.error ?? tryOut.error ?? end.error;
   const busy = set.isPending || save.isPending || tryOut.isPending || end.isPending;
@@ -38,23 +44,25 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
       <table className={styles.table} aria-label="Saved, in force and staged">
         <thead>
           <tr>
-            <th scope="col">[s]</th>
+            <th scope="col">λ [s]</th>
             <th scope="col">saved</th>
             <th scope="col">in force</th>
             <th scope="col">staged</th>
           </tr>
         </thead>
         <tbody>
-          {NAMES.map(([name, symbol]) => (
+          {PARTS.map(([name, symbol]) => (
             <tr key={name}>
               <th scope="row">
                 <SignalName name={symbol} />
               </th>
-              <td>{fixed(saved?.[name], DECIMALS)}</td>
+              <td>{inWords(name, saved?.[name])}</td>
               <td data-differs={saved !== undefined && saved[name] !== tuning[name]}>
-                {fixed(tuning[name], DECIMALS)}
+                {inWords(name, tuning[name])}
               </td>
-              <td data-differs={something}>{fixed(staged.values[name], DECIMALS)}</td>
+              <td data-differs={isStaged(name) && something}>
+                {isStaged(name) ? inWords(name, staged.values[name]) : ""}
+              </td>
             </tr>
           ))}
         </tbody>
@@ -67,7 +75,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
             disabled={!changed || busy}
             title={saved?.who ? `Saved by ${saved.who}` : "The method's defaults: nothing was saved yet"}
             onClick={() =>
-              saved && set.mutate({ lam_q: saved.lam_q, lam_S: saved.lam_S, lam_motor: saved.lam_motor })
+              saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
             }
           >
             Revert to saved
@@ -88,7 +96,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
           />
         </div>
       ) : (
-        <TrialRow trial={trial} busy={busy} onEnd={(keep) => end.mutate(keep)} />
+        <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
       )}
       {staged.staging && trial === null && (
         <div className={styles.actions}>
@@ -102,22 +110,19 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
           <Button
             variant="default"
             size="compact-xs"
-            disabled={!something || busy}
-            onClick={() => tryOut.mutate({ ...staged.values, duration_s: seconds })}
+            disabled={!something || busy || typeof seconds !== "number"}
+            onClick={() =>
+              typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
+            }
           >
             Try for
           </Button>
-          <NumberInput
+          <NumberField
             aria-label="Length of the trial [s]"
             size="xs"
             w={54}
-            min={1}
-            max={600}
-            clampBehavior="blur"
-            allowDecimal={false}
-            hideControls
             value={seconds}
-            onChange={(value) => setSeconds(Number(value))}
+            onChange={setSeconds}
             styles={{ input: { height: 22, minHeight: 22 } }}
           />
           <span>s</span>
@@ -133,15 +138,18 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
 
 interface TrialRowProps {
   readonly trial: Trial;
+  readonly tuning: Tuning;
   readonly busy: boolean;
   onEnd(keep: boolean): void;
 }
 
-function TrialRow({ trial, busy, onEnd }: TrialRowProps) {
+function TrialRow({ trial, tuning, busy, onEnd }: TrialRowProps) {
+  const others = PARTS.filter(([name]) => !isStaged(name) && trial[name] !== tuning[name]);
   return (
     <div className={styles.actions}>
       <output aria-label="Trial" className={styles.trial}>
-        On trial: back to {fixed(trial.lam_q, DECIMALS)}, {fixed(trial.lam_S, DECIMALS)} s in{" "}
+        On trial: back to {fixed(trial.lam_q, DECIMALS)}, {fixed(trial.lam_S, DECIMALS)} s
+        {others.map(([name, symbol]) => `, ${symbol} ${inWords(name, trial[name])}`)} in{" "}
         {fixed(Math.ceil(trial.remaining_s), 0)} s
       </output>
       <Button size="compact-xs" disabled={busy} onClick={() => onEnd(true)}>
@@ -152,4 +160,15 @@ function TrialRow({ trial, busy, onEnd }: TrialRowProps) {
       </Button>
     </div>
   );
+}
+
+type Part = (typeof PARTS)[number][0];
+
+function isStaged(name: Part): name is LambdaName {
+  return name === "lam_q" || name === "lam_S";
+}
+
+function inWords(name: Part, value: number | boolean | undefined): string {
+  if (typeof value === "boolean") return value ? "interpolating" : "switching";
+  return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
 }

@@ -1,0 +1,164 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { ExperimentKind, State } from "../../wire/types";
+import { ExperimentForm } from "./ExperimentForm";
+
+const BANK = { id: 7, name: "lab", version: 2 };
+const GEOMETRY = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false, bank: null };
+const CHOSEN = { lam_q: 0.8, lam_S: 0.6, lam_motor: 0.09, b: 0.25, interpolate: true, bank: BANK };
+const LENT = { lam_q: 1.5, lam_S: 1.2, lam_motor: 0.0854, b: 1, interpolate: false, bank: null };
+
+type Tuned = typeof GEOMETRY | typeof CHOSEN;
+
+/** The declarations as the service gave them when it had just started: their defaults may be long out of force. */
+function setting(name: string, fallback: boolean | number | string, unit = "1") {
+  const bounds = typeof fallback === "number" ? { minimum: 0, maximum: 100 } : {};
+  return { name, meaning: `what ${name} is`, unit, default: fallback, ...bounds };
+}
+
+const KIND: ExperimentKind = {
+  name: "tracking",
+  title: "Tracking",
+  description: "",
+  duration_s: 7,
+  settings: [
+    setting("q_duration_s", 8, "s"),
+    setting("lam_q", 0.5, "s"),
+    setting("lam_S", 0.42, "s"),
+    setting("lam_motor", 0.0854, "s"),
+    setting("b", 0),
+    setting("bank", 0),
+    setting("interpolate", false),
+    setting("seed", 0),
+  ],
+};
+
+function stateOf(tuning: Tuned, own_tuning: Tuned | null = null): State {
+  const ranges = { lam_motor_min: 0.05, lam_motor_max: 0.2, entry: 0 };
+  const legal_modes = ["experiment", "identify"];
+  return { mode: "run", legal_modes, task: null, tuning: { ...tuning, ...ranges }, own_tuning } as unknown as State;
+}
+
+function answer(request: Request): Response {
+  const path = new URL(request.url).pathname;
+  if (path === "/api/banks") return Response.json({ banks: [{ ...BANK, entries: [] }] });
+  if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+  if (path === "/api/experiments/queue") return Response.json({ items: [] }, { status: 201 });
+  return Response.json({ id: 12 }, { status: 202 });
+}
+
+/** Bodies of what was sent to a path. */
+async function sentTo(path: string): Promise<unknown[]> {
+  const requests = fetched.mock.calls.map(([request]) => request);
+  const mine = requests.filter(({ url, method }) => method === "POST" && new URL(url).pathname === path);
+  return Promise.all(mine.map((request) => request.clone().json()));
+}
+
+function open(state: State): LiveStore {
+  const store = new LiveStore(0);
+  store.setState(state);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>
+          <ExperimentForm kind={KIND} onStarted={() => undefined} onDryRun={() => undefined} />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+  return store;
+}
+
+/** What stands in the boxes, read as a person would. */
+function standing(): Record<string, unknown> {
+  const number = (label: string) => Number((screen.getByLabelText(label) as HTMLInputElement).value);
+  return {
+    q_duration_s: number("What q_duration_s is [s]"),
+    lam_q: number("What lam_q is [s]"),
+    lam_S: number("What lam_S is [s]"),
+    lam_motor: number("What lam_motor is [s]"),
+    b: number("What b is"),
+    bank: number("Models that the gains come from"),
+    interpolate: (screen.getByLabelText("What interpolate is") as HTMLInputElement).checked,
+    seed: number("What seed is"),
+  };
+}
+
+function orderWith(tuning: Tuned) {
+  const { bank, ...parts } = tuning;
+  return { q_duration_s: 8, ...parts, bank: bank?.id ?? 0, seed: 0 };
+}
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  fetched.mockReset().mockImplementation(async (request) => answer(request));
+});
+afterEach(cleanup);
+
+const BUTTONS = [
+  ["Start tracking", "/api/experiments"],
+  ["Add to queue", "/api/experiments/queue"],
+  ["Dry run", "/api/experiments/dry-run"],
+] as const;
+
+it.each([
+  ["fresh", stateOf(GEOMETRY), GEOMETRY],
+  ["bank in force", stateOf(CHOSEN), CHOSEN],
+  ["a run has a tuning of its own", stateOf(LENT, CHOSEN), CHOSEN],
+] as const)("shows what it sends, from what is in force: %s", async (_name, state, expected) => {
+  open(state);
+  await waitFor(() => expect(standing()).toEqual(orderWith(expected)));
+  for (const [button, path] of BUTTONS) {
+    fireEvent.click(screen.getByRole("button", { name: button }));
+    await waitFor(async () => expect(await sentTo(path)).toEqual([{ name: "tracking", settings: standing() }]));
+  }
+});
+
+it("follows the tuning in force, but for what a person has changed", async () => {
+  const store = open(stateOf(CHOSEN));
+  fireEvent.change(screen.getByLabelText("What lam_q is [s]"), { target: { value: "0.4" } });
+  act(() => store.setState(stateOf(GEOMETRY)));
+  expect(standing()).toEqual({ ...orderWith(GEOMETRY), lam_q: 0.4 });
+  expect(screen.getByText("0 … 100; in force: 0.5")).toBeTruthy();
+  fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
+  await waitFor(async () =>
+    expect(await sentTo("/api/experiments")).toEqual([{ name: "tracking", settings: standing() }]),
+  );
+});
+
+it("lets geometry be chosen while a bank is in force, and sends it", async () => {
+  open(stateOf(CHOSEN));
+  await screen.findByRole("option", { name: "bank lab v2" });
+  fireEvent.change(screen.getByLabelText("Models that the gains come from"), { target: { value: "0" } });
+  expect(screen.getByText(/^Settings of the loop: .*gains from geometry/)).toBeTruthy();
+  expect(screen.getByText("in force: bank 7")).toBeTruthy();
+  fireEvent.click(screen.getByRole("button", { name: "Start tracking" }));
+  await waitFor(async () =>
+    expect(await sentTo("/api/experiments")).toEqual([
+      { name: "tracking", settings: { ...orderWith(CHOSEN), bank: 0 } },
+    ]),
+  );
+});
+
+it.each(["5-3", "", "1e"])("sends nothing while a box holds %j", async (text) => {
+  open(stateOf(GEOMETRY));
+  fireEvent.change(screen.getByLabelText("What b is"), { target: { value: text } });
+  for (const [button] of BUTTONS) fireEvent.click(screen.getByRole("button", { name: button }));
+  fireEvent.submit(screen.getByRole("form"));
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toMatch(/^What b is: /);
+  await Promise.resolve();
+  expect(fetched.mock.calls.filter(([request]) => request.method === "POST")).toEqual([]);
+});

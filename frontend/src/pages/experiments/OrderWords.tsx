@@ -1,0 +1,23 @@
+/** All that an experiment is run with, or was, in two lines: its own settings, and the tuning. */
+
+import { useQuery } from "@tanstack/react-query";
+import { banksQuery, experimentKindsQuery } from "../../service/queries";
+import page from "../Page.module.css";
+import { changesInWords, tuningInWords } from "./order";
+
+interface OrderWordsProps {
+  readonly name: string;
+  readonly settings: Readonly<Record<string, unknown>>;
+}
+
+export function OrderWords({ name, settings }: OrderWordsProps) {
+  const { data: kinds = [] } = useQuery(experimentKindsQuery);
+  const { data: banks = [] } = useQuery(banksQuery);
+  const kind = kinds.find((one) => one.name === name);
+  return (
+    <span className={page.dim}>
+      {kind === undefined ? "" : `${changesInWords(settings, kind)}; `}
+      {tuningInWords(settings, banks)}
+    </span>
+  );
+}

@@ -1,0 +1,139 @@
+/** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
+
+import { notANumber } from "../../samples/number";
+import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
+
+export type Value = boolean | number | string;
+export type Values = Record<string, Value>;
+
+/** Of the loop, the same for every kind. */
+const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate"] as const;
+const OF_THE_LOOP = new Set<string>([...TUNING, "bank", "seed"]);
+
+export function isOfTheLoop(setting: Setting): boolean {
+  return OF_THE_LOOP.has(setting.name);
+}
+
+/** One setting as the form shows it. */
+export interface Shown {
+  readonly setting: Setting;
+  readonly value: Value;
+  /** Where the value comes from, for the person who reads it. */
+  readonly origin: string;
+}
+
+/**
+ * Every setting of a kind: what a person changed, else the operator's tuning in force, else the default. While a run
+ * has a tuning of its own, the operator's is what comes back after it.
+ */
+export function shownSettings(kind: ExperimentKind, state: State | null, changed: Values): Shown[] {
+  const inForce = tuningOf(state);
+  return kind.settings.map((setting) => {
+    const standing = inForce[setting.name];
+    const start = standing ?? setting.default ?? "";
+    const value = changed[setting.name] ?? start;
+    const word = standing === undefined ? "default" : "in force";
+    const origin = value === start ? word : `${word}: ${inWords(setting.name, start)}`;
+    return { setting: withRange(setting, state), value, origin };
+  });
+}
+
+export interface Order {
+  /** Null while a number box holds something else. */
+  readonly order: { readonly name: string; readonly settings: Values } | null;
+  readonly problem: string | null;
+}
+
+/** All that is shown, to be sent. */
+export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
+  for (const { setting, value } of shown) {
+    if (typeof setting.default === "number" && typeof value !== "number") {
+      return { order: null, problem: `${sentence(setting.meaning)}: ${notANumber(String(value))}.` };
+    }
+  }
+  const settings = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
+  return { order: { name: kind.name, settings }, problem: null };
+}
+
+/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, gains from geometry". */
+export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
+  const parts = [
+    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, " s")),
+    settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
+    bankInWords(settings.bank, banks),
+    settings.interpolate === true ? "interpolating between entries" : "",
+  ];
+  return parts.filter((part) => part !== "").join(", ");
+}
+
+/** What differs from a kind's defaults, the loop's settings aside: "q_hold 0.2 rad"; a text by its length. */
+export function changesInWords(settings: Readonly<Record<string, unknown>>, kind: ExperimentKind): string {
+  const parts = kind.settings
+    .filter((setting) => !isOfTheLoop(setting))
+    .filter(({ name, default: usual }) => settings[name] !== undefined && settings[name] !== usual)
+    .map(({ name, unit }) => {
+      const value = settings[name];
+      if (name === "segments") return segmentsInWords(String(value));
+      return `${name} ${inWords(name, value as Value)}${unit === "1" || unit === "" ? "" : ` ${unit}`}`;
+    });
+  return parts.length === 0 ? "defaults" : parts.join(", ");
+}
+
+/** Choices of a bank: geometry, and every bank there is. */
+export function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
+  return [0, ...banks.map(({ id }) => id)].map((id) => ({
+    value: String(id),
+    label: bankInWords(id, banks),
+  }));
+}
+
+const LAMBDAS = [
+  ["lam_q", "λ_q"],
+  ["lam_S", "λ_S"],
+  ["lam_motor", "λ_motor"],
+] as const;
+
+/** The operator's tuning as the settings of an order; empty while nothing is known of it. */
+export function tuningOf(state: State | null): Values {
+  if (state === null) return {};
+  const tuning = state.own_tuning ?? state.tuning;
+  const parts = TUNING.map((name) => [name, tuning[name]] as const);
+  return { ...Object.fromEntries(parts), bank: tuning.bank?.id ?? 0 };
+}
+
+/** λ of the motor loops has the range that is offered on the plant in use. */
+function withRange(setting: Setting, state: State | null): Setting {
+  if (state === null || setting.name !== "lam_motor") return setting;
+  return { ...setting, minimum: state.tuning.lam_motor_min, maximum: state.tuning.lam_motor_max };
+}
+
+function bankInWords(id: unknown, banks: readonly Bank[]): string {
+  if (typeof id !== "number") return "";
+  if (id === 0) return "gains from geometry";
+  const bank = banks.find((one) => one.id === id);
+  return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
+}
+
+function partOf(value: unknown, symbol: string, unit: string): string {
+  return typeof value === "number" ? `${symbol} ${value}${unit}` : "";
+}
+
+function inWords(name: string, value: Value): string {
+  if (name === "bank") return bankInWords(value, []);
+  if (typeof value === "boolean") return value ? "yes" : "no";
+  return String(value);
+}
+
+function segmentsInWords(json: string): string {
+  try {
+    const list: unknown = JSON.parse(json);
+    const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
+    return `${(list as unknown[]).length} segments of ${Number(total_s.toFixed(3))} s together`;
+  } catch {
+    return "segments of its own";
+  }
+}
+
+function sentence(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}

@@ -1,0 +1,65 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { Tuning } from "../../wire/types";
+import { TuningChanges } from "./TuningChanges";
+
+const SAVED = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false };
+const OTHER = { lam_q: 0.6, lam_S: 0.5, lam_motor: 0.09, b: 1, interpolate: true };
+type Part = keyof typeof SAVED;
+
+const NOTHING = { staging: false, values: {}, turn() {}, stage() {}, discard() {} };
+
+function open(tuning: typeof SAVED): void {
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={new LiveStore(0)}>
+          <TuningChanges tuning={{ ...tuning, bank: null } as Tuning} staged={NOTHING} />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const path = new URL(url).pathname;
+    if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    return Response.json(path === "/api/tuning/saved" ? { ...SAVED, who: null, at: null } : {});
+  });
+});
+afterEach(cleanup);
+
+const revert = () => screen.getByRole("button", { name: "Revert to saved" }) as HTMLButtonElement;
+
+it.each(Object.keys(SAVED) as Part[])("shows that %s differs from what is saved, and walks it back", async (part) => {
+  open({ ...SAVED, [part]: OTHER[part] });
+  await waitFor(() => expect(revert().disabled).toBe(false));
+  const table = screen.getByRole("table", { name: "Saved, in force and staged" });
+  expect(table.querySelectorAll("[data-differs=true]").length).toBe(1);
+  fireEvent.click(revert());
+  const put = () => fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
+  await waitFor(() => expect(put()).toBeDefined());
+  expect(await put()?.clone().json()).toEqual(SAVED);
+});
+
+it("has nothing to walk back where all is as saved", async () => {
+  open(SAVED);
+  await screen.findAllByText("0.500");
+  await waitFor(() => expect(screen.getAllByText("switching").length).toBe(2));
+  expect(revert().disabled).toBe(true);
+});
