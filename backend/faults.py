@@ -86,7 +86,7 @@ EXPLAINED: dict[Fault, Explanation] = {
         "The loop no longer heard from the service and stopped by itself.", "See the service's log, then reset."
     ),
     Fault.OPERATOR_LOST: Explanation(
-        "The browser that held control was lost.", "Open the dashboard again, then reset and take control."
+        "The browser that held control was lost.", "Open the dashboard again, take control, then reset."
     ),
     Fault.SAFETY_MODULE: Explanation(
         "The independent safety module cut the motors.",

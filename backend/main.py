@@ -214,6 +214,7 @@ def _build(
         downloads.prepare()
 
     tasks = Tasks(station, bench, shelf, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop)
+    evaluations.done = tasks.evaluated
 
     replay = Replay(database)
     mirrors = {

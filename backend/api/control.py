@@ -25,7 +25,7 @@ from backend.supervision import Part
 HEADER = "Sinew-Control"
 
 PART = Part(
-    "The watch over lost pages", "What moved was stopped softly: reset, take control, and look into the service's log."
+    "The watch over lost pages", "What moved was stopped softly: look into the service's log, take control, then reset."
 )
 
 LOST_S = 2.0

@@ -12,9 +12,13 @@ from backend.storage.runs import Run
 
 
 class Evaluations:
-    """One evaluation of a run at a time. ``task`` tells what the service is doing at present."""
+    """One evaluation of a run at a time. ``task`` tells what the service is doing at present.
+
+    ``done`` hears of each run that has its result.
+    """
 
     def __init__(self, database: Database, offload: Offload, task: Callable[[], TaskView | None]) -> None:
+        self.done: Callable[[int], None] = lambda _run_id: None
         self._database = database
         self._offload = offload
         self._task = task
@@ -41,6 +45,7 @@ class Evaluations:
             raise
         finally:
             self._under_way.discard(run_id)
+        self.done(run_id)
 
     def _run(self, run_id: int) -> Run:
         with self._database.reading() as session:

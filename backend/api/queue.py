@@ -33,6 +33,7 @@ class Queue:
         self._numbers = count(1)
         self._running = False
         self._problem = ""
+        self._refused: int | None = None
         self._run: int | None = None
 
     def view(self) -> QueueView:
@@ -44,6 +45,8 @@ class Queue:
         self._require_room()
         whole = await self._check(request)
         self._require_room()  # others may have been added meanwhile
+        if not self._items:
+            self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
         self._items.append(QueuedView(id=next(self._numbers), name=whole.name, settings=whole.settings, who=who))
         return self.view()
 
@@ -53,6 +56,8 @@ class Queue:
         if len(kept) == len(self._items):
             raise ApiError(404, f"experiment {item_id} does not wait in the queue")
         self._items = kept
+        if not kept or item_id == self._refused:
+            self._tell("")
         return self.view()
 
     def _require_room(self) -> None:
@@ -64,7 +69,7 @@ class Queue:
         if not self._items:
             raise ApiError(409, "the queue is empty: add an experiment first")
         if not self._running:
-            self._problem = ""
+            self._tell("")
             await self._begin()
             self._running = True
         return self.view()
@@ -87,19 +92,23 @@ class Queue:
         elif self._running:
             self._supervision.keep_task(_PART, self._go_on)
 
+    def _tell(self, problem: str, refused: int | None = None) -> None:
+        """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""
+        self._problem, self._refused = problem, refused
+
     async def _go_on(self) -> None:
         try:
             await self._begin()
         except Exception as error:
             # Whatever refuses the next one is for a person to read; those that wait stay.
             _log.warning("the queue is held: %s", error)
-            self._hold(f"the next one was refused: {error}")
+            self._hold(f"the next one was refused: {error}", self._items[0].id)
 
-    def _hold(self, cause: str) -> None:
-        """Stop here, and say how to go on."""
+    def _hold(self, cause: str, refused: int | None = None) -> None:
+        """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""
         count = len(self._items)
         remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
-        self._problem = f"held because {cause}; {remedy}"
+        self._tell(f"held because {cause}; {remedy}", refused)
         self._running = False
 
     async def _begin(self) -> None:

@@ -55,14 +55,21 @@ class Tasks:
         self._safe_stop = safe_stop
         self.queue = Queue(self.start_experiment, self.checked, supervision)
         self._problem = ""
+        self._without_result: int | None = None
         self._running: asyncio.Task[None] | None = None
         self._closing = False
         self._starting = asyncio.Lock()
 
     @property
     def problems(self) -> list[str]:
-        """What became of the last run that failed, until another one is started."""
+        """What became of the last run that failed, until another one is started or it has its result after all."""
         return [self._problem] if self._problem else []
+
+    def evaluated(self, run_id: int) -> None:
+        """Take note that a run has been evaluated again: that its result is missing is not so any more."""
+        if run_id == self._without_result:
+            self._problem, self._without_result = "", None
+            self._bench.changed()
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
@@ -160,7 +167,7 @@ class Tasks:
         except BaseException:
             await self._bench.retuning.give_back()
             raise
-        self._problem = ""
+        self._problem, self._without_result = "", None
         self._show(orders[0], run, len(orders) - 1, "starting", 0.0)
         self._running = asyncio.create_task(self._perform(orders, run))
         self._prepare_report()
@@ -180,6 +187,7 @@ class Tasks:
                 end_state = EndState(outcome.run.end_state)
                 if outcome.evaluation.result is None and end_state is EndState.COMPLETED:
                     end_state = None  # whoever waits for the result, the queue too, waits for a person
+                    self._without_result = run.id
                     self._problem = f"Run {run.id} is complete, but {outcome.evaluation.problem}. Evaluate it again."
                 if end_state is not EndState.COMPLETED:
                     break

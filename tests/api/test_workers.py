@@ -119,6 +119,7 @@ def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
 
     again = off.post(f"/api/runs/{without}/evaluation").raise_for_status().json()
     assert (again["evaluation"], again["evaluation_problem"]) == ("done", "")
+    assert not any(f"Run {without} is complete, but" in text for text in off.get("/api/state").json()["problems"])
     assert any(metric["value"] is not None for metric in off.get(f"/api/experiments/{without}").json()["metrics"])
     assert sinew("runs", "evaluate", str(without), data=data).returncode == 0
     assert begin(off) == without + 1

@@ -2,6 +2,7 @@
 
 import re
 
+from backend.api.control import PART as LOST_PAGES
 from backend.faults import EXPLAINED, FAULTS, Fault, Limit
 from tests.docs.faults_page import PAGE, SECTIONS
 
@@ -21,3 +22,11 @@ def test_every_limit_is_listed_with_its_bit() -> None:
     assert re.findall(r"^\| `(\w+)` \| (\d+) \| .{10,} \|$", PAGE, re.MULTILINE) == [
         (limit.name, str(limit.value)) for limit in Limit
     ]
+
+
+def test_a_remedy_names_control_before_the_reset_that_is_refused_without_it() -> None:
+    remedies = [explained.remedy for explained in EXPLAINED.values()] + [LOST_PAGES.meaning]
+    told = [remedy.lower() for remedy in remedies if "control" in remedy]
+    assert len(told) == 2
+    for remedy in told:
+        assert 0 <= remedy.find("take control") < remedy.find("reset"), remedy

@@ -5,6 +5,7 @@ import { IconDeviceGamepad2 } from "@tabler/icons-react";
 import { useMutation } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
 import { useLive } from "../live/react";
+import { useStanding } from "../service/useStanding";
 import { answeredBy } from "../wire/client";
 import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
 
@@ -18,7 +19,7 @@ export function ControlMenu() {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const mine = holder !== null && holder.epoch === epoch;
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
-  const refusal = take.error?.message ?? giveUp.error?.message;
+  const refusal = useStanding(take.error ?? giveUp.error)?.message;
   return (
     <Menu position="bottom-end" width={240}>
       <Menu.Target>

@@ -1,25 +1,33 @@
 /** Room kept free for the reason why a value was refused, so that nothing moves when there is one. */
 
+import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
 
 interface RefusalProps {
-  readonly text: string | null | undefined;
-  /** The whole sentence, where `text` is short. */
-  readonly detail?: string | undefined;
+  /** Shown until what caused it is gone. */
+  readonly error?: Error | null | undefined;
+  /** What the refused request would have changed, as it is in force: once that changes, the refusal is over. */
+  readonly about?: unknown;
+  /** The error in few words. */
+  readonly brief?: ((error: Error) => string | null) | undefined;
+  /** What keeps something from being done, found here and now. */
+  readonly text?: string | null | undefined;
   /** Shown while nothing is refused. */
   readonly hint?: string;
 }
 
-export function Refusal({ text, detail, hint = "" }: RefusalProps) {
-  const refused = text !== null && text !== undefined;
+export function Refusal({ error, about, brief, text, hint = "" }: RefusalProps) {
+  const standing = useStanding(error, about);
+  const reason = standing === null ? text : (brief?.(standing) ?? standing.message);
+  const refused = reason !== null && reason !== undefined;
   return (
     <output
       className={styles.refusal}
       aria-label="Refusal"
       data-refused={refused}
-      title={refused ? (detail ?? text) : undefined}
+      title={refused ? (standing?.message ?? reason) : undefined}
     >
-      {refused ? text : hint}
+      {refused ? reason : hint}
     </output>
   );
 }

@@ -6,6 +6,7 @@ import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
 import { useReset } from "../service/commands";
+import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
@@ -23,12 +24,13 @@ export function StatusStrip() {
   const link = useLive((live) => live.link);
   const now_ms = useNow(500);
   const reset = useReset();
+  const refused = useStanding(reset.error);
   const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms));
   const Icon = ICONS[status.tone];
   return (
     <div className={styles.strip} data-tone={status.tone}>
       <Icon size={18} aria-hidden="true" className={styles.icon} />
-      <Message status={status} instead={status.resettable ? reset.error?.message : undefined} />
+      <Message status={status} instead={status.resettable ? refused?.message : undefined} />
       {status.task !== null && <TaskProgress task={status.task} />}
       {status.resettable && (
         <Button

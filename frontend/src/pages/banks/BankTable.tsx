@@ -72,7 +72,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
           </Table.Tbody>
         </Table>
       </div>
-      <Refusal text={activate.error?.message} />
+      <Refusal error={activate.error} />
     </>
   );
 }

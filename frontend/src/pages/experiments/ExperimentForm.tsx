@@ -102,7 +102,7 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
           Dry run
         </Button>
       </div>
-      <Refusal text={problem ?? failure?.message ?? reason} />
+      <Refusal error={problem === null ? failure : null} about={changed} text={reason} />
     </form>
   );
 }

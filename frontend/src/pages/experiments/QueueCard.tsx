@@ -68,7 +68,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
             </Button>
           )}
         </div>
-        <Refusal text={command.error?.message ?? (queue?.problem ? queue.problem : null)} />
+        <Refusal error={command.error} about={queue} text={queue?.problem ? queue.problem : null} />
       </div>
     </Card>
   );

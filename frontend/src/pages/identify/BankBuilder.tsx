@@ -36,7 +36,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
             Built <Link href={`/banks/${build.data.id}`}>{`${build.data.name} v${build.data.version}`}</Link>.
           </span>
         )}
-        <Refusal text={build.error?.message} />
+        <Refusal error={build.error} about={name} />
       </form>
     </Card>
   );

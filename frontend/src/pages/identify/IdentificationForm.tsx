@@ -128,7 +128,7 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
       >
         Start identification
       </Button>
-      <Refusal text={start.error?.message ?? reason} />
+      <Refusal error={start.error} about={[changed, tensions]} text={reason} />
     </form>
   );
 }

@@ -25,7 +25,7 @@ export function SpringTableForm({ onTable }: { onTable: (id: number) => void }) 
         disabled={add.isPending}
         onChange={read}
       />
-      <Refusal text={add.error?.message} />
+      <Refusal error={add.error} />
     </form>
   );
 }

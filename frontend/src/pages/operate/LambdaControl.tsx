@@ -142,8 +142,10 @@ export function LambdaControl(props: LambdaControlProps) {
         compare={compare}
       />
       <Refusal
-        text={problem ?? target ?? refusalText(sent.refusal, 1, DECIMALS, "s")}
-        detail={sent.refusal?.message}
+        error={problem === null && target === null ? sent.refusal : null}
+        about={value}
+        brief={(error) => refusalText(error, 1, DECIMALS, "s")}
+        text={problem ?? target}
       />
     </div>
   );

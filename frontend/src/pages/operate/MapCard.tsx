@@ -23,6 +23,7 @@ export function MapCard() {
   const send = useSetReferences();
   const [target, setTarget] = useState<References | null>(null);
   const bank = useLive((live) => live.state?.tuning.bank?.id);
+  const references = useLive((live) => live.state?.references);
   const banks = useQuery(banksQuery);
   const entries = useMemo(
     () => banks.data?.find(({ id }) => id === bank)?.entries.map(({ S_nominal }) => S_nominal) ?? NO_ENTRIES,
@@ -70,7 +71,8 @@ export function MapCard() {
       <canvas ref={canvas} className={styles.map} role="img" aria-label="Reachable map" onClick={aim} />
       {target === null ? (
         <Refusal
-          text={send.error?.message}
+          error={send.error}
+          about={references}
           hint={`A click aims at q_ref and S_ref together.${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
         />
       ) : (

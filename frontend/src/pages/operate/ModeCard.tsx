@@ -49,7 +49,7 @@ export function ModeCard() {
           );
         })}
       </div>
-      <Refusal text={setMode.error?.message} />
+      <Refusal error={setMode.error} />
     </Card>
   );
 }

@@ -139,8 +139,10 @@ function ReferenceControl(props: ReferenceControlProps) {
         />
       </div>
       <Refusal
-        text={problem ?? target ?? refusalText(sent.refusal, factor, decimals, unit)}
-        detail={sent.refusal?.message}
+        error={problem === null && target === null ? sent.refusal : null}
+        about={inForce}
+        brief={(error) => refusalText(error, factor, decimals, unit)}
+        text={problem ?? target}
         hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`}
       />
     </div>

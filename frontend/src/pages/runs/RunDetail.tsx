@@ -108,7 +108,7 @@ function NoteCard({ run }: { run: Run }) {
           >
             Save note
           </Button>
-          <Refusal text={save.error?.message} />
+          <Refusal error={save.error} />
         </div>
         <div className={page.actions}>
           <Downloads run={run.id} report={WITH_REPORT.has(run.kind)} />

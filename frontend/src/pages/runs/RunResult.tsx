@@ -43,7 +43,7 @@ function Evaluated({ run }: { run: Run }) {
         <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
           Evaluate again
         </Button>
-        <Refusal text={evaluate.error?.message} />
+        <Refusal error={evaluate.error} />
       </div>
     </>
   );

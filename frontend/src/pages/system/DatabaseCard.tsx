@@ -46,7 +46,7 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
             {check.data.length === 0 ? "the database is whole" : check.data.join("; ")}
           </Verdict>
         )}
-        <Refusal text={(backup.error ?? check.error)?.message} />
+        <Refusal error={backup.error ?? check.error} />
       </div>
     </Facts>
   );

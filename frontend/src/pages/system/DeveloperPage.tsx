@@ -29,7 +29,7 @@ export default function DeveloperPage() {
           <Button variant="default" disabled={isRig} loading={mend.isPending} onClick={() => mend.mutate()}>
             Mend everything
           </Button>
-          <Refusal text={(inject.error ?? mend.error)?.message} />
+          <Refusal error={inject.error ?? mend.error} />
         </div>
         <div className={page.tableScroll}>
           <Table aria-label="Faults" verticalSpacing={4}>

@@ -114,7 +114,7 @@ function Removal({ runs, onDone }: RemovalProps) {
         <Button variant="default" onClick={onDone}>
           Keep all
         </Button>
-        <Refusal text={remove.error?.message} />
+        <Refusal error={remove.error} />
       </div>
     </>
   );

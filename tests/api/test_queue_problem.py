@@ -1,0 +1,74 @@
+"""What the queue says of why it is held, against whether it still is: on the queue itself, with nothing to move."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from backend.api.errors import ApiError
+from backend.api.queue import Queue
+from backend.api.schemas.experiment import ExperimentRequest
+from backend.storage.runs import EndState
+from backend.supervision import Supervision
+
+SHORT = ExperimentRequest(name="sequence", settings={})
+WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})
+
+
+def held(session: Callable[[Queue], Awaitable[None]]) -> None:
+    """Run a session on a queue that starts everything but what asks for bank 99."""
+
+    async def start(request: ExperimentRequest, _who: str) -> int:
+        if request.settings:
+            raise ApiError(404, "there is no bank 99")
+        return 5
+
+    async def check(request: ExperimentRequest) -> ExperimentRequest:
+        return request
+
+    async def whole() -> None:
+        supervision = Supervision()
+        await session(Queue(start, check, supervision))
+        await supervision.close()
+
+    asyncio.run(whole())
+
+
+async def refused(queue: Queue) -> None:
+    while not queue.view().problem:
+        await asyncio.sleep(0.001)
+
+
+def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
+    async def session(queue: Queue) -> None:
+        for request in (SHORT, WITHOUT_BANK, SHORT):
+            await queue.add(request, "Ana")
+        await queue.run()
+        queue.ended(5, EndState.COMPLETED)
+        await refused(queue)
+        assert "there is no bank 99" in queue.view().problem
+        refused_one, waiting = queue.view().items
+        await queue.add(SHORT, "Ana")
+        assert queue.view().problem
+        assert queue.remove(refused_one.id).problem == ""
+        assert queue.remove(waiting.id).problem == ""
+
+    held(session)
+
+
+def test_an_empty_queue_is_not_held() -> None:
+    async def session(queue: Queue) -> None:
+        for request in (SHORT, SHORT, SHORT):
+            await queue.add(request, "Ana")
+        await queue.run()
+        queue.ended(5, EndState.STOPPED)
+        assert queue.view().problem.startswith("held because run 5 ended as stopped; start the queue again")
+        first, second = queue.view().items
+        assert queue.remove(first.id).problem.startswith("held because run 5 ended as stopped")
+        assert queue.remove(second.id).problem == ""
+        await queue.add(SHORT, "Ana")
+        await queue.run()
+        queue.ended(5, EndState.STOPPED)
+        assert queue.view().problem.endswith("nothing waits any more")
+        await queue.add(SHORT, "Ana")
+        assert queue.view().problem == ""
+
+    held(session)
