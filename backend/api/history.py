@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from backend.api import checklist
 from backend.api.schemas.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
+from backend.recording.flight import TRIP_EVENT
 from backend.storage import Database, Session, banks, events, identifications, recordings, runs
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
@@ -62,7 +63,7 @@ class History:
             RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
             for event in found
             # ticks begin anew with each loop process: those of another one do not fit this recording
-            if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
+            if event.tick is not None and event.kind != TRIP_EVENT and span.first_tick <= event.tick <= span.end_tick
         ]
         return RunMarks(marks=marks)
 

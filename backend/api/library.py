@@ -14,7 +14,6 @@ from backend.api.schemas.flight import FlightList
 from backend.api.schemas.identification import IdentificationView, SpringTableView
 from backend.api.schemas.run import Evaluation, RunList, RunView, SamplesView
 from backend.api.schemas.state import TaskView
-from backend.api.shelf import newest_estimate
 from backend.experiments.identification_curves import curves_of
 from backend.experiments.spring_identification import from_table
 from backend.recording.reader import Envelope, read_envelope
@@ -179,7 +178,7 @@ class Library:
 
     def _curves(self, run_id: int) -> IdentificationCurves:
         with self._database.reading() as session:
-            found = newest_estimate(session, run_id)
+            found = identifications.of_run(session, run_id)
         return IdentificationCurves.model_validate(curves_of(found))
 
     def _spring_tables(self) -> list[SpringTableView]:

@@ -23,8 +23,6 @@ from backend.experiments.bank_difference import difference, figures_of_all, with
 from backend.identification.actuator import joint_method
 from backend.storage import Database, Session, banks, identifications, runs
 from backend.storage.banks import Bank, BankEntry
-from backend.storage.identifications import Identification
-from backend.storage.records import UnknownRecordError
 
 
 class Shelf:
@@ -95,7 +93,7 @@ class Shelf:
 
     def _banks(self) -> list[BankView]:
         with self._database.reading() as session:
-            runs_of = _runs_of_estimates(session)
+            runs_of = identifications.runs_of(session)
             return [stored.bank_view(bank, runs_of, self._in_use()) for bank in banks.find(session)]
 
     def _bank(self, bank_id: int) -> Bank:
@@ -104,13 +102,11 @@ class Shelf:
 
     def _bank_view(self, bank_id: int) -> BankView:
         with self._database.reading() as session:
-            return stored.bank_view(banks.get(session, bank_id), _runs_of_estimates(session), self._in_use())
+            return stored.bank_view(banks.get(session, bank_id), identifications.runs_of(session), self._in_use())
 
     def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
-        with self._database.reading() as session:
-            chosen = [newest_estimate(session, run_id).id for run_id in run_ids]
         parameters = self._tuning().parameters
-        return self._bank_view(bank_building.build_bank(self._database, parameters, name, chosen, who).id)
+        return self._bank_view(bank_building.build_bank(self._database, parameters, name, run_ids, who).id)
 
     def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
         with self._database.reading() as session:
@@ -124,7 +120,7 @@ class Shelf:
             before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
             if other is not None:
                 return before, banks.get(session, other).entries
-            again = [bank_building.entry_of(newest_estimate(session, run_id)) for run_id in run_ids]
+            again = [bank_building.entry_of(identifications.of_run(session, run_id)) for run_id in run_ids]
             return before, with_entries(before, again)
 
     def _from_geometry(self) -> tuple[BankEntry, ...]:
@@ -139,22 +135,15 @@ class Shelf:
         return None if bank is None else bank.id
 
 
-def newest_estimate(session: Session, run_id: int) -> Identification:
-    """Return the newest estimate made from a run. Raises UnknownRecordError."""
-    found = identifications.find(session, run_id=run_id)
-    if not found:
-        raise UnknownRecordError(f"there is no identification {run_id} with a model")
-    return found[0]
-
-
 def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
     if entry.identification_id is None:
         return None
     found = identifications.get(session, entry.identification_id)
     run = None if found.run_id is None else runs.get(session, found.run_id)
     return EntryLineage(
-        identification=found.id,
-        method=joint_method({name: found.model.get(name, {}).get("method", found.method) for name in MODEL_NAMES}),
+        identification=found.run_id,
+        estimate=found.id,
+        method=joint_method({name: found.model.get(name, {}).get("method", found.method) for name in ("G_q", "G_S")}),
         verdict=found.verdict,
         run=found.run_id,
         created=found.created_at,
@@ -162,7 +151,3 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         plant=None if run is None else run.plant,
         parameters=None if run is None else run.parameters_name,
     )
-
-
-def _runs_of_estimates(session: Session) -> dict[int, int | None]:
-    return {estimate.id: estimate.run_id for estimate in identifications.find(session)}

@@ -1,7 +1,7 @@
 """``sinew bank``."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +11,6 @@ import typer
 from backend.cli.ordering import current_user, values_of
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
 from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
-from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.experiments.bank_difference import EntryDifference, LoopFigures
@@ -50,16 +49,16 @@ def show(
     as_json: AsJson = False,
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
-    from backend.storage import banks
+    from backend.storage import banks, identifications
 
     with database_of(settings_with(data=data)) as database, database.reading() as session:
-        _print(banks.get(session, bank), as_json=as_json)
+        _print(banks.get(session, bank), identifications.runs_of(session), as_json=as_json)
 
 
 @app.command()
 def build(
     name: Annotated[str, typer.Argument(help="Name of the bank; an existing one gets its next version.")],
-    identifications: Annotated[list[int], typer.Argument(help="Numbers of actuator identifications.")],
+    identifications: Annotated[list[int], typer.Argument(help="Numbers of the identification runs.")],
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -70,7 +69,8 @@ def build(
 
     with database_of(settings_with(data=data)) as database:
         parameters = load_parameters(params or _parameters_name(database, identifications))
-        _print(build_bank(database, parameters, name, identifications, current_user()), as_json=as_json)
+        bank = build_bank(database, parameters, name, identifications, current_user())
+        _print(bank, _runs_of(database), as_json=as_json)
 
 
 @app.command()
@@ -80,7 +80,7 @@ def diff(
     again: Annotated[
         list[int] | None,
         typer.Option(
-            "--with", help="Instead of another bank: an identification made again, by its number; repeatable."
+            "--with", help="Instead of another bank: an identification made again, by its run's number; repeatable."
         ),
     ] = None,
     values: LambdaWords = None,
@@ -106,7 +106,7 @@ def diff(
     with database_of(settings) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
-            new = with_entries(old, [entry_of(identifications.get(session, number)) for number in again or ()])
+            new = with_entries(old, [entry_of(identifications.of_run(session, run_id)) for run_id in again or ()])
         else:
             new = banks.get(session, after).entries
     changes = difference(load_parameters(settings.params), lambdas, old, new)
@@ -147,7 +147,15 @@ def import_file(
     settings = settings_with(data=data, params=params)
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
-        _print(import_bank(database, load_parameters(settings.params), document, current_user(), name), as_json=as_json)
+        bank = import_bank(database, load_parameters(settings.params), document, current_user(), name)
+        _print(bank, {}, as_json=as_json)
+
+
+def _runs_of(database: "Database") -> "Mapping[int, int | None]":
+    from backend.storage import identifications
+
+    with database.reading() as session:
+        return identifications.runs_of(session)
 
 
 def _parameters_name(database: "Database", chosen: list[int]) -> str:
@@ -155,8 +163,7 @@ def _parameters_name(database: "Database", chosen: list[int]) -> str:
     from backend.storage import identifications, runs
 
     with database.reading() as session:
-        run_id = identifications.get(session, chosen[0]).run_id
-        return runs.get(session, run_id).parameters_name if run_id is not None else Settings().params
+        return runs.get(session, identifications.of_run(session, chosen[0]).run_id or 0).parameters_name
 
 
 def _print_changes(changes: "Sequence[EntryDifference]") -> None:
@@ -179,13 +186,21 @@ def _change(old: float | str | None, new: float | str | None) -> str:
     return shown(new) if old == new else f"{shown(old)} → {shown(new)}"
 
 
-def _print(bank: "Bank", *, as_json: bool) -> None:
+def _print(bank: "Bank", run_of: "Mapping[int, int | None]", *, as_json: bool) -> None:
     if as_json:
-        print_json(asdict(bank))
+        document = asdict(bank)
+        for entry in document["entries"]:
+            entry["estimate"] = entry.pop("identification_id")
+            entry["identification"] = run_of.get(entry["estimate"] or 0)
+        print_json(document)
         return
     columns = ("S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
     rows = [
-        (entry.S_nominal, *(entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")), entry.identification_id)
+        (
+            entry.S_nominal,
+            *(entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")),
+            run_of.get(entry.identification_id or 0),
+        )
         for entry in bank.entries
     ]
     print_table(columns, rows, title=f"bank {bank.id}: {bank.name}, version {bank.version}")

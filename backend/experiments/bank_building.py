@@ -19,14 +19,19 @@ from backend.tuning.models import PointModel
 from plant.parameters import PlantParameters
 
 
+def name_of(identification: Identification) -> str:
+    """Return what an identification is called: by the run it came from, or by what it was made of."""
+    if identification.run_id is None:
+        return f"{identification.kind} identification from elsewhere (estimate {identification.id})"
+    return f"identification {identification.run_id}"
+
+
 def entry_of(identification: Identification) -> BankEntry:
     """Return the bank entry that an actuator identification gives. Raises BankError."""
     if identification.kind != "actuator":
-        raise BankError(
-            f"identification {identification.id} is of kind {identification.kind}: choose actuator identifications"
-        )
+        raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
     if not identification.usable:
-        raise BankError(f"identification {identification.id} is not usable for tuning: {identification.verdict}")
+        raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
     G_q, G_S = (identification.model[name]["first_order"] for name in ("G_q", "G_S"))
     model = {"K_q": G_q["K"], "T_q": G_q["T"], "K_S": G_S["K"], "T_S": G_S["T"]}
     model["tension_N"] = identification.options["tension_N"]
@@ -34,15 +39,15 @@ def entry_of(identification: Identification) -> BankEntry:
 
 
 def build_bank(
-    database: Database, parameters: PlantParameters, name: str, chosen: Sequence[int], who: str, note: str = ""
+    database: Database, parameters: PlantParameters, name: str, run_ids: Sequence[int], who: str, note: str = ""
 ) -> Bank:
-    """Store the next version of a bank from identifications, ordered by stiffness.
+    """Store the next version of a bank from the newest estimates of identification runs, ordered by stiffness.
 
     Raises BankError, UnknownRecordError.
     """
     require_name(name)
     with database.reading() as session:
-        named = [_named(session, parameters, number) for number in chosen]
+        named = [_named(session, parameters, run_id) for run_id in run_ids]
     entries = require_consistent(parameters, named)
     with database.session() as session:
         return banks.add(session, name.strip(), entries, who, note)
@@ -64,9 +69,8 @@ def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank
     return tuning_for(parameters, choice.lambdas, points_of(bank), interpolate=choice.interpolate)
 
 
-def _named(session: Session, parameters: PlantParameters, number: int) -> NamedEntry:
-    found = identifications.get(session, number)
-    entry, name = entry_of(found), f"identification {found.id}"
-    if found.run_id is not None:
-        require_same_parameters(parameters, name, runs.get(session, found.run_id).parameters)
+def _named(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
+    found = identifications.of_run(session, run_id)
+    entry, name = entry_of(found), name_of(found)
+    require_same_parameters(parameters, name, runs.get(session, run_id).parameters)
     return NamedEntry(name, entry)

@@ -37,7 +37,7 @@ class EntryFigures:
 
     S_nominal: float
     tension_N: float | None
-    identification_id: int | None
+    estimate: int | None
     position: LoopFigures
     stiffness: LoopFigures
 
@@ -58,7 +58,7 @@ def figures_of(parameters: PlantParameters, lambdas: Lambdas, entry: BankEntry) 
     return EntryFigures(
         S_nominal=point.S_nominal,
         tension_N=entry.model.get("tension_N"),
-        identification_id=entry.identification_id,
+        estimate=entry.identification_id,
         position=_loop(point.K_q, point.T_q, q, OuterProcess(model[0, 0])),
         stiffness=_loop(point.K_S, point.T_S, S, OuterProcess(model[1, 1])),
     )

@@ -9,6 +9,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from plant.interface import T_s
 BEFORE_S = 10.0
 AFTER_S = 5.0
 LOOK_S = 0.25
+TRIP_EVENT = "trip"
+"""Kind of the event that a record hangs on; the journal tells of the trip by itself."""
 DIED = "loop_died"
 """What stands in place of the fault when the loop process died."""
 
@@ -49,6 +52,7 @@ class _Trip:
     fault: str
     tick: int
     text: str
+    at: datetime
     is_last: bool = False
     followers: list[str] = field(default_factory=list)
 
@@ -99,11 +103,13 @@ class FlightRecorder:
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail):
                 text = " ".join(filter(None, (EXPLAINED[fault].message, detail)))
-                self._trip(_Trip(self._ring(), fault, tick, text))
+                ring = self._ring()
+                self._trip(_Trip(ring, fault, tick, text, _time_of(ring, tick)))
             case LoopDied(reason):
                 self._end_of_ring()
                 ring = self._ring()
-                self._trip(_Trip(ring, DIED, ring.count, f"The control loop died: {reason}", True))
+                text = f"The control loop died: {reason}"
+                self._trip(_Trip(ring, DIED, ring.count, text, _time_of(ring, ring.count), True))
             case _:
                 return
 
@@ -163,7 +169,7 @@ class FlightRecorder:
                 known = runs.get(session, run_id).id if run_id else None
             except UnknownRecordError:
                 known = None
-            event = events.add(session, "trip", trip.told, run_id=known, tick=trip.tick)
+            event = events.add(session, TRIP_EVENT, trip.told, run_id=known, tick=trip.tick, at=trip.at)
             samples = pack(rows[:, _STORED].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
@@ -174,6 +180,11 @@ class FlightRecorder:
     @property
     def _quota_told(self) -> str:
         return f"at most {self._quota.records} records and {self._quota.size_bytes / 1e6:.0f} MB are kept"
+
+
+def _time_of(ring: Ring, tick: int) -> datetime:
+    """Return when a tick that was heard of just now was taken: the ring may have gone on since."""
+    return datetime.now(UTC) - timedelta(seconds=max(0, ring.count - tick) * T_s)
 
 
 def flight_columns(database: Database, event_id: int) -> Columns:

@@ -225,8 +225,8 @@ def _data(found: Identification | None) -> tuple[Paragraph, ...]:
         return ()
     data = found.data
     text = (
-        f"Identification {found.id} used {data['samples']} samples at {exact(1e3 * data['period_s'])} ms, from sample "
-        f"{data['first_sample']} of run {found.run_id} on: input θ_A,ref, outputs q and S. Method: {_method(found)}."
+        f"Identification {found.run_id} used {data['samples']} samples at {exact(1e3 * data['period_s'])} ms, "
+        f"from sample {data['first_sample']} of that run on: input θ_A,ref, outputs q and S. Method: {_method(found)}."
     )
     again = " ".join(f"{key}: {again_command(found, key)}" for key in CHANNELS)
     return (Paragraph(text), Paragraph(f"To compute it again from the run's data file. {again}"))

@@ -61,5 +61,5 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "steps": metrics.get("steps", []),
         "identification": None
         if found is None
-        else {"id": found.id, "model": found.model, "quality": found.quality, "verdict": found.verdict},
+        else {"estimate": found.id, "model": found.model, "quality": found.quality, "verdict": found.verdict},
     }

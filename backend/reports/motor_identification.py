@@ -123,7 +123,7 @@ def _in_force(source: Source) -> tuple[Paragraph, ...]:
         for side in SIDES
     )
     text = (
-        f"Identification {found.id} used the voltages and motor angles of run {found.run_id}. The motor loops take "
+        f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
         f"their model from the parameter file; to use this one, enter there: {entries}."
     )
     return (Paragraph(text),)

@@ -4,6 +4,7 @@ from typing import Any
 
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
+from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
 
 END_STATES = {
@@ -96,7 +97,7 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
         (
             shown(entry.S_nominal, 4),
             *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
-            "imported" if entry.identification_id is None else f"identification {entry.identification_id}",
+            _came_from(source, entry),
         )
         for entry in source.bank.entries
     )
@@ -109,6 +110,12 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
         Column("From", number=False),
     )
     return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)
+
+
+def _came_from(source: Source, entry: BankEntry) -> str:
+    if entry.identification_id is None:
+        return "imported"
+    return f"identification {source.runs_of[entry.identification_id]}"
 
 
 def parameter_section(source: Source) -> Section:

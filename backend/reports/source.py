@@ -1,6 +1,7 @@
 """What a report is made from: the run as stored, its result, its samples, the bank it used."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from backend.recording.columns import Columns, drawn_columns, recorded_columns
 from backend.storage import Database, banks, identifications, results, runs
@@ -15,6 +16,7 @@ class Source:
     """A run with all that its report says.
 
     ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
+    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by.
     """
 
     run: Run
@@ -22,6 +24,7 @@ class Source:
     columns: Columns
     bank: Bank | None
     identification: Identification | None = None
+    runs_of: Mapping[int, int | None] = field(default_factory=dict)
 
 
 def load_source(database: Database, run_id: int) -> Source:
@@ -34,6 +37,7 @@ def load_source(database: Database, run_id: int) -> Source:
         result = results.newest(session, run_id)
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
         estimates = identifications.find(session, run_id=run_id)
+        runs_of = identifications.runs_of(session)
     by_hand = run.kind == RunKind.SESSION
     columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
-    return Source(run, result, columns, bank, estimates[0] if estimates else None)
+    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of)

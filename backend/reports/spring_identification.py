@@ -82,7 +82,7 @@ def _data(source: Source) -> tuple[Paragraph, ...]:
     if found is None:
         return ()
     pairs = found.quality["A"]["pairs"]
-    text = f"Identification {found.id} used {pairs} pairs of each spring, from the sweep of run {found.run_id}."
+    text = f"Identification {found.run_id} used {pairs} pairs of each spring, from the sweep of that run."
     return (Paragraph(text),)
 
 

@@ -46,7 +46,7 @@ def add(
 
 def find(session: Session, *, run_id: int | None = None, kind: str | None = None, limit: int = 500) -> list[Event]:
     """Return events, newest first."""
-    query = select(EventRow).order_by(EventRow.id.desc()).limit(limit)
+    query = select(EventRow).order_by(EventRow.at.desc(), EventRow.id.desc()).limit(limit)
     if run_id is not None:
         query = query.where(EventRow.run_id == run_id)
     if kind is not None:
@@ -56,7 +56,7 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
 
 def between(session: Session, since: datetime, until: datetime | None, *, limit: int = 2000) -> list[Event]:
     """Return the events from ``since`` to ``until`` (None: to now), oldest first."""
-    query = select(EventRow).where(EventRow.at >= since).order_by(EventRow.id).limit(limit)
+    query = select(EventRow).where(EventRow.at >= since).order_by(EventRow.at, EventRow.id).limit(limit)
     if until is not None:
         query = query.where(EventRow.at <= until)
     return [to_record(Event, row) for row in session.scalars(query)]

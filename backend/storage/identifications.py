@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.storage.records import require, to_record
+from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import Document, IdentificationRow
 
 
@@ -50,6 +50,23 @@ def add(session: Session, new: NewIdentification) -> Identification:
 def get(session: Session, identification_id: int) -> Identification:
     """Return one estimate. Raises UnknownRecordError."""
     return to_record(Identification, require(session, IdentificationRow, identification_id, "identification"))
+
+
+def of_run(session: Session, run_id: int) -> Identification:
+    """Return the newest estimate made from a run. An identification goes by its run's number wherever people see it.
+
+    Raises UnknownRecordError.
+    """
+    found = find(session, run_id=run_id)
+    if not found:
+        raise UnknownRecordError(f"there is no identification {run_id} with a model")
+    return found[0]
+
+
+def runs_of(session: Session) -> dict[int, int | None]:
+    """Return by the number of each stored estimate that of the run it came from; None for data from elsewhere."""
+    found = session.execute(select(IdentificationRow.id, IdentificationRow.run_id))
+    return {row.id: row.run_id for row in found}
 
 
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:

@@ -164,9 +164,9 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Stat
     assert found.model["G_S"]["first_order"]["K"] == pytest.approx(0.721, rel=0.03)
     assert found.model["S_nominal"] == pytest.approx(10.55, abs=0.02)
 
-    bank = build_bank(station.database, station.parameters, "first", [found.id], "A. Operator")
+    bank = build_bank(station.database, station.parameters, "first", [found.run_id], "A. Operator")
     with pytest.raises(BankError, match="apart"):
-        build_bank(station.database, station.parameters, "twice", [found.id, found.id], "A. Operator")
+        build_bank(station.database, station.parameters, "twice", [found.run_id, found.run_id], "A. Operator")
     with pytest.raises(BankError, match="needs at least one"):
         build_bank(station.database, station.parameters, "none", [], "A. Operator")
     (entry,) = bank.entries

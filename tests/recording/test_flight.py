@@ -3,6 +3,7 @@
 import asyncio
 import sqlite3
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,31 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
     for name in ("q", "F_A", "fault", "run"):
         np.testing.assert_array_equal(columns[name], rows[:, INDEX[name]].astype(np.float32))
     assert (columns["t"][0], columns["t"][10_000], columns["t"][-1]) == (-10.0, 0.0, pytest.approx(4.999))
+
+
+def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_the_events(
+    database: Database, writer: Writer
+) -> None:
+    recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
+    writer.write(3_000)
+    since = datetime.now(UTC)
+    recorder.hear(trip(3_000))
+    until = datetime.now(UTC)
+    # a trip that is heard of late, as after a busy second of the service
+    writer.write(8_000)
+    recorder.hear(trip(10_000, Fault.STOP_PRESSED))
+    heard = datetime.now(UTC)
+    with database.session() as session:
+        reset = events.add(session, "fault", "reset", at=heard + timedelta(seconds=2))
+    writer.write(5_000)
+    recorder.drain()
+    late, first = stored(database)
+    assert since <= first.at <= until
+    assert abs((heard - late.at).total_seconds() - 1.0) < 0.1
+    with database.reading() as session:
+        told = events.between(session, since - timedelta(seconds=5), None)
+        assert [event.text for event in events.find(session)] == [event.text for event in reversed(told)]
+    assert [event.id for event in told] == [late.event_id, first.event_id, reset.id]
 
 
 def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Database, writer: Writer) -> None:

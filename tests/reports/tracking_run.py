@@ -87,4 +87,4 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
     model = {"K_q": 0.0501, "T_q": 0.342, "K_S": 0.722, "T_S": 0.341}
     entries = (BankEntry(8.24, model, 4), BankEntry(10.55, model, 5), BankEntry(12.43, model, None))
     made = Bank(id=3, name="spring set 2", version=2, note="", who="A. Operator", created_at=BEGAN, entries=entries)
-    return Source(run, result, columns, made if bank else None)
+    return Source(run, result, columns, made if bank else None, runs_of={4: 7, 5: 8})

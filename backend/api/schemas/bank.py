@@ -63,7 +63,7 @@ class EntryFigures(Schema):
 
     S_nominal: float = quantity("N·m/rad", "stiffness of the point")
     tension_N: float | None = quantity("N", "tendon tension of the point")
-    identification_id: int | None = Field(description="number of the stored identification; null for an imported one")
+    estimate: int | None = Field(description="number of the stored estimate; null for an imported entry")
     position: LoopFigures
     stiffness: LoopFigures
 
@@ -71,7 +71,8 @@ class EntryFigures(Schema):
 class EntryLineage(Schema):
     """Where the models of an entry came from."""
 
-    identification: int = Field(description="number of the stored identification")
+    identification: int | None = Field(description="identification run; null for data from elsewhere")
+    estimate: int = Field(description="number of the stored estimate, of which a run may have several")
     method: str
     verdict: str
     run: int | None

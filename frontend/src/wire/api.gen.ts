@@ -1871,10 +1871,10 @@ export interface components {
              */
             tension_N: number | null;
             /**
-             * Identification Id
-             * @description number of the stored identification; null for an imported one
+             * Estimate
+             * @description number of the stored estimate; null for an imported entry
              */
-            identification_id: number | null;
+            estimate: number | null;
             position: components["schemas"]["LoopFigures"];
             stiffness: components["schemas"]["LoopFigures"];
         };
@@ -1885,9 +1885,14 @@ export interface components {
         EntryLineage: {
             /**
              * Identification
-             * @description number of the stored identification
+             * @description identification run; null for data from elsewhere
              */
-            identification: number;
+            identification: number | null;
+            /**
+             * Estimate
+             * @description number of the stored estimate, of which a run may have several
+             */
+            estimate: number;
             /** Method */
             method: string;
             /** Verdict */
