@@ -95,7 +95,9 @@ def _zooming(browser: Browser, service: Service, run: int) -> list[float]:
             at = 0.1 + 0.8 * repetition / REPETITIONS
             page.mouse.move(box["x"] + at * box["width"], box["y"] + 0.5 * box["height"])
             _watch(page, "wheel", _RAW)
+            page.keyboard.down("Control")
             page.mouse.wheel(0, _WHEEL_PX)
+            page.keyboard.up("Control")
             took.append(float(page.evaluate("window.took")))
             page.mouse.dblclick(box["x"] + at * box["width"], box["y"] + 0.5 * box["height"])
             page.wait_for_function(f"!({_RAW})()", timeout=_PATIENCE_MS)

@@ -132,4 +132,6 @@ def middle_of_a_chart(page: Page) -> tuple[float, float]:
 
 def wheel(page: Page, by: float) -> None:
     page.mouse.move(*middle_of_a_chart(page))
+    page.keyboard.down("Control")
     page.mouse.wheel(0, by)
+    page.keyboard.up("Control")

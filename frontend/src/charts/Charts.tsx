@@ -22,6 +22,7 @@ import { save, stamp } from "./save";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import type { ViewControl } from "./useViewport";
+import { useWheelHint, WHEEL_HINT } from "./useWheelHint";
 import { held, panned, type Viewport, zoomed } from "./viewport";
 
 interface ChartsProps {
@@ -62,6 +63,7 @@ export function Charts(props: ChartsProps) {
   useHotkeys([["m", measure.toggle]]);
   const readout = useMemo(() => new Readout(source, panels, playhead), [source, panels, playhead]);
   const stack = useRef<ChartStack | null>(null);
+  const [wheelHint, explainWheel] = useWheelHint();
 
   const target = useMemo<GestureTarget>(() => {
     const instant = (at: number) => {
@@ -83,6 +85,7 @@ export function Charts(props: ChartsProps) {
         stack.current?.resetValues();
         change(home);
       },
+      leftToScroll: explainWheel,
       hover: (at) => {
         readout.hover(at);
         if (at !== null && playhead?.playing === false) playhead.set(instant(at));
@@ -90,7 +93,7 @@ export function Charts(props: ChartsProps) {
       grab: (at) => readout.grab(instant(at), current.current.span_s),
       move: (cursor, at) => readout.move(cursor, instant(at)),
     };
-  }, [source, readout, change, current, home, longest_s, playhead]);
+  }, [source, readout, change, current, home, longest_s, playhead, explainWheel]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: a new colour scheme needs new colours on the canvases
   useEffect(() => {
@@ -232,7 +235,7 @@ export function Charts(props: ChartsProps) {
           onData={saveData}
         />
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
-        <span className={styles.toolbarEnd}>{remark}</span>
+        <span className={styles.toolbarEnd}>{wheelHint ? WHEEL_HINT : remark}</span>
       </div>
       <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
     </section>

@@ -8,6 +8,8 @@ export interface GestureTarget {
   /** Drag by a fraction of the plotting area, positive to the right. */
   pan(by: number): void;
   reset(): void;
+  /** The wheel turned without Ctrl over a chart that was not clicked into: the page scrolls, nothing zooms. */
+  leftToScroll(): void;
   /** Follow the pointer, or null when it has left. */
   hover(at: number | null): void;
   /** Take hold of a measuring cursor near `at`, if there is one. */
@@ -24,6 +26,8 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   const abort = new AbortController();
   const held = new Set<string>();
   let over = false;
+  /** A click takes the wheel for the charts until the pointer leaves. */
+  let engaged = false;
   let drag: { pointer: number; x: number; cursor: number | null; moved: boolean } | null = null;
 
   const fraction = (clientX: number) => {
@@ -32,6 +36,11 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
   };
 
   function onWheel(event: WheelEvent): void {
+    const meant = engaged || event.ctrlKey || event.metaKey || held.has("v") || held.has("b");
+    if (!meant) {
+      target.leftToScroll();
+      return;
+    }
     event.preventDefault();
     const factor = Math.exp(event.deltaY * (event.deltaMode === 0 ? 1 : 16) * ZOOM_PER_PIXEL);
     const both = held.has("b");
@@ -41,6 +50,7 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
 
   function onDown(event: PointerEvent): void {
     if (event.button !== 0) return;
+    engaged = true;
     area.setPointerCapture(event.pointerId);
     drag = {
       pointer: event.pointerId,
@@ -93,6 +103,7 @@ export function listen(area: HTMLElement, target: GestureTarget): () => void {
     "pointerleave",
     () => {
       over = false;
+      engaged = false;
       target.hover(null);
     },
     options,

@@ -21,6 +21,8 @@ const TIME_STEPS_S = [
 ];
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
+/** As wide as that the line above it leaves an edge in sight on both sides. */
+const BROAD = 3;
 /** Lines of one pixel are painted several times faster in software. */
 const HAIRLINE = 1;
 const LABEL_CLEARANCE_PX = 5;
@@ -141,7 +143,7 @@ export class SignalPlot {
             scale: "y",
             auto: false,
             stroke: trace.hue,
-            width: software ? HAIRLINE : LINE_WIDTH,
+            width: (software ? HAIRLINE : LINE_WIDTH) * (trace.broad ? BROAD : 1),
             ...(trace.dashed ? { dash: [6, 4] } : trace.dotted ? { dash: [2, 3] } : {}),
             paths: linePath,
             pxAlign: 0,

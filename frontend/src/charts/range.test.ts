@@ -21,6 +21,18 @@ describe("steadyRange", () => {
     expect(steadyRange(range, { minimum: 1, maximum: 1.002 }, 2)).toBe(range);
   });
 
+  it("takes a flat curve off the edge, and then holds still", () => {
+    // 30 degrees held, on an axis that was made for a step from 22
+    const before = { min: 22, max: 30 };
+    const range = steadyRange(before, { minimum: 30, maximum: 30 }, 4);
+    const share = (30 - range.min) / (range.max - range.min);
+    expect(share).toBeGreaterThan(0.25);
+    expect(share).toBeLessThan(0.75);
+    expect(steadyRange(range, { minimum: 29.98, maximum: 30.02 }, 4)).toBe(range);
+    // a curve that uses the whole axis may touch its ends
+    expect(steadyRange(before, { minimum: 22, maximum: 30 }, 4)).toBe(before);
+  });
+
   it("keeps what it had when there is nothing to show", () => {
     const nothing = { minimum: Number.POSITIVE_INFINITY, maximum: Number.NEGATIVE_INFINITY };
     expect(steadyRange(BEFORE, nothing, 1)).toBe(BEFORE);

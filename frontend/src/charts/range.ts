@@ -9,6 +9,8 @@ export interface ValueRange {
 
 const NARROW_BELOW = 0.4;
 const MARGIN = 0.08;
+const EDGE = 0.04;
+const LOPSIDED = 0.4;
 
 /**
  * The range to draw for `extent`, given the range drawn before. Ends fall on round numbers; the range is never
@@ -18,8 +20,15 @@ export function steadyRange(before: ValueRange, extent: Extent, narrowest: numbe
   if (extent.maximum < extent.minimum) return before;
   const fits = extent.minimum >= before.min && extent.maximum <= before.max;
   const used = Math.max(extent.maximum - extent.minimum, narrowest) / (before.max - before.min);
-  if (fits && used > NARROW_BELOW) return before;
+  if (fits && used > NARROW_BELOW && !hugsAnEdge(before, extent)) return before;
   return roundRange(extent, narrowest);
+}
+
+/** Whether the curves lie at one end of the axis while most of the rest is empty. */
+function hugsAnEdge(range: ValueRange, extent: Extent): boolean {
+  const span = range.max - range.min;
+  const [below, above] = [extent.minimum - range.min, range.max - extent.maximum];
+  return Math.min(below, above) < EDGE * span && Math.abs(above - below) > LOPSIDED * span;
 }
 
 function roundRange(extent: Extent, narrowest: number): ValueRange {

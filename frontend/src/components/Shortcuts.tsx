@@ -11,7 +11,7 @@ const KEYS: readonly (readonly [string[], string])[] = [
   [["L"], "Operate: follow the newest sample (Live)"],
   [["Space"], "Operate: hold the charts, go on"],
   [["M"], "Operate: measuring cursors"],
-  [["Wheel"], "Charts: zoom time; hold V for the value axis, B for both"],
+  [["Ctrl", "Wheel"], "Charts, also after a click: zoom time; hold V for the value axis, B for both"],
   [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
   [["?"], "This list"],
 ];

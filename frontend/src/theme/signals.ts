@@ -11,6 +11,8 @@ export interface Trace {
   readonly dashed: boolean;
   /** Of the second of two recordings. */
   readonly dotted?: boolean;
+  /** Drawn under its partner and wider, so that both are seen where they are the same. */
+  readonly broad?: boolean;
 }
 
 export interface Panel {
@@ -31,6 +33,10 @@ function measured(name: SignalName, hue: string): Trace {
 
 function reference(name: SignalName, hue: string): Trace {
   return { name, hue, dashed: true };
+}
+
+function broad(trace: Trace): Trace {
+  return { ...trace, broad: true };
 }
 
 export const HUES = {
@@ -82,7 +88,7 @@ export const FORCE: Panel = {
   factor: 1,
   decimals: 2,
   narrowest: 4,
-  traces: [measured("F_A", HUES.F_A), measured("F_B", HUES.F_B)],
+  traces: [broad(measured("F_A", HUES.F_A)), measured("F_B", HUES.F_B)],
 };
 
 export const VOLTAGE: Panel = {
@@ -92,7 +98,7 @@ export const VOLTAGE: Panel = {
   factor: 1,
   decimals: 2,
   narrowest: 1,
-  traces: [measured("u_A", HUES.u_A), measured("u_B", HUES.u_B)],
+  traces: [broad(measured("u_A", HUES.u_A)), measured("u_B", HUES.u_B)],
 };
 
 export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE] as const;

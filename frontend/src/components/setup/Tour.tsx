@@ -17,7 +17,7 @@ const STEPS = [
   },
   {
     target: "Charts",
-    text: "The wheel zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
+    text: "The wheel with Ctrl, or after a click into the chart, zooms time (hold V for values), dragging pans, a double click resets, Live returns to now.",
   },
   {
     target: "Reachable map",

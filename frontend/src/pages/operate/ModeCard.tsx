@@ -20,6 +20,9 @@ const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "off", name: "Off", meaning: "Zero volts; the tendons go slack." },
 ];
 
+/** Words are shown away from the other row: nothing covers a button that stops. */
+const IN_FIRST_ROW = 3;
+
 export function ModeCard() {
   const state = useLive((live) => live.state);
   const setMode = useSetMode();
@@ -27,10 +30,15 @@ export function ModeCard() {
     <Card title="Mode">
       {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
       <div className={styles.moves} role="group" aria-label="Change mode">
-        {MOVES.map(({ mode, name, meaning }) => {
+        {MOVES.map(({ mode, name, meaning }, index) => {
           const reason = whyNot(state, mode);
           return (
-            <Tooltip key={mode} label={reason ?? meaning} position="bottom">
+            <Tooltip
+              key={mode}
+              label={reason ?? meaning}
+              position={index < IN_FIRST_ROW ? "top" : "bottom"}
+              middlewares={{ flip: false, shift: true }}
+            >
               <Button
                 px={4}
                 variant={state?.mode === mode ? "filled" : "default"}
