@@ -6,6 +6,7 @@ import { useQuery } from "@tanstack/react-query";
 import { lazy, Suspense, useEffect } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
+import { ControlLoss } from "./components/ControlLoss";
 import { Header } from "./components/Header";
 import { Navigation, PAGES } from "./components/Navigation";
 import { Shortcuts } from "./components/Shortcuts";
@@ -68,6 +69,7 @@ function Shell() {
     <div className={styles.shell}>
       <Header onShortcuts={open} />
       <StatusStrip />
+      <ControlLoss />
       <Tour />
       <div className={styles.body}>
         <Navigation onSetup={setup.open} />

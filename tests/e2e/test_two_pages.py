@@ -41,7 +41,12 @@ def test_a_copy_of_the_tab_watches_and_a_reload_keeps_control(operator: Operator
 
     copy.take_control()
     expect(page.get_by_role("button", name="Control: operator")).to_be_visible()
+    lost = page.get_by_role("alert", name="Control lost")
+    expect(lost).to_contain_text("operator has taken over control from this page.")
     copy.page.close()
+    lost.get_by_role("button", name="Take control").click()
+    expect(page.get_by_role("button", name="Control: you")).to_be_visible()
+    expect(lost).to_have_count(0)
 
 
 def lapsed_cookie(service: Service) -> tuple[str, str]:

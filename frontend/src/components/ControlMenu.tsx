@@ -8,6 +8,7 @@ import { useLive } from "../live/react";
 import { useStanding } from "../service/useStanding";
 import { answeredBy } from "../wire/client";
 import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
+import { OperatorsOnly } from "./OperatorsOnly";
 
 const NOBODY: readonly string[] = [];
 
@@ -36,13 +37,15 @@ export function ControlMenu() {
         </Button>
       </Menu.Target>
       <Menu.Dropdown>
-        {mine ? (
-          <Menu.Item onClick={() => giveUp.mutate()}>Give up control</Menu.Item>
-        ) : (
-          <Menu.Item onClick={() => take.mutate(holder !== null)}>
-            {holder === null ? "Take control" : `Take over from ${holder.name}`}
-          </Menu.Item>
-        )}
+        <OperatorsOnly>
+          {mine ? (
+            <Menu.Item onClick={() => giveUp.mutate()}>Give up control</Menu.Item>
+          ) : (
+            <Menu.Item onClick={() => take.mutate(holder !== null)}>
+              {holder === null ? "Take control" : `Take over from ${holder.name}`}
+            </Menu.Item>
+          )}
+        </OperatorsOnly>
         <Menu.Label>Anyone may press STOP</Menu.Label>
         {people.length > 0 && <Menu.Label>Connected: {people.join(", ")}</Menu.Label>}
       </Menu.Dropdown>

@@ -3,9 +3,10 @@
 import { ActionIcon, type MantineColorScheme, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
 import { IconDeviceDesktop, IconKeyboard, IconMoon, IconSun } from "@tabler/icons-react";
 import { health } from "../live/link";
-import { useLive, useNow } from "../live/react";
-import { fixed, kilohertz } from "../samples/format";
+import { useLive, useNow, useSampleAge } from "../live/react";
+import { age, fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/preferences";
+import { useMayCommand } from "../service/useMayCommand";
 import { ControlMenu } from "./ControlMenu";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
@@ -16,7 +17,8 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
   const now_ms = useNow(250);
-  const stale = health(link, now_ms) !== "live";
+  const old_s = useSampleAge();
+  const stale = old_s !== null || health(link, now_ms) !== "live";
   const timing = state?.timing;
   return (
     <header className={styles.header}>
@@ -25,12 +27,18 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
         Sinew
       </span>
       <PlantBadge plant={state?.plant} parameters={state?.parameters} />
+      {useMayCommand() === false && (
+        <span className={styles.badge} role="img" aria-label="Viewer" title="You look on, and may press STOP">
+          VIEW
+        </span>
+      )}
       <span
         className={styles.mode}
         role="status"
         aria-label="Mode"
         data-mode={state?.mode}
         data-stale={stale}
+        title={old_s === null ? undefined : `as it was ${age(1000 * old_s)} ago`}
       >
         <span className={styles.dot} aria-hidden="true" />
         {state?.mode ?? "unknown"}

@@ -6,6 +6,7 @@ import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
 import { useReset } from "../service/commands";
+import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import styles from "./StatusStrip.module.css";
@@ -24,6 +25,7 @@ export function StatusStrip() {
   const link = useLive((live) => live.link);
   const now_ms = useNow(500);
   const reset = useReset();
+  const may = useMayCommand();
   const refused = useStanding(reset.error);
   const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms));
   const Icon = ICONS[status.tone];
@@ -32,7 +34,7 @@ export function StatusStrip() {
       <Icon size={18} aria-hidden="true" className={styles.icon} />
       <Message status={status} instead={status.resettable ? refused?.message : undefined} />
       {status.task !== null && <TaskProgress task={status.task} />}
-      {status.resettable && (
+      {status.resettable && may !== false && (
         <Button
           size="compact-xs"
           variant="white"

@@ -29,6 +29,26 @@ export function useLive<Part>(select: (live: Live) => Part): Part {
   return useSyncExternalStore(store.subscribe, () => select(store.snapshot()));
 }
 
+/** Samples older than this are not shown as present ones [s]. */
+export const OLD_S = 0.3;
+const LOOK_MS = 100;
+
+/** How old the newest sample is [s], to a tenth, once it is older than `OLD_S`; null while it is fresh or there is none. */
+export function useSampleAge(): number | null {
+  const store = useLiveStore();
+  const [old_s, setOld] = useState<number | null>(null);
+  useEffect(() => {
+    const look = () => {
+      const age_s = store.age(performance.now() / 1000);
+      setOld(age_s !== null && age_s > OLD_S ? Math.round(age_s * 10) / 10 : null);
+    };
+    look();
+    const timer = window.setInterval(look, LOOK_MS);
+    return () => window.clearInterval(timer);
+  }, [store]);
+  return old_s;
+}
+
 /** Page time [ms], renewed every `every_ms`; for ages. */
 export function useNow(every_ms: number): number {
   const [now, setNow] = useState(() => performance.now());

@@ -11,8 +11,13 @@ const LAYOUT: Layout = {
   limits: {},
 };
 
-function state(starts: number, rate_Hz: number): State {
-  return { link: { alive: true, silent_s: 0, starts }, limits: { F_max: 50 }, timing: { rate_Hz } } as State;
+function state(starts: number, rate_Hz: number, tick = 0): State {
+  return {
+    tick,
+    link: { alive: true, silent_s: 0, starts },
+    limits: { F_max: 50 },
+    timing: { rate_Hz },
+  } as State;
 }
 
 function frame(firstTick: number, count: number, missed = 0) {
@@ -55,5 +60,47 @@ describe("LiveStore", () => {
     store.addMark({ type: "event", tick: 5, kind: "note", text: "x" });
     expect(told).toBe(2);
     expect(store.snapshot().marks).toHaveLength(1);
+  });
+
+  it("takes history in at once when it is whole, and never shows a part of it as present", () => {
+    const store = new LiveStore(0);
+    store.setLayout(LAYOUT);
+    store.setState(state(1, 1000, 29_999));
+    const shown: number[] = [];
+    for (let tick = 0; tick < 30_000; tick += 4000) {
+      store.addFrame(frame(tick, Math.min(4000, 30_000 - tick)), 5 + tick * 1e-6);
+      shown.push(store.window.endTick);
+    }
+    expect(shown).toEqual([0, 0, 0, 0, 0, 0, 0, 30_000]);
+    expect(store.window.startTick).toBe(0);
+    expect(store.age(5.03)).toBeLessThan(0.01);
+    store.addFrame(frame(30_000, 33), 5.063);
+    expect(store.window.endTick).toBe(30_033);
+    expect(store.age(5.063)).toBeLessThan(0.01);
+    expect(store.age(6.063)).toBeCloseTo(1, 2);
+  });
+
+  it("shows samples of before as old until it is connected again and history is whole", () => {
+    const store = new LiveStore(0);
+    store.setLayout(LAYOUT);
+    store.setState(state(1, 1000, 99));
+    store.addFrame(frame(0, 100), 0.1);
+    store.setLayout(LAYOUT);
+    store.setState(state(1, 1000, 60_000));
+    store.addFrame(frame(30_000, 4000), 60);
+    expect(store.window.endTick).toBe(100);
+    expect(store.age(60.1)).toBeCloseTo(60, 3);
+    store.addFrame(frame(34_000, 26_100), 60.2);
+    expect(store.window.endTick).toBe(60_100);
+    expect(store.age(60.2)).toBe(0);
+  });
+
+  it("does not wait for ever for the end of history", () => {
+    const store = new LiveStore(0);
+    store.setLayout(LAYOUT);
+    store.setState(state(1, 1000, 90_000));
+    store.addFrame(frame(0, 33), 1);
+    store.addFrame(frame(33, 33), 2.1);
+    expect(store.window.endTick).toBe(66);
   });
 });

@@ -8,6 +8,8 @@ import { SampleClock } from "./clock";
 import { firstLink, type Link } from "./link";
 
 const MARKS_KEPT = 500;
+/** History that does not come to its end within so long [s] is shown as far as it came. */
+const HISTORY_WITHIN_S = 1;
 
 /** The slow part, replaced as a whole on each change; React reads this. */
 export interface Live {
@@ -24,6 +26,8 @@ export class LiveStore {
   window = new SampleWindow([]);
   readonly clock = new SampleClock();
 
+  /** After a greeting: what came before this tick is history, kept aside until it is whole. */
+  private history: { untilTick: number | null; since_s: number | null; frames: Frame[] } | null = null;
   private live: Live;
   private readonly listeners = new Set<() => void>();
 
@@ -46,8 +50,11 @@ export class LiveStore {
   setLayout(layout: Layout): void {
     const names = layout.fields.map((field) => field.name);
     const known = [...this.window.columns.keys()];
-    if (names.join() !== known.join()) this.window = new SampleWindow(names);
-    this.clock.reset();
+    if (names.join() !== known.join()) {
+      this.window = new SampleWindow(names);
+      this.clock.reset();
+    }
+    this.history = { untilTick: null, since_s: null, frames: [] };
     this.change({ layout, marks: [] });
   }
 
@@ -58,6 +65,7 @@ export class LiveStore {
       this.clock.reset();
       this.change({ marks: [] });
     }
+    if (this.history?.untilTick === null) this.history.untilTick = state.tick + 1;
     // equal parts keep their identity, so that only what shows a change is rendered again
     this.change({ state: replaceEqualDeep(this.live.state, state) });
   }
@@ -67,10 +75,32 @@ export class LiveStore {
   }
 
   addFrame(frame: Frame, arrival_s: number): void {
-    this.window.append(frame);
+    const frames = this.complete(frame, arrival_s);
+    if (frames === null) return;
+    for (const one of frames) this.window.append(one);
     const period_s = this.live.layout?.period_s ?? 0;
     this.clock.observe(this.window.endTick * period_s, arrival_s);
-    if (frame.missed > 0) this.change({ missed: this.live.missed + frame.missed });
+    const missed = frames.reduce((sum, one) => sum + one.missed, 0);
+    if (missed > 0) this.change({ missed: this.live.missed + missed });
+  }
+
+  /** How old the newest sample in the window is at page time `now_s`; null while nothing is known of it [s]. */
+  age(now_s: number): number | null {
+    return this.clock.age(now_s);
+  }
+
+  /** The frames to take in now: none while history is on its way, so that old samples never pass as present ones. */
+  private complete(frame: Frame, arrival_s: number): Frame[] | null {
+    const history = this.history;
+    if (history === null) return [frame];
+    history.since_s ??= arrival_s;
+    history.frames.push(frame);
+    const whole = frame.firstTick + frame.count >= (history.untilTick ?? 0);
+    if (!whole && arrival_s - history.since_s < HISTORY_WITHIN_S) return null;
+    this.history = null;
+    // what was known of the way here belongs to the connection before; until now the samples shown grew old by it
+    this.clock.reset();
+    return history.frames;
   }
 
   private change(part: Partial<Live>): void {

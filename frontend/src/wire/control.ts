@@ -22,6 +22,7 @@ interface Held {
 }
 
 let held: Held | null = null;
+let givenUp: number | null = null;
 let last: Promise<unknown> = Promise.resolve();
 const listeners = new Set<() => void>();
 
@@ -45,6 +46,11 @@ export function heldKey(): string | null {
   return held?.key ?? null;
 }
 
+/** What others knew the control by that this page gave up of its own accord. */
+export function givenUpEpoch(): number | null {
+  return givenUp;
+}
+
 /** Call `listener` when this page gets or loses control; returns how to stop that. */
 export function watchHeld(listener: () => void): () => void {
   listeners.add(listener);
@@ -60,6 +66,7 @@ export function takeControl(takeOver: boolean): Promise<Response> {
 export function giveUpControl(): Promise<Response> {
   return inTurn(async () => {
     const request = new Request(new URL("/api/control", globalThis.location.origin), { method: "DELETE" });
+    givenUp = held?.epoch ?? null;
     const answer = await send(stamped(request));
     keep(null);
     return answer;

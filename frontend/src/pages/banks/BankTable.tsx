@@ -2,6 +2,7 @@
 
 import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { dateTime, fixed } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
@@ -47,15 +48,17 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                   {bank.active ? (
                     <strong>active</strong>
                   ) : (
-                    <Button
-                      size="compact-xs"
-                      variant="default"
-                      aria-label={`Activate ${nameOf(bank)}`}
-                      loading={activate.isPending && activate.variables === bank.id}
-                      onClick={() => activate.mutate(bank.id)}
-                    >
-                      Activate
-                    </Button>
+                    <OperatorsOnly otherwise="–">
+                      <Button
+                        size="compact-xs"
+                        variant="default"
+                        aria-label={`Activate ${nameOf(bank)}`}
+                        loading={activate.isPending && activate.variables === bank.id}
+                        onClick={() => activate.mutate(bank.id)}
+                      >
+                        Activate
+                      </Button>
+                    </OperatorsOnly>
                   )}
                 </Table.Td>
                 <Table.Td>

@@ -3,6 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useParams } from "wouter";
 import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { banksQuery } from "../../service/queries";
 import page from "../Page.module.css";
 import { BankComparison } from "./BankComparison";
@@ -18,7 +19,14 @@ export default function BanksPage() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>Banks</h1>
-      <Card title="Banks" aside={<BankImport />}>
+      <Card
+        title="Banks"
+        aside={
+          <OperatorsOnly>
+            <BankImport />
+          </OperatorsOnly>
+        }
+      >
         {banks.data === undefined ? (
           <p className={page.empty}>{banks.error?.message ?? "Loading …"}</p>
         ) : (

@@ -3,6 +3,7 @@
 import { Button, NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
@@ -72,25 +73,27 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
         </div>
       </details>
       <div className={page.actions}>
-        <Button
-          type="submit"
-          size="sm"
-          aria-label={`Start ${kind.title.toLowerCase()}`}
-          aria-disabled={reason !== null}
-          data-disabled={reason !== null || undefined}
-          loading={start.isPending}
-        >
-          Start
-        </Button>
-        <Button
-          size="sm"
-          variant="default"
-          disabled={order === null}
-          loading={queue.isPending}
-          onClick={() => order && queue.mutate({ do: "add", ...order })}
-        >
-          Add to queue
-        </Button>
+        <OperatorsOnly>
+          <Button
+            type="submit"
+            size="sm"
+            aria-label={`Start ${kind.title.toLowerCase()}`}
+            aria-disabled={reason !== null}
+            data-disabled={reason !== null || undefined}
+            loading={start.isPending}
+          >
+            Start
+          </Button>
+          <Button
+            size="sm"
+            variant="default"
+            disabled={order === null}
+            loading={queue.isPending}
+            onClick={() => order && queue.mutate({ do: "add", ...order })}
+          >
+            Add to queue
+          </Button>
+        </OperatorsOnly>
         <Button
           size="sm"
           variant="default"

@@ -4,6 +4,7 @@ import { ActionIcon, Button } from "@mantine/core";
 import { IconX } from "@tabler/icons-react";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { useQueueCommand } from "../../service/commands";
@@ -38,36 +39,40 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                     <br />
                     <OrderWords name={item.name} settings={item.settings} />
                   </span>
-                  <ActionIcon
-                    variant="subtle"
-                    color="gray"
-                    aria-label={`Remove experiment ${item.id} from the queue`}
-                    onClick={() => command.mutate({ do: "remove", id: item.id })}
-                  >
-                    <IconX size={14} />
-                  </ActionIcon>
+                  <OperatorsOnly>
+                    <ActionIcon
+                      variant="subtle"
+                      color="gray"
+                      aria-label={`Remove experiment ${item.id} from the queue`}
+                      onClick={() => command.mutate({ do: "remove", id: item.id })}
+                    >
+                      <IconX size={14} />
+                    </ActionIcon>
+                  </OperatorsOnly>
                 </div>
               </li>
             ))}
           </ol>
         )}
-        <div className={page.actions}>
-          {queue?.running ? (
-            <Button variant="default" onClick={() => command.mutate({ do: "hold" })}>
-              Hold queue
-            </Button>
-          ) : (
-            <Button
-              variant="default"
-              disabled={!startable}
-              title={reason ?? ""}
-              loading={command.isPending}
-              onClick={() => command.mutate({ do: "run" })}
-            >
-              {queue?.problem ? "Start queue again" : "Start queue"}
-            </Button>
-          )}
-        </div>
+        <OperatorsOnly>
+          <div className={page.actions}>
+            {queue?.running ? (
+              <Button variant="default" onClick={() => command.mutate({ do: "hold" })}>
+                Hold queue
+              </Button>
+            ) : (
+              <Button
+                variant="default"
+                disabled={!startable}
+                title={reason ?? ""}
+                loading={command.isPending}
+                onClick={() => command.mutate({ do: "run" })}
+              >
+                {queue?.problem ? "Start queue again" : "Start queue"}
+              </Button>
+            )}
+          </div>
+        </OperatorsOnly>
         <Refusal error={command.error} about={queue} text={queue?.problem ? queue.problem : null} />
       </div>
     </Card>

@@ -6,6 +6,7 @@ import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
 import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
+import { useMayCommand } from "../../service/useMayCommand";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -17,6 +18,7 @@ interface IdentificationListProps {
 }
 
 export function IdentificationList({ identifications, selected, chosen, onChoose }: IdentificationListProps) {
+  const may = useMayCommand();
   return (
     <Card title="Identification runs">
       {identifications?.length === 0 && (
@@ -59,7 +61,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                       size="xs"
                       aria-label={`Use run ${row.id}`}
                       checked={chosen.has(row.id)}
-                      disabled={row.kind !== "actuator" || !row.usable}
+                      disabled={may === false || row.kind !== "actuator" || !row.usable}
                       onChange={() => onChoose(row.id)}
                     />
                   </Table.Td>

@@ -3,6 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useLocation, useParams } from "wouter";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { identificationsQuery, springTablesQuery } from "../../service/queries";
 import styles from "../Page.module.css";
 import { BankBuilder } from "./BankBuilder";
@@ -34,14 +35,22 @@ export default function IdentifyPage() {
       <h1 className={styles.title}>Identify</h1>
       <div className={styles.columns}>
         <div className={styles.column}>
-          <IdentificationForm
-            onStarted={(started) => {
-              setTable(null);
-              go(`/identify/${started}`);
-            }}
-            onTable={setTable}
-          />
-          <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
+          <OperatorsOnly
+            otherwise={
+              <p className={styles.empty}>
+                You are signed in as a viewer: operators identify and build banks.
+              </p>
+            }
+          >
+            <IdentificationForm
+              onStarted={(started) => {
+                setTable(null);
+                go(`/identify/${started}`);
+              }}
+              onTable={setTable}
+            />
+            <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
+          </OperatorsOnly>
         </div>
         <div className={styles.column}>
           {table && <SpringTableResult key={table.id} table={table} />}

@@ -2,7 +2,8 @@
 
 import { useMemo } from "react";
 import { useCanvas } from "../../charts/useCanvas";
-import { useLiveStore } from "../../live/react";
+import { useLiveStore, useSampleAge } from "../../live/react";
+import { age } from "../../samples/format";
 import styles from "./ActuatorDrawing.module.css";
 import { actuatorPose, type Signals } from "./actuatorPose";
 import { paintActuator } from "./paintActuator";
@@ -24,5 +25,15 @@ export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
     };
   }, [store, read]);
   const canvas = useCanvas(drawing);
-  return <canvas ref={canvas} className={styles.drawing} role="img" aria-label="Actuator" />;
+  const old_s = useSampleAge();
+  const stale = read === undefined && old_s !== null;
+  return (
+    <canvas
+      ref={canvas}
+      className={styles.drawing}
+      data-stale={stale}
+      role="img"
+      aria-label={stale ? `Actuator, ${age(1000 * old_s)} ago` : "Actuator"}
+    />
+  );
 }

@@ -9,9 +9,8 @@ import type { PlacedMark } from "../../charts/decorations";
 import { LiveSource } from "../../charts/liveSource";
 import { useViewport } from "../../charts/useViewport";
 import { following, held, LIVE, SPANS_S, withSpan } from "../../charts/viewport";
-import { health } from "../../live/link";
-import { useLive, useLiveStore, useNow } from "../../live/react";
-import { fixed } from "../../samples/format";
+import { useLive, useLiveStore, useSampleAge } from "../../live/react";
+import { age, fixed } from "../../samples/format";
 import { usePreferences } from "../../service/preferences";
 import { usePanels } from "../../theme/usePanels";
 import { PERIOD_S } from "../../wire/sample.gen";
@@ -27,8 +26,7 @@ export function LiveCharts() {
   const limits = useLive((live) => live.state?.limits);
   const marks = useLive((live) => live.marks);
   const missed = useLive((live) => live.missed);
-  const link = useLive((live) => live.link);
-  const stale = health(link, useNow(500)) !== "live";
+  const old_s = useSampleAge();
   const { view, change, current } = control;
   const isLive = view.end_s === null;
 
@@ -52,10 +50,11 @@ export function LiveCharts() {
       home={home}
       limits={useMemo(() => limitLines(limits), [limits])}
       marks={useMemo(() => marks.map(placed).sort((a, b) => a.time_s - b.time_s), [marks])}
-      stale={stale}
+      stale={old_s !== null}
       name="sinew-live"
       remark={
         <output aria-label="View">
+          {old_s !== null && `values are ${age(1000 * old_s)} old, `}
           {missed > 0 && `${missed} samples missed, `}
           {isLive ? "following" : "held"}, {fixed(view.span_s, view.span_s < 1 ? 3 : 1)} s
         </output>

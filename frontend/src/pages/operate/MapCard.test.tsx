@@ -46,17 +46,22 @@ const OUT_OF_RANGE = {
 const HELD = { code: "control_held", message: "Ben holds control: take it over to command" };
 
 let store: LiveStore;
+let role: string;
 
 function told(part: Partial<State>): void {
   act(() => store.setState({ ...(store.snapshot().state ?? STATE), ...part }));
 }
 
+/** What the page asks for by itself. */
+async function known(request: Request): Promise<Response> {
+  const session = new URL(request.url).pathname === "/api/session";
+  return new Response(JSON.stringify(session ? { name: "Ana", role } : { banks: [] }));
+}
+
 /** A click into the map that the service refuses. */
 async function refused(status: number, problem: { message: string }): Promise<void> {
   fetched.mockImplementation(async (request) =>
-    request.method === "GET"
-      ? new Response("[]")
-      : new Response(JSON.stringify({ error: problem }), { status }),
+    request.method === "GET" ? known(request) : new Response(JSON.stringify({ error: problem }), { status }),
   );
   fireEvent.click(screen.getByRole("img", { name: "Reachable map" }), { clientX: 5, clientY: 5 });
   await waitFor(() => expect(message()).toBe(problem.message));
@@ -66,8 +71,13 @@ const message = () => screen.getByRole("status", { name: "Refusal" }).textConten
 
 beforeEach(() => {
   vi.useFakeTimers({ toFake: ["performance"] });
+  role = "operator";
+  fetched.mockReset().mockImplementation(known);
   store = new LiveStore(0);
   store.setState(STATE);
+});
+
+function open(): void {
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient({ defaultOptions: { queries: { retry: false } } })}>
@@ -77,7 +87,7 @@ beforeEach(() => {
       </QueryClientProvider>
     </MantineProvider>,
   );
-});
+}
 
 afterEach(() => {
   cleanup();
@@ -85,6 +95,7 @@ afterEach(() => {
 });
 
 it("refuses a value until another one is in force, however that was sent", async () => {
+  open();
   await refused(422, OUT_OF_RANGE);
   vi.advanceTimersByTime(5000);
   told({ mode: "compliance" });
@@ -96,6 +107,7 @@ it("refuses a value until another one is in force, however that was sent", async
 });
 
 it("says who holds control until somebody else does, or nobody", async () => {
+  open();
   await refused(409, HELD);
   // the state that tells of the new holder may come after the refusal
   told({ holder: { name: "Ben", epoch: 8, page: true, silent_s: 0, lost: false } });
@@ -111,6 +123,7 @@ it("says who holds control until somebody else does, or nobody", async () => {
 });
 
 it("says what the mode forbids until the mode is another", async () => {
+  open();
   const problem = { code: "illegal_mode", message: "references are followed in run and compliance only" };
   await refused(409, problem);
   vi.advanceTimersByTime(5000);
@@ -118,4 +131,12 @@ it("says what the mode forbids until the mode is another", async () => {
   expect(message()).toBe(problem.message);
   told({ mode: "off" });
   expect(message()).toMatch(/^A click sets/);
+});
+
+it("commands nothing by the click of a viewer, and does not offer it", async () => {
+  role = "viewer";
+  open();
+  await waitFor(() => expect(message()).toBe(""));
+  fireEvent.click(screen.getByRole("img", { name: "Reachable map" }), { clientX: 5, clientY: 5 });
+  expect(fetched.mock.calls.filter(([request]) => request.method !== "GET")).toEqual([]);
 });

@@ -6,10 +6,11 @@ import { type MouseEvent, useMemo, useState } from "react";
 import { useCanvas } from "../../charts/useCanvas";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
-import { useLive, useLiveStore } from "../../live/react";
-import { fixed } from "../../samples/format";
+import { useLive, useLiveStore, useSampleAge } from "../../live/react";
+import { age, fixed } from "../../samples/format";
 import { useSetReferences } from "../../service/commands";
 import { banksQuery } from "../../service/queries";
+import { useMayCommand } from "../../service/useMayCommand";
 import { DEGREES } from "../../theme/signals";
 import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
@@ -45,6 +46,8 @@ export function MapCard() {
     };
   }, [store, entries, target]);
   const canvas = useCanvas(drawing);
+  const old_s = useSampleAge();
+  const may = useMayCommand();
 
   function aim(event: MouseEvent<HTMLCanvasElement>): void {
     const limits = store.snapshot().state?.limits;
@@ -65,15 +68,27 @@ export function MapCard() {
   return (
     <Card
       title="Reachable map"
-      aside={<span className={styles.axes}>S [N·m/rad] over q [deg]</span>}
+      aside={
+        <span className={styles.axes}>
+          {old_s === null ? "S [N·m/rad] over q [deg]" : `joint as it was ${age(1000 * old_s)} ago`}
+        </span>
+      }
       className={styles.card}
     >
-      <canvas ref={canvas} className={styles.map} role="img" aria-label="Reachable map" onClick={aim} />
-      {target === null ? (
+      <canvas
+        ref={canvas}
+        className={styles.map}
+        data-stale={old_s !== null}
+        role="img"
+        aria-label="Reachable map"
+        data-aims={may !== false}
+        onClick={may === false ? undefined : aim}
+      />
+      {target === null || may === false ? (
         <Refusal
           error={send.error}
           about={references}
-          hint={`A click aims at q_ref and S_ref together.${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
+          hint={`${may === false ? "" : "A click aims at q_ref and S_ref together."}${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
         />
       ) : (
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form

@@ -1,5 +1,6 @@
 /** The operator's page: charts, 3D view, controls. */
 
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
@@ -7,6 +8,7 @@ import styles from "./Operate.module.css";
 import { ReferencesCard } from "./ReferencesCard";
 import { SceneCard } from "./SceneCard";
 import { TuningCard } from "./TuningCard";
+import { ViewOnly } from "./ViewOnly";
 
 export function OperatePage() {
   return (
@@ -20,9 +22,11 @@ export function OperatePage() {
         <MapCard />
       </div>
       <div className={styles.controls}>
-        <ModeCard />
-        <ReferencesCard />
-        <TuningCard />
+        <OperatorsOnly otherwise={<ViewOnly />}>
+          <ModeCard />
+          <ReferencesCard />
+          <TuningCard />
+        </OperatorsOnly>
       </div>
     </div>
   );

@@ -6,11 +6,13 @@ import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
 import { useSetNote } from "../../service/commands";
 import { runQuery } from "../../service/queries";
+import { useMayCommand } from "../../service/useMayCommand";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 import { CompareWith } from "./CompareWith";
@@ -97,17 +99,20 @@ function NoteCard({ run }: { run: Run }) {
           minRows={2}
           maxRows={6}
           value={note}
+          readOnly={useMayCommand() === false}
           onChange={(event) => setNote(event.currentTarget.value)}
         />
         <div className={page.actions}>
-          <Button
-            variant="default"
-            disabled={note === run.note}
-            loading={save.isPending}
-            onClick={() => save.mutate(note)}
-          >
-            Save note
-          </Button>
+          <OperatorsOnly>
+            <Button
+              variant="default"
+              disabled={note === run.note}
+              loading={save.isPending}
+              onClick={() => save.mutate(note)}
+            >
+              Save note
+            </Button>
+          </OperatorsOnly>
           <Refusal error={save.error} />
         </div>
         <div className={page.actions}>

@@ -4,6 +4,7 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { RunState, unevaluated } from "../../components/RunState";
 import { Outcome, Verdict } from "../../components/Verdict";
@@ -39,12 +40,14 @@ function Evaluated({ run }: { run: Run }) {
   return (
     <>
       <Verdict good={false}>Not evaluated: {unevaluated(run)}</Verdict>
-      <div className={page.actions}>
-        <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
-          Evaluate again
-        </Button>
-        <Refusal error={evaluate.error} />
-      </div>
+      <OperatorsOnly>
+        <div className={page.actions}>
+          <Button variant="default" size="compact-sm" onClick={() => evaluate.mutate()}>
+            Evaluate again
+          </Button>
+          <Refusal error={evaluate.error} />
+        </div>
+      </OperatorsOnly>
     </>
   );
 }

@@ -1,6 +1,7 @@
 /** Disk and database: how they do, a check of all of it, and copies. */
 
 import { Button } from "@mantine/core";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
 import { bytes, dateTime } from "../../samples/format";
@@ -35,12 +36,14 @@ export function DatabaseCard({ system }: { system: SystemState | undefined }) {
       ]}
     >
       <div className={styles.actions}>
-        <Button variant="default" loading={backup.isPending} onClick={() => backup.mutate()}>
-          Back up now
-        </Button>
-        <Button variant="default" loading={check.isPending} onClick={() => check.mutate()}>
-          Check the database
-        </Button>
+        <OperatorsOnly>
+          <Button variant="default" loading={backup.isPending} onClick={() => backup.mutate()}>
+            Back up now
+          </Button>
+          <Button variant="default" loading={check.isPending} onClick={() => check.mutate()}>
+            Check the database
+          </Button>
+        </OperatorsOnly>
         {check.data && (
           <Verdict good={check.data.length === 0}>
             {check.data.length === 0 ? "the database is whole" : check.data.join("; ")}

@@ -3,6 +3,7 @@
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { faultsQuery, useInject, useMend } from "../../service/system";
@@ -25,12 +26,14 @@ export default function DeveloperPage() {
           : "Break the simulator while the joint moves, then mend it and reset the fault."}
       </p>
       <Card title="Faults">
-        <div className={styles.actions}>
-          <Button variant="default" disabled={isRig} loading={mend.isPending} onClick={() => mend.mutate()}>
-            Mend everything
-          </Button>
-          <Refusal error={inject.error ?? mend.error} />
-        </div>
+        <OperatorsOnly>
+          <div className={styles.actions}>
+            <Button variant="default" disabled={isRig} loading={mend.isPending} onClick={() => mend.mutate()}>
+              Mend everything
+            </Button>
+            <Refusal error={inject.error ?? mend.error} />
+          </div>
+        </OperatorsOnly>
         <div className={page.tableScroll}>
           <Table aria-label="Faults" verticalSpacing={4}>
             <Table.Thead>
@@ -54,15 +57,17 @@ export default function DeveloperPage() {
                   <Table.Td>{injection === null ? "STOP" : described(injection)}</Table.Td>
                   <Table.Td>
                     {injection !== null && (
-                      <Button
-                        size="compact-xs"
-                        variant="default"
-                        disabled={isRig}
-                        aria-label={`Inject ${code}`}
-                        onClick={() => inject.mutate(injection)}
-                      >
-                        Inject
-                      </Button>
+                      <OperatorsOnly>
+                        <Button
+                          size="compact-xs"
+                          variant="default"
+                          disabled={isRig}
+                          aria-label={`Inject ${code}`}
+                          onClick={() => inject.mutate(injection)}
+                        >
+                          Inject
+                        </Button>
+                      </OperatorsOnly>
                     )}
                   </Table.Td>
                 </Table.Tr>

@@ -3,6 +3,7 @@
 import { Button, Modal, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
 import { bytes, dateTime } from "../../samples/format";
@@ -34,9 +35,11 @@ export function RecordingsCard() {
     >
       {mayGo.length > 0 && (
         <div className={styles.actions}>
-          <Button variant="default" onClick={() => setAsked(mayGo)}>
-            Choose what goes
-          </Button>
+          <OperatorsOnly>
+            <Button variant="default" onClick={() => setAsked(mayGo)}>
+              Choose what goes
+            </Button>
+          </OperatorsOnly>
         </div>
       )}
       <Modal opened={asked !== null} onClose={() => setAsked(null)} title="Delete samples" size={720}>

@@ -1,0 +1,45 @@
+/** Says that this page has lost control, until it has control again or a person has read it. */
+
+import { Button } from "@mantine/core";
+import { IconAlertTriangle } from "@tabler/icons-react";
+import { useMutation } from "@tanstack/react-query";
+import { useEffect, useState } from "react";
+import { useLive } from "../live/react";
+import { afterTold, lossSentence, NO_CONTROL } from "../service/controlLoss";
+import { useStanding } from "../service/useStanding";
+import { answeredBy } from "../wire/client";
+import { givenUpEpoch, heldEpoch, takeControl } from "../wire/control";
+import styles from "./ControlLoss.module.css";
+
+export function ControlLoss() {
+  const state = useLive((live) => live.state);
+  const [kept, keep] = useState(NO_CONTROL);
+  const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
+  const refused = useStanding(take.error);
+  useEffect(() => {
+    if (state !== null)
+      keep((before) => afterTold(before, state.holder, heldEpoch(), givenUpEpoch(), Date.now()));
+  }, [state]);
+  if (kept.lost === null) return null;
+  const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");
+  return (
+    <div className={styles.loss} role="alert" aria-label="Control lost">
+      <IconAlertTriangle size={18} aria-hidden="true" />
+      <span className={styles.message}>
+        <strong>{at}</strong> {lossSentence(kept.lost)} {refused?.message}
+      </span>
+      <Button
+        size="compact-xs"
+        variant="white"
+        color="dark"
+        loading={take.isPending}
+        onClick={() => take.mutate()}
+      >
+        Take control
+      </Button>
+      <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
+        Stay an observer
+      </Button>
+    </div>
+  );
+}

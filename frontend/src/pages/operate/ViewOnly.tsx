@@ -1,0 +1,30 @@
+/** In place of the controls, for those who look on: what is in force, as numbers that cannot be changed. */
+
+import { Card } from "../../components/Card";
+import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
+import { DEGREES } from "../../theme/signals";
+import page from "../Page.module.css";
+
+export function ViewOnly() {
+  const state = useLive((live) => live.state);
+  if (state === null) return null;
+  const { references, tuning } = state;
+  return (
+    <Card title="In force">
+      <dl className={page.facts}>
+        <dt>Position reference</dt>
+        <dd>{fixed(references.q_ref * DEGREES, 1)} deg</dd>
+        <dt>Stiffness reference</dt>
+        <dd>{fixed(references.S_ref, 2)} N·m/rad</dd>
+        <dt>λ_q, λ_S, λ_motor</dt>
+        <dd>
+          {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
+        </dd>
+        <dt>Gains</dt>
+        <dd>{tuning.bank === null ? "from geometry" : `bank ${tuning.bank.name} v${tuning.bank.version}`}</dd>
+      </dl>
+      <p className={page.dim}>You are signed in as a viewer: you may look at everything and press STOP.</p>
+    </Card>
+  );
+}

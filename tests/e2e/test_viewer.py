@@ -1,0 +1,79 @@
+"""A viewer's page says VIEW and offers nothing that the service would refuse; words about a mode cover no button."""
+
+import re
+
+from playwright.sync_api import Browser, Page, Response, expect
+
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service
+
+PAGES = ("operate", "identify", "banks", "experiments", "runs", "system", "system/developer")
+COMMANDING = (
+    "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|Hold queue|Activate .*|Import.*"
+    "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
+)
+
+
+def signed_in_as_viewer(browser: Browser, service: Service) -> tuple[Page, list[str]]:
+    page = browser.new_context(viewport=DESKTOP).new_page()
+    refused: list[str] = []
+
+    def note(answer: Response) -> None:
+        if answer.status in (401, 403) and "/api/session" not in answer.url:
+            refused.append(f"{answer.request.method} {answer.url}")
+
+    page.on("response", note)
+    page.goto(service.url)
+    page.get_by_role("textbox", name="Token").fill((service.data / "viewer-token").read_text().strip())
+    page.get_by_role("button", name="Sign in").click()
+    return page, refused
+
+
+def test_a_viewer_is_offered_nothing_that_is_refused(browser: Browser, service: Service) -> None:
+    page, refused = signed_in_as_viewer(browser, service)
+    expect(page.get_by_role("img", name="Viewer")).to_have_text("VIEW")
+    for name in PAGES:
+        page.goto(f"{service.url}/#/{name}")
+        expect(page.get_by_role("heading", level=1)).to_have_count(1)
+        expect(page.get_by_role("button", name="STOP", exact=True)).to_be_enabled()
+        page.wait_for_load_state("networkidle")
+        for button in page.get_by_role("button").all():
+            words = (button.get_attribute("aria-label") or button.inner_text()).strip()
+            assert not _commands(words), f"{name} offers {words!r} to a viewer"
+        assert page.get_by_role("slider").locator("visible=true").count() == 0 or name == "runs"
+    page.goto(f"{service.url}/#/operate")
+    page.get_by_role("img", name="Reachable map").click()
+    page.get_by_role("button", name="Control: ").click()
+    expect(page.get_by_text("Anyone may press STOP")).to_be_visible()
+    expect(page.get_by_role("menuitem")).to_have_count(0)
+    assert refused == []
+    page.context.close()
+
+
+def _commands(words: str) -> bool:
+    return re.fullmatch(COMMANDING, words) is not None
+
+
+def test_words_about_a_mode_cover_no_button(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    moves = page.get_by_role("group", name="Change mode").get_by_role("button").all()
+    boxes = [move.bounding_box() for move in moves]
+    for move in moves:
+        move.hover()
+        words = page.get_by_role("tooltip")
+        expect(words).to_be_visible()
+        seen = words.bounding_box()
+        assert seen is not None
+        for box in boxes:
+            assert box is not None
+            apart = (
+                seen["y"] + seen["height"] <= box["y"]
+                or box["y"] + box["height"] <= seen["y"]
+                or seen["x"] + seen["width"] <= box["x"]
+                or box["x"] + box["width"] <= seen["x"]
+            )
+            assert apart, move.inner_text()
+        page.mouse.move(5, 5)
+        expect(words).to_have_count(0)
