@@ -32,6 +32,8 @@ interface LambdaControlProps {
   /** What the control starts from: in force, or staged. */
   readonly value: number;
   readonly preview: LoopPreview | undefined;
+  /** Of what is in force. */
+  readonly present: LoopPreview | undefined;
   readonly compare: boolean;
   onDraft(value: number | undefined): void;
   /** Sends the value, or stages it. */
@@ -39,7 +41,7 @@ interface LambdaControlProps {
 }
 
 export function LambdaControl(props: LambdaControlProps) {
-  const { name, symbol, hue, tuning, value, preview, compare, onDraft, onCommit } = props;
+  const { name, symbol, hue, tuning, value, preview, present, compare, onDraft, onCommit } = props;
   const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
@@ -138,6 +140,7 @@ export function LambdaControl(props: LambdaControlProps) {
         symbol={symbol}
         hue={hue}
         preview={preview}
+        present={present}
         drafted={sent.value !== tuning[name]}
         compare={compare}
       />

@@ -2,13 +2,15 @@
 
 import type { ReactNode } from "react";
 import { SignalName } from "../../components/SignalName";
-import { fixed } from "../../samples/format";
+import { fixed, short } from "../../samples/format";
 import type { LoopPreview } from "../../wire/types";
 import styles from "./Operate.module.css";
 import { stepPath } from "./stepPath";
 
 const WIDTH = 150;
 const HEIGHT = 46;
+/** Room above the final value of a step. */
+const UPPER = 1.15;
 /** Robustness above this is out of the offered range. */
 const M_S_LIMIT = 1.7;
 
@@ -16,46 +18,68 @@ interface StepPreviewProps {
   readonly symbol: string;
   readonly hue: string;
   readonly preview: LoopPreview | undefined;
+  /** What is in force, drawn beside a value that is not yet. */
+  readonly present: LoopPreview | undefined;
   /** The value is not in force yet. */
   readonly drafted: boolean;
   /** Show what the printed formula of table 2 would do, beside it. */
   readonly compare: boolean;
 }
 
-export function StepPreview({ symbol, hue, preview, drafted, compare }: StepPreviewProps) {
-  const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT);
+export function StepPreview({ symbol, hue, preview, present, drafted, compare }: StepPreviewProps) {
+  const beside = drafted ? present : undefined;
+  const end_s = Math.max(preview?.t.at(-1) ?? 0, beside?.t.at(-1) ?? 0);
+  const upper = Math.max(UPPER, ...(preview?.y ?? []), ...(beside?.y ?? []));
+  const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT, upper, end_s);
   const printed = compare && preview !== undefined ? preview.printed : null;
   const M_s = preview?.M_s;
   const fragile = preview !== undefined && (M_s == null || M_s > M_S_LIMIT);
   return (
     // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
     <div className={styles.preview} role="group" aria-label={`Preview of ${symbol}`} data-drafted={drafted}>
-      <svg
-        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
-        className={styles.previewChart}
-        preserveAspectRatio="none"
-        aria-hidden="true"
-      >
+      <div className={styles.previewFrame}>
+        <svg
+          viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+          className={styles.previewChart}
+          preserveAspectRatio="none"
+          aria-hidden="true"
+        >
+          {drawing && (
+            <>
+              <line
+                className={styles.previewTarget}
+                x1="0"
+                x2={WIDTH}
+                y1={drawing.target}
+                y2={drawing.target}
+              />
+              {printed && (
+                <path
+                  className={styles.previewPrinted}
+                  d={stepPath(preview?.t ?? [], printed.y, WIDTH, HEIGHT, drawing.top, end_s).path}
+                  vectorEffect="non-scaling-stroke"
+                />
+              )}
+              {beside && (
+                <path
+                  className={styles.previewPresent}
+                  d={stepPath(beside.t, beside.y, WIDTH, HEIGHT, drawing.top, end_s).path}
+                  vectorEffect="non-scaling-stroke"
+                />
+              )}
+              <path d={drawing.path} stroke={hue} vectorEffect="non-scaling-stroke" />
+            </>
+          )}
+        </svg>
         {drawing && (
           <>
-            <line
-              className={styles.previewTarget}
-              x1="0"
-              x2={WIDTH}
-              y1={drawing.target}
-              y2={drawing.target}
-            />
-            {printed && (
-              <path
-                className={styles.previewPrinted}
-                d={stepPath(preview?.t ?? [], printed.y, WIDTH, HEIGHT, drawing.top).path}
-                vectorEffect="non-scaling-stroke"
-              />
-            )}
-            <path d={drawing.path} stroke={hue} vectorEffect="non-scaling-stroke" />
+            <span className={styles.previewOne} style={{ top: `${(100 * drawing.target) / HEIGHT}%` }}>
+              1
+            </span>
+            <span className={styles.previewEnd}>{short(end_s)} s</span>
           </>
         )}
-      </svg>
+      </div>
       <dl className={styles.previewNumbers}>
         <Reading
           label={<SignalName name="M_s" />}
@@ -72,6 +96,11 @@ export function StepPreview({ symbol, hue, preview, drafted, compare }: StepPrev
         <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
         <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
       </dl>
+      {beside && (
+        <span className="visually-hidden">
+          In force: time to 90 % {fixed(stepPath(beside.t, beside.y, WIDTH, HEIGHT).t_90, 2)} s, drawn grey.
+        </span>
+      )}
       {printed && (
         <span className={styles.previewNote}>
           As printed: {printed.stable ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"} (dotted; never in force)

@@ -43,6 +43,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
     PREVIEW_AFTER_MS,
   );
   const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S, tuningKey(tuning)));
+  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuningKey(tuning)));
   return (
     <>
       {LAMBDAS.map(({ name, symbol, hue, loop }) => (
@@ -54,6 +55,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           tuning={tuning}
           value={wanted(name)}
           preview={preview.data?.[loop]}
+          present={present.data?.[loop]}
           compare={compare}
           onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
           onCommit={async (value) => {

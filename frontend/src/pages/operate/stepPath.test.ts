@@ -16,3 +16,40 @@ describe("stepPath", () => {
     expect(stepPath([], [], 150, 46).t_90).toBeNull();
   });
 });
+
+const WIDTH = 100;
+const HEIGHT = 50;
+
+/** A double pole at -1/lam, as the loops are designed: 90 % after 3.89 lam. */
+function response(lam: number) {
+  const t = Array.from({ length: 401 }, (_, index) => (index / 400) * 8 * lam);
+  return { t, y: t.map((time) => 1 - (1 + time / lam) * Math.exp(-time / lam)) };
+}
+
+function points(path: string): [number, number][] {
+  return path
+    .slice(1)
+    .split("L")
+    .map((pair) => pair.split(" ").map(Number) as [number, number]);
+}
+
+/** Where a drawn path first reaches a share of the final value, as a share of the width. */
+function reaches(path: string, share: number, top: number): number {
+  const level = HEIGHT - (share / top) * HEIGHT;
+  return (points(path).find(([, y]) => y <= level)?.[0] ?? Number.NaN) / WIDTH;
+}
+
+it("draws two responses on one time axis, each where it is", () => {
+  const [quick, slow] = [response(0.5), response(3)];
+  const end_s = slow.t.at(-1) as number;
+  for (const [lam, one] of [
+    [0.5, quick],
+    [3, slow],
+  ] as const) {
+    const drawn = stepPath(one.t, one.y, WIDTH, HEIGHT, 1.15, end_s);
+    // a tenth of a pixel of 24 s, and a point of the curve
+    expect(Math.abs(reaches(drawn.path, 0.9, drawn.top) * end_s - 3.89 * lam)).toBeLessThan(0.1);
+    expect(points(drawn.path).at(-1)?.[0]).toBe(WIDTH);
+    expect(drawn.t_90).toBeCloseTo(3.89 * lam, 1);
+  }
+});

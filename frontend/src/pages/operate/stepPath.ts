@@ -12,20 +12,23 @@ export interface StepDrawing {
 
 const TOP = 1.15;
 
-/** The response `y(t)` from 0 to 1, with 15 % of room above; or up to `upper`, so that two can be laid over each other. */
+/** The response `y(t)` from 0 to 1, with 15 % of room above; or up to `upper`, and
+ * to `end_s`, so that two can be laid over each other; beyond its end the response stays where it came to. */
 export function stepPath(
   t: readonly number[],
   y: readonly number[],
   width: number,
   height: number,
   upper?: number,
+  end_s?: number,
 ): StepDrawing {
-  const last = t.at(-1) ?? 1;
+  const last = end_s ?? t.at(-1) ?? 1;
   const top = upper ?? Math.max(TOP, ...y);
   const level = (value: number) => height - (value / top) * height;
   const points = t.map(
     (time, index) => `${((time / last) * width).toFixed(1)} ${level(y[index] ?? 0).toFixed(1)}`,
   );
+  if ((t.at(-1) ?? last) < last) points.push(`${width.toFixed(1)} ${level(y.at(-1) ?? 0).toFixed(1)}`);
   return {
     path: points.length === 0 ? "" : `M${points.join("L")}`,
     target: level(1),
