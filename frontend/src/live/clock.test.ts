@@ -40,7 +40,7 @@ describe("SampleClock", () => {
       return clock.age(now_s + 5 + frame * 1e-4) as number;
     });
     expect(ages[0]).toBeGreaterThan(4.5);
-    expect(ages[100]).toBeGreaterThan(1.5);
+    expect(ages[100]).toBeGreaterThan(0.3); // grey on the page
     expect(ages.at(-1)).toBeLessThan(0.1);
   });
 

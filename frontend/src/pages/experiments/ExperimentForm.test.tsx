@@ -49,11 +49,18 @@ const KIND: ExperimentKind = {
 function stateOf(tuning: Tuned, own_tuning: Tuned | null = null): State {
   const ranges = { lam_motor_min: 0.05, lam_motor_max: 0.2, entry: 0 };
   const legal_modes = ["experiment", "identify"];
-  return { mode: "run", legal_modes, task: null, tuning: { ...tuning, ...ranges }, own_tuning } as unknown as State;
+  return {
+    mode: "run",
+    legal_modes,
+    task: null,
+    tuning: { ...tuning, ...ranges },
+    own_tuning,
+  } as unknown as State;
 }
 
 function answer(request: Request): Response {
   const path = new URL(request.url).pathname;
+  if (path === "/api/session") return Response.json({ name: "A. Operator", role: "operator" });
   if (path === "/api/banks") return Response.json({ banks: [{ ...BANK, entries: [] }] });
   if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
   if (path === "/api/experiments/queue") return Response.json({ items: [] }, { status: 201 });
@@ -92,7 +99,7 @@ function standing(): Record<string, unknown> {
     lam_motor: number("What lam_motor is [s]"),
     b: number("What b is"),
     bank: number("Models that the gains come from"),
-    interpolate: (screen.getByLabelText("What interpolate is") as HTMLInputElement).checked,
+    interpolate: (screen.getByRole("checkbox", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
     seed: number("What seed is"),
   };
 }
@@ -123,7 +130,9 @@ it.each([
   await waitFor(() => expect(standing()).toEqual(orderWith(expected)));
   for (const [button, path] of BUTTONS) {
     fireEvent.click(screen.getByRole("button", { name: button }));
-    await waitFor(async () => expect(await sentTo(path)).toEqual([{ name: "tracking", settings: standing() }]));
+    await waitFor(async () =>
+      expect(await sentTo(path)).toEqual([{ name: "tracking", settings: standing() }]),
+    );
   }
 });
 

@@ -16,7 +16,10 @@ describe("requestOf", () => {
   it("asks for all that is shown", () => {
     const values = valuesOf(ACTUATOR, { tension_N: 30 });
     expect(values).toEqual({ tension_N: 30, chip_s: 0.04 });
-    expect(requestOf(ACTUATOR, values, "")).toEqual({ request: { kind: "actuator", ...values }, problem: null });
+    expect(requestOf(ACTUATOR, values, "")).toEqual({
+      request: { kind: "actuator", ...values },
+      problem: null,
+    });
     expect(ACTUATOR.settings.map((setting) => originOf(setting, { tension_N: 30 }))).toEqual([
       "default: 20",
       "default",

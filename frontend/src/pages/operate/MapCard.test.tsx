@@ -64,6 +64,7 @@ async function refused(status: number, problem: { message: string }): Promise<vo
     request.method === "GET" ? known(request) : new Response(JSON.stringify({ error: problem }), { status }),
   );
   fireEvent.click(screen.getByRole("img", { name: "Reachable map" }), { clientX: 5, clientY: 5 });
+  fireEvent.click(await screen.findByRole("button", { name: "Send target" }));
   await waitFor(() => expect(message()).toBe(problem.message));
 }
 
@@ -101,9 +102,9 @@ it("refuses a value until another one is in force, however that was sent", async
   told({ mode: "compliance" });
   expect(message()).toBe(OUT_OF_RANGE.message);
   told({ references: { q_ref: 0.2, S_ref: 10 } });
-  expect(message()).toMatch(/^A click sets/);
+  expect(message()).toMatch(/^A click aims/);
   told({ references: { q_ref: 0, S_ref: 10 } });
-  expect(message()).toMatch(/^A click sets/);
+  expect(message()).toMatch(/^A click aims/);
 });
 
 it("says who holds control until somebody else does, or nobody", async () => {
@@ -119,7 +120,7 @@ it("says who holds control until somebody else does, or nobody", async () => {
   });
   expect(message()).toBe(HELD.message);
   told({ holder: null });
-  expect(message()).toMatch(/^A click sets/);
+  expect(message()).toMatch(/^A click aims/);
 });
 
 it("says what the mode forbids until the mode is another", async () => {
@@ -130,7 +131,7 @@ it("says what the mode forbids until the mode is another", async () => {
   told({ tick: 9000 });
   expect(message()).toBe(problem.message);
   told({ mode: "off" });
-  expect(message()).toMatch(/^A click sets/);
+  expect(message()).toMatch(/^A click aims/);
 });
 
 it("commands nothing by the click of a viewer, and does not offer it", async () => {

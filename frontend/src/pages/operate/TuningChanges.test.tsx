@@ -38,7 +38,9 @@ beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   fetched.mockReset().mockImplementation(async ({ url }) => {
     const path = new URL(url).pathname;
-    if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    if (path === "/api/control")
+      return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    if (path === "/api/session") return Response.json({ name: "A. Operator", role: "operator" });
     return Response.json(path === "/api/tuning/saved" ? { ...SAVED, who: null, at: null } : {});
   });
 });
@@ -46,16 +48,19 @@ afterEach(cleanup);
 
 const revert = () => screen.getByRole("button", { name: "Revert to saved" }) as HTMLButtonElement;
 
-it.each(Object.keys(SAVED) as Part[])("shows that %s differs from what is saved, and walks it back", async (part) => {
-  open({ ...SAVED, [part]: OTHER[part] });
-  await waitFor(() => expect(revert().disabled).toBe(false));
-  const table = screen.getByRole("table", { name: "Saved, in force and staged" });
-  expect(table.querySelectorAll("[data-differs=true]").length).toBe(1);
-  fireEvent.click(revert());
-  const put = () => fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
-  await waitFor(() => expect(put()).toBeDefined());
-  expect(await put()?.clone().json()).toEqual(SAVED);
-});
+it.each(Object.keys(SAVED) as Part[])(
+  "shows that %s differs from what is saved, and walks it back",
+  async (part) => {
+    open({ ...SAVED, [part]: OTHER[part] });
+    await waitFor(() => expect(revert().disabled).toBe(false));
+    const table = screen.getByRole("table", { name: "Saved, in force and staged" });
+    expect(table.querySelectorAll("[data-differs=true]").length).toBe(1);
+    fireEvent.click(revert());
+    const put = () => fetched.mock.calls.map(([request]) => request).find(({ method }) => method === "PUT");
+    await waitFor(() => expect(put()).toBeDefined());
+    expect(await put()?.clone().json()).toEqual(SAVED);
+  },
+);
 
 it("has nothing to walk back where all is as saved", async () => {
   open(SAVED);

@@ -131,7 +131,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
           </Button>
         </div>
       )}
-      <Refusal error={failure} about={NAMES.map(([name]) => tuning[name])} />
+      <Refusal error={failure} about={PARTS.map(([name]) => tuning[name])} />
     </section>
   );
 }

@@ -61,7 +61,9 @@ beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   fetched.mockReset().mockImplementation(async ({ url }) => {
     const path = new URL(url).pathname;
-    if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    if (path === "/api/control")
+      return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    if (path === "/api/session") return Response.json({ name: "A. Operator", role: "operator" });
     return Response.json(path === "/api/banks" ? { banks: [] } : {});
   });
 });

@@ -4,6 +4,8 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { render, screen, within } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
 import { experimentQuery, lineageQuery, runQuery } from "../../service/queries";
 import type { Experiment, Lineage, Run } from "../../wire/types";
 import { RunDetail } from "./RunDetail";
@@ -100,7 +102,9 @@ function show() {
   render(
     <QueryClientProvider client={client}>
       <MantineProvider>
-        <RunDetail id={7} other={undefined} />
+        <LiveProvider store={new LiveStore(0)}>
+          <RunDetail id={7} other={undefined} />
+        </LiveProvider>
       </MantineProvider>
     </QueryClientProvider>,
   );

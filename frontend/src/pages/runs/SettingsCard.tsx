@@ -64,12 +64,12 @@ function Segments({ segments }: { segments: readonly Segment[] }) {
             <Table.Tr key={index}>
               <Table.Td>{index + 1}</Table.Td>
               <Table.Td>
-                {segment.shape === "sine" ? `sine of ${short(segment.period_s)} s` : segment.shape}
+                {segment.shape === "sine" ? `sine of ${short(Number(segment.period_s))} s` : segment.shape}
               </Table.Td>
-              <Table.Td className={page.number}>{short(segment.duration_s)}</Table.Td>
-              <Table.Td className={page.number}>{fixed(segment.q_ref_deg, 2)}</Table.Td>
-              <Table.Td className={page.number}>{short(segment.S_ref)}</Table.Td>
-              <Table.Td className={page.number}>{short(segment.F_push)}</Table.Td>
+              <Table.Td className={page.number}>{short(Number(segment.duration_s))}</Table.Td>
+              <Table.Td className={page.number}>{fixed(Number(segment.q_ref_deg), 2)}</Table.Td>
+              <Table.Td className={page.number}>{short(Number(segment.S_ref))}</Table.Td>
+              <Table.Td className={page.number}>{short(Number(segment.F_push))}</Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>
