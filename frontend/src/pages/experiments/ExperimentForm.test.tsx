@@ -55,6 +55,7 @@ function stateOf(tuning: Tuned, own_tuning: Tuned | null = null): State {
     task: null,
     tuning: { ...tuning, ...ranges },
     own_tuning,
+    link: { alive: true, silent_s: 0, starts: 1 },
   } as unknown as State;
 }
 
@@ -99,7 +100,7 @@ function standing(): Record<string, unknown> {
     lam_motor: number("What lam_motor is [s]"),
     b: number("What b is"),
     bank: number("Models that the gains come from"),
-    interpolate: (screen.getByRole("checkbox", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
+    interpolate: (screen.getByRole("switch", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
     seed: number("What seed is"),
   };
 }

@@ -95,6 +95,8 @@ function show() {
       disconnect() {}
     },
   );
+  // the note's box grows with what is written into it, and listens for fonts
+  Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
   const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
   client.setQueryData(runQuery(7).queryKey, RUN);
   client.setQueryData(experimentQuery(7).queryKey, EXPERIMENT);
@@ -124,6 +126,7 @@ it("shows the result and the curves before anything else, and settings with thei
     ["time each reference is held", "t_q", "1.5", "s"],
     ["gain scheduling", "interpolate", "no", ""],
   ]);
+  for (const style of document.body.querySelectorAll("style")) style.remove();
   expect(document.body.textContent).not.toContain("{");
   const result = within(screen.getByRole("region", { name: "Result" }));
   expect(result.getByText(EXPERIMENT.verdict)).toBeTruthy();
