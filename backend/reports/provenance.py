@@ -113,9 +113,8 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
 
 
 def _came_from(source: Source, entry: BankEntry) -> str:
-    if entry.identification_id is None:
-        return "imported"
-    return f"identification {source.runs_of[entry.identification_id]}"
+    run_id = None if entry.identification_id is None else source.runs_of[entry.identification_id]
+    return "imported" if run_id is None else f"identification {run_id}"
 
 
 def parameter_section(source: Source) -> Section:
