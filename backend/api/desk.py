@@ -22,7 +22,8 @@ class Desk:
     async def preferences(self, person: Person) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         stored = await asyncio.to_thread(self._newest, _preferences_of(person))
-        return NEW_HERE if stored is None else Preferences.model_validate(stored.value)
+        # what was stored before a preference existed lacks it
+        return NEW_HERE if stored is None else Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value})
 
     async def set_preferences(self, person: Person, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page."""

@@ -16,6 +16,7 @@ import { Tour } from "./components/setup/Tour";
 import { LiveProvider } from "./live/react";
 import { OperatePage } from "./pages/operate/OperatePage";
 import { SignInPage } from "./pages/SignInPage";
+import { AnglesContext } from "./service/angles";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
@@ -65,33 +66,36 @@ function Shell() {
     ["c", setup.toggle],
     ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
   ]);
+  const { angles } = usePreferences().preferences;
   return (
-    <div className={styles.shell}>
-      <Header onShortcuts={open} />
-      <StatusStrip />
-      <ControlLoss />
-      <Tour />
-      <div className={styles.body}>
-        <Navigation onSetup={setup.open} />
-        <main className={styles.page}>
-          <Suspense>
-            <Switch>
-              <Route path="/operate" component={OperatePage} />
-              <Route path="/identify/:id?" component={IdentifyPage} />
-              <Route path="/banks/:id?" component={BanksPage} />
-              <Route path="/experiments/:id?" component={ExperimentsPage} />
-              <Route path="/runs/:id?/:other?" component={RunsPage} />
-              <Route path="/system/developer" component={DeveloperPage} />
-              <Route path="/system" component={SystemPage} />
-              <Route>
-                <Redirect to="/operate" replace />
-              </Route>
-            </Switch>
-          </Suspense>
-        </main>
+    <AnglesContext value={angles}>
+      <div className={styles.shell}>
+        <Header onShortcuts={open} />
+        <StatusStrip />
+        <ControlLoss />
+        <Tour />
+        <div className={styles.body}>
+          <Navigation onSetup={setup.open} />
+          <main className={styles.page}>
+            <Suspense>
+              <Switch>
+                <Route path="/operate" component={OperatePage} />
+                <Route path="/identify/:id?" component={IdentifyPage} />
+                <Route path="/banks/:id?" component={BanksPage} />
+                <Route path="/experiments/:id?" component={ExperimentsPage} />
+                <Route path="/runs/:id?/:other?" component={RunsPage} />
+                <Route path="/system/developer" component={DeveloperPage} />
+                <Route path="/system" component={SystemPage} />
+                <Route>
+                  <Redirect to="/operate" replace />
+                </Route>
+              </Switch>
+            </Suspense>
+          </main>
+        </div>
+        <Shortcuts opened={shortcuts} onClose={close} />
+        <SetupDrawer opened={settingUp} onClose={setup.close} />
       </div>
-      <Shortcuts opened={shortcuts} onClose={close} />
-      <SetupDrawer opened={settingUp} onClose={setup.close} />
-    </div>
+    </AnglesContext>
   );
 }

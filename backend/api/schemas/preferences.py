@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.api.schemas.base import Schema, quantity
+from backend.reading import Angles
 
 SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
 SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[0-9a-fA-F]{6}$")]]
@@ -22,7 +23,17 @@ class Preferences(Schema):
     statistics: bool = Field(description="figures of the visible range are shown")
     solid: bool | None = Field(description="3D view instead of the flat drawing; null: as the browser can")
     toured: bool = Field(description="the first-run tour was seen or dismissed")
+    angles: Angles = Field(description="unit in which angles are read: on the page, in refusals and in reports")
 
 
-NEW_HERE = Preferences(scheme="auto", colours={}, hidden=[], window_s=20.0, statistics=False, solid=None, toured=False)
+NEW_HERE = Preferences(
+    scheme="auto",
+    colours={},
+    hidden=[],
+    window_s=20.0,
+    statistics=False,
+    solid=None,
+    toured=False,
+    angles=Angles.DEGREES,
+)
 """What somebody starts with who has chosen nothing yet."""

@@ -7,6 +7,7 @@ import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/preferences";
 import { useMayCommand } from "../service/useMayCommand";
+import { AngleSwitch } from "./AngleSwitch";
 import { ControlMenu } from "./ControlMenu";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
@@ -56,6 +57,7 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
       </div>
       <div className={styles.tools}>
         <ControlMenu />
+        <AngleSwitch />
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">
           <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>

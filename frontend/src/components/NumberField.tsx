@@ -2,28 +2,33 @@
 
 import { TextInput, type TextInputProps } from "@mantine/core";
 import { useRef, useState } from "react";
-import { notANumber, numberIn } from "../samples/number";
+import { notANumber } from "../samples/number";
+import { boxText, inSI } from "../samples/quantity";
+import { useAngles } from "../service/angles";
 
 interface NumberFieldProps
   extends Pick<
     TextInputProps,
     "label" | "aria-label" | "description" | "disabled" | "size" | "w" | "styles"
   > {
+  /** In SI; typed and shown as the person reads that unit. */
   readonly value: number | string;
+  readonly unit?: string;
   onChange(value: number | string): void;
 }
 
-export function NumberField({ value, onChange, ...rest }: NumberFieldProps) {
+export function NumberField({ value, unit = "1", onChange, ...rest }: NumberFieldProps) {
+  const angles = useAngles();
   const [typed, setTyped] = useState<string | null>(null);
   const before = useRef(value);
   // while "1." is being typed it is the number 1, and its point stays
-  const mine = typed !== null && (numberIn(typed) ?? typed) === value;
+  const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
   return (
     <TextInput
       {...rest}
       autoComplete="off"
       inputWrapperOrder={["label", "input", "description", "error"]}
-      value={mine ? typed : String(value)}
+      value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
       error={typeof value === "string" && !rest.disabled ? notANumber(value) : undefined}
       onFocus={() => {
         before.current = value;
@@ -31,7 +36,7 @@ export function NumberField({ value, onChange, ...rest }: NumberFieldProps) {
       onChange={(event) => {
         const text = event.currentTarget.value;
         setTyped(text);
-        onChange(numberIn(text) ?? text);
+        onChange(inSI(text, unit, angles) ?? text);
       }}
       onBlur={() => setTyped(null)}
       onKeyDown={(event) => {

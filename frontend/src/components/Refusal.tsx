@@ -1,5 +1,7 @@
 /** Room kept free for the reason why a value was refused, so that nothing moves when there is one. */
 
+import { inWords } from "../samples/quantity";
+import { useAngles } from "../service/angles";
 import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
 
@@ -18,14 +20,16 @@ interface RefusalProps {
 
 export function Refusal({ error, about, brief, text, hint = "" }: RefusalProps) {
   const standing = useStanding(error, about);
-  const reason = standing === null ? text : (brief?.(standing) ?? standing.message);
-  const refused = reason !== null && reason !== undefined;
+  const angles = useAngles();
+  const said = standing === null ? text : (brief?.(standing) ?? standing.message);
+  const refused = said !== null && said !== undefined;
+  const reason = refused ? inWords(said, angles) : undefined;
   return (
     <output
       className={styles.refusal}
       aria-label="Refusal"
       data-refused={refused}
-      title={refused ? (standing?.message ?? reason) : undefined}
+      title={refused ? inWords(standing?.message ?? said, angles) : undefined}
     >
       {refused ? reason : hint}
     </output>

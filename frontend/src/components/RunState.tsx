@@ -8,6 +8,8 @@ import {
   IconSkull,
   IconUrgent,
 } from "@tabler/icons-react";
+import { inWords } from "../samples/quantity";
+import { useAngles } from "../service/angles";
 import type { Run } from "../wire/types";
 import styles from "./RunState.module.css";
 
@@ -30,6 +32,7 @@ export function RunState({
   reason?: string;
   unevaluated?: string | undefined;
 }) {
+  const angles = useAngles();
   const known = STATES[state];
   const lacksResult = unevaluated !== undefined;
   const Icon = lacksResult ? IconUrgent : (known?.Icon ?? IconUrgent);
@@ -38,7 +41,7 @@ export function RunState({
       className={styles.state}
       data-abnormal={lacksResult || (known?.abnormal ?? true)}
       data-state={state}
-      title={[reason, unevaluated ?? ""].filter((text) => text !== "").join("; ")}
+      title={inWords([reason, unevaluated ?? ""].filter((text) => text !== "").join("; "), angles)}
     >
       <Icon size={15} aria-hidden="true" />
       {known?.text ?? state.replaceAll("_", " ")}

@@ -1,6 +1,8 @@
 /** One declared setting as an input with its unit and bounds. */
 
 import { NativeSelect, Switch, TextInput } from "@mantine/core";
+import { labelWith, rangeText } from "../samples/quantity";
+import { useAngles } from "../service/angles";
 import type { Setting } from "../wire/types";
 import { NumberField } from "./NumberField";
 
@@ -17,7 +19,8 @@ interface SettingFieldProps {
 
 export function SettingField({ setting, value, origin = "", onChange }: SettingFieldProps) {
   const { meaning, unit, minimum, maximum, choices } = setting;
-  const label = unit === "1" || unit === "" ? capital(meaning) : `${capital(meaning)} [${unit}]`;
+  const angles = useAngles();
+  const label = labelWith(capital(meaning), unit, angles);
   if (typeof value === "boolean") {
     return (
       <Switch
@@ -41,11 +44,12 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
     );
   }
   if (isNumeric(setting)) {
-    const bounds = minimum != null && maximum != null ? `${minimum} … ${maximum}` : "";
+    const bounds = minimum != null && maximum != null ? rangeText(minimum, maximum, unit, angles) : "";
     return (
       <NumberField
         label={label}
         description={[bounds, origin].filter((part) => part !== "").join("; ")}
+        unit={unit}
         value={value}
         onChange={onChange}
       />

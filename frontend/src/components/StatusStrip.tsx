@@ -5,6 +5,8 @@ import { IconAlertTriangle, IconCircleX, IconInfoCircle, IconPlayerPlay } from "
 import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
+import { inWords } from "../samples/quantity";
+import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
@@ -51,12 +53,14 @@ export function StatusStrip() {
 }
 
 function Message({ status, instead }: { status: Status; instead: string | undefined }) {
+  const angles = useAngles();
+  const told = (text: string) => inWords(text, angles);
   const content = (
     <>
-      <strong>{status.text}</strong> {instead ?? status.remedy}
+      <strong>{told(status.text)}</strong> {told(instead ?? status.remedy)}
     </>
   );
-  const title = `${status.text} ${status.remedy}`;
+  const title = told(`${status.text} ${status.remedy}`);
   if (status.tone === "fault") {
     return (
       <div role="alert" aria-label="Fault" className={styles.message} title={title}>

@@ -3,6 +3,7 @@
 import { IconAlertTriangle, IconCheck } from "@tabler/icons-react";
 import type { ReactNode } from "react";
 import type { Experiment } from "../wire/types";
+import { Told } from "./Told";
 import styles from "./Verdict.module.css";
 
 export function Verdict({ good, children }: { good: boolean; children: ReactNode }) {
@@ -10,7 +11,7 @@ export function Verdict({ good, children }: { good: boolean; children: ReactNode
   return (
     <span className={styles.verdict} data-good={good}>
       <Icon size={16} aria-hidden="true" />
-      <span>{children}</span>
+      <span>{typeof children === "string" ? <Told text={children} /> : children}</span>
     </span>
   );
 }

@@ -12,6 +12,7 @@ const DEFAULTS: Preferences = {
   statistics: false,
   solid: null,
   toured: false,
+  angles: "deg",
 };
 
 export const preferencesQuery = queryOptions({

@@ -1,5 +1,6 @@
 /** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line and label, the same everywhere. */
 
+import { type Angles, FINER, readingOf } from "../samples/quantity";
 import { FIELDS, type SignalName } from "../wire/sample.gen";
 
 export const DEGREES = 180 / Math.PI;
@@ -64,10 +65,10 @@ export function unitOf(name: string): string {
 export const POSITION: Panel = {
   title: "Joint position",
   quantity: "q",
-  unit: "deg",
-  factor: DEGREES,
-  decimals: 2,
-  narrowest: 4,
+  unit: "rad",
+  factor: 1,
+  decimals: 4,
+  narrowest: 4 / DEGREES,
   traces: [reference("q_ref", HUES.q), measured("q", HUES.q)],
 };
 
@@ -100,5 +101,12 @@ export const VOLTAGE: Panel = {
   narrowest: 1,
   traces: [broad(measured("u_A", HUES.u_A)), measured("u_B", HUES.u_B)],
 };
+
+/** A panel in SI in the unit in which a person reads it; an angle of two decimals in degrees has four in radians. */
+export function readIn(panel: Panel, angles: Angles): Panel {
+  const { unit, factor } = readingOf(panel.unit, angles);
+  if (factor === 1) return panel;
+  return { ...panel, unit, factor, decimals: panel.decimals - FINER, narrowest: panel.narrowest * factor };
+}
 
 export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE] as const;

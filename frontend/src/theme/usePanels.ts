@@ -1,12 +1,14 @@
-/** The charts in the colours of the signed-in person. */
+/** The charts in the colours and the units of the signed-in person. */
 
 import { useMemo } from "react";
+import { useAngles } from "../service/angles";
 import { usePreferences } from "../service/preferences";
-import { PANELS, type Panel, signalOf } from "./signals";
+import { PANELS, type Panel, readIn, signalOf } from "./signals";
 
 export function usePanels(): readonly Panel[] {
   const { colours } = usePreferences().preferences;
-  return useMemo(() => PANELS.map((panel) => inColours(panel, colours)), [colours]);
+  const angles = useAngles();
+  return useMemo(() => PANELS.map((panel) => readIn(inColours(panel, colours), angles)), [colours, angles]);
 }
 
 function inColours(panel: Panel, colours: Readonly<Record<string, string>>): Panel {

@@ -1346,6 +1346,12 @@ export interface components {
             settle_s: number;
         };
         /**
+         * Angles
+         * @description Unit in which somebody reads angles.
+         * @enum {string}
+         */
+        Angles: "deg" | "rad";
+        /**
          * BackupView
          * @description A copy of the database in the data folder.
          */
@@ -3018,6 +3024,8 @@ export interface components {
              * @description the first-run tour was seen or dismissed
              */
             toured: boolean;
+            /** @description unit in which angles are read: on the page, in refusals and in reports */
+            angles: components["schemas"]["Angles"];
         };
         /**
          * PrintedFormula

@@ -6,6 +6,7 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import { usePanels } from "../../theme/usePanels";
@@ -28,7 +29,7 @@ export function DryRunResult({ name, result, onClose }: DryRunResultProps) {
       <div className={page.fields}>
         <span>
           Simulated, nothing moved and nothing was stored: {result.status}, {duration(result.duration_s)}.{" "}
-          {result.message}
+          <Told text={result.message} />
         </span>
         <Outcome of={result} />
         <OrderWords name={name} settings={result.settings} />

@@ -7,6 +7,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
+import { useAngles } from "../../service/angles";
 import { useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery } from "../../service/queries";
 import type { DryRun, ExperimentKind } from "../../wire/types";
@@ -37,7 +38,7 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
   const start = useStartExperiment();
   const dryRun = useDryRun();
   const queue = useQueueCommand();
-  const shown = shownSettings(kind, state, changed);
+  const shown = shownSettings(kind, state, changed, useAngles());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
   const unknown = state === null ? "The tuning in force is not known yet." : null;

@@ -6,6 +6,7 @@ import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { RunState } from "../../components/RunState";
 import { taskProgress } from "../../components/status";
+import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration } from "../../samples/format";
@@ -31,7 +32,8 @@ export function ExperimentResult({ id }: { id: number }) {
       <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
         <div className={page.fields}>
           <span>
-            {data.name.replaceAll("_", " ")}, run {data.id}, {dateTime(data.created)}. {data.message}
+            {data.name.replaceAll("_", " ")}, run {data.id}, {dateTime(data.created)}.{" "}
+            <Told text={data.message} />
           </span>
           <OrderWords name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}

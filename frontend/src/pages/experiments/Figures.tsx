@@ -3,6 +3,8 @@
 import { Table } from "@mantine/core";
 import { Verdict } from "../../components/Verdict";
 import { measured, NOT_MEASURED } from "../../samples/format";
+import { type Angles, inWords, readingOf, told } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import type { Criterion, Metric } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -14,6 +16,7 @@ interface FiguresProps {
 }
 
 export function Figures({ criteria, metrics, of }: FiguresProps) {
+  const angles = useAngles();
   const named = (name: string) => (of === undefined ? name : `${name} of the ${of}`);
   return (
     <div className={page.halves}>
@@ -31,9 +34,9 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
             {criteria.map((criterion) => (
               <Table.Tr key={criterion.name}>
                 <Table.Td>{criterion.label}</Table.Td>
-                <Table.Td className={page.number}>{measured(criterion.value, 3)}</Table.Td>
+                <Table.Td className={page.number}>{figure(criterion, 3, angles)}</Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>
-                  {criterion.relation} {criterion.bound} {criterion.unit}
+                  {criterion.relation} {told(criterion.bound, criterion.unit, angles)}
                 </Table.Td>
                 <Table.Td>
                   <Outcome passed={criterion.passed} />
@@ -60,8 +63,8 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
                   {metric.label}
                   <Reason text={metric.reason} seen={metric.value} />
                 </Table.Td>
-                <Table.Td className={page.number}>{measured(metric.value, 4)}</Table.Td>
-                <Table.Td>{metric.unit === "1" ? "" : metric.unit}</Table.Td>
+                <Table.Td className={page.number}>{figure(metric, 4, angles)}</Table.Td>
+                <Table.Td>{metric.unit === "1" ? "" : readingOf(metric.unit, angles).unit}</Table.Td>
               </Table.Tr>
             ))}
           </Table.Tbody>
@@ -71,6 +74,15 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
   );
 }
 
+/** A figure in SI as the person reads its unit. */
+function figure(
+  { value, unit }: { value: number | null; unit: string },
+  digits: number,
+  angles: Angles,
+): string {
+  return measured(value === null ? null : value * readingOf(unit, angles).factor, digits);
+}
+
 function Outcome({ passed }: { passed: boolean | null }) {
   if (passed === null) return <>{NOT_MEASURED}</>;
   return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
@@ -78,11 +90,12 @@ function Outcome({ passed }: { passed: boolean | null }) {
 
 /** Why there is no figure, or why it is that of a part of the steps only. */
 function Reason({ text, seen = null }: { text: string; seen?: number | null }) {
+  const angles = useAngles();
   if (text === "") return null;
   return (
     <div className={page.dim}>
       {seen === null ? "" : "at least this: "}
-      {text}
+      {inWords(text, angles)}
     </div>
   );
 }

@@ -1,6 +1,7 @@
 /** All that an experiment is run with, or was, in two lines: its own settings, and the tuning. */
 
 import { useQuery } from "@tanstack/react-query";
+import { useAngles } from "../../service/angles";
 import { banksQuery, experimentKindsQuery } from "../../service/queries";
 import page from "../Page.module.css";
 import { changesInWords, tuningInWords } from "./order";
@@ -11,12 +12,13 @@ interface OrderWordsProps {
 }
 
 export function OrderWords({ name, settings }: OrderWordsProps) {
+  const angles = useAngles();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);
   const kind = kinds.find((one) => one.name === name);
   return (
     <span className={page.dim}>
-      {kind === undefined ? "" : `${changesInWords(settings, kind)}; `}
+      {kind === undefined ? "" : `${changesInWords(settings, kind, angles)}; `}
       {tuningInWords(settings, banks)}
     </span>
   );

@@ -4,15 +4,17 @@ import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import { IconPlus, IconX } from "@tabler/icons-react";
 import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
+import { labelWith } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import styles from "./SegmentsEditor.module.css";
 import { further, parseSegments, type Segment, SHAPES, totalOf, writeSegments } from "./segments";
 
 const COLUMNS = [
-  { name: "duration_s", label: "Time [s]" },
-  { name: "q_ref_deg", label: "q_ref [deg]" },
-  { name: "S_ref", label: "S_ref [N·m/rad]" },
-  { name: "F_push", label: "Push [N]" },
-  { name: "period_s", label: "Period [s]" },
+  { name: "duration_s", words: "Time", unit: "s" },
+  { name: "q_ref", words: "q_ref", unit: "rad" },
+  { name: "S_ref", words: "S_ref", unit: "N·m/rad" },
+  { name: "F_push", words: "Push", unit: "N" },
+  { name: "period_s", words: "Period", unit: "s" },
 ] as const;
 
 interface SegmentsEditorProps {
@@ -21,6 +23,7 @@ interface SegmentsEditorProps {
 }
 
 export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
+  const angles = useAngles();
   const segments = parseSegments(json) ?? [];
   const send = (rows: readonly Segment[]) => onChange(writeSegments(rows));
   const total_s = totalOf(segments);
@@ -30,8 +33,8 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
       <legend>Segments, {duration(total_s)}</legend>
       <div className={styles.row} aria-hidden="true">
         <span>Shape</span>
-        {COLUMNS.map(({ label }) => (
-          <span key={label}>{label}</span>
+        {COLUMNS.map(({ name, words, unit }) => (
+          <span key={name}>{labelWith(words, unit, angles)}</span>
         ))}
       </div>
       {segments.map((segment, index) => (
@@ -46,10 +49,11 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
               send(segments.with(index, { ...segment, shape }));
             }}
           />
-          {COLUMNS.map(({ name, label }) => (
+          {COLUMNS.map(({ name, words, unit }) => (
             <NumberField
               key={name}
-              aria-label={`${label} of segment ${index + 1}`}
+              aria-label={`${labelWith(words, unit, angles)} of segment ${index + 1}`}
+              unit={unit}
               disabled={name === "period_s" && segment.shape !== "sine"}
               value={segment[name]}
               onChange={(value) => send(segments.with(index, { ...segment, [name]: value }))}

@@ -1,6 +1,7 @@
 /** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
 
 import { notANumber } from "../../samples/number";
+import { type Angles, boxText, told } from "../../samples/quantity";
 import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
 
 export type Value = boolean | number | string;
@@ -26,14 +27,19 @@ export interface Shown {
  * Every setting of a kind: what a person changed, else the operator's tuning in force, else the default. While a run
  * has a tuning of its own, the operator's is what comes back after it.
  */
-export function shownSettings(kind: ExperimentKind, state: State | null, changed: Values): Shown[] {
+export function shownSettings(
+  kind: ExperimentKind,
+  state: State | null,
+  changed: Values,
+  angles: Angles,
+): Shown[] {
   const inForce = tuningOf(state);
   return kind.settings.map((setting) => {
     const standing = inForce[setting.name];
     const start = standing ?? setting.default ?? "";
     const value = changed[setting.name] ?? start;
     const word = standing === undefined ? "default" : "in force";
-    const origin = value === start ? word : `${word}: ${inWords(setting.name, start)}`;
+    const origin = value === start ? word : `${word}: ${inWords(setting, start, angles)}`;
     return { setting: withRange(setting, state), value, origin };
   });
 }
@@ -67,14 +73,19 @@ export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks
 }
 
 /** What differs from a kind's defaults, the loop's settings aside: "q_hold 0.2 rad"; a text by its length. */
-export function changesInWords(settings: Readonly<Record<string, unknown>>, kind: ExperimentKind): string {
+export function changesInWords(
+  settings: Readonly<Record<string, unknown>>,
+  kind: ExperimentKind,
+  angles: Angles,
+): string {
   const parts = kind.settings
     .filter((setting) => !isOfTheLoop(setting))
     .filter(({ name, default: usual }) => settings[name] !== undefined && settings[name] !== usual)
-    .map(({ name, unit }) => {
+    .map((setting) => {
+      const { name, unit } = setting;
       const value = settings[name];
       if (name === "segments") return segmentsInWords(String(value));
-      return `${name} ${inWords(name, value as Value)}${unit === "1" || unit === "" ? "" : ` ${unit}`}`;
+      return `${name} ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
     });
   return parts.length === 0 ? "defaults" : parts.join(", ");
 }
@@ -118,10 +129,10 @@ function partOf(value: unknown, symbol: string, unit: string): string {
   return typeof value === "number" ? `${symbol} ${value}${unit}` : "";
 }
 
-function inWords(name: string, value: Value): string {
+function inWords({ name, unit }: Setting, value: Value, angles: Angles): string {
   if (name === "bank") return bankInWords(value, []);
   if (typeof value === "boolean") return value ? "yes" : "no";
-  return String(value);
+  return typeof value === "number" ? boxText(value, unit, angles) : value;
 }
 
 function segmentsInWords(json: string): string {

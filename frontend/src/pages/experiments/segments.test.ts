@@ -2,11 +2,11 @@ import { describe, expect, it } from "vitest";
 import { further, parseSegments, segmentsProblem, totalOf, writeSegments } from "./segments";
 
 describe("segments", () => {
-  it("shows degrees and sends radians", () => {
+  it("holds SI, and sends what it was given to the last digit", () => {
     const rows = parseSegments('[{"duration_s": 3, "q_ref": 0.5235987755982988, "S_ref": 11}]') ?? [];
-    expect(rows[0]).toMatchObject({ shape: "step", duration_s: 3, q_ref_deg: 30, S_ref: 11 });
+    expect(rows[0]).toMatchObject({ shape: "step", duration_s: 3, q_ref: 0.5235987755982988, S_ref: 11 });
     expect(JSON.parse(writeSegments(rows))).toEqual([
-      { duration_s: 3, q_ref: expect.closeTo(0.5235988, 6), S_ref: 11 },
+      { duration_s: 3, q_ref: 0.5235987755982988, S_ref: 11 },
     ]);
   });
 
@@ -16,15 +16,8 @@ describe("segments", () => {
     expect(writeSegments([{ ...further([]), shape: "ramp" }])).not.toContain("period_s");
   });
 
-  it("sends the angle that it shows", () => {
-    const [row] = parseSegments('[{"duration_s":1,"q_ref":0.5,"S_ref":10}]') ?? [];
-    expect(row?.q_ref_deg).toBe(28.64789);
-    const typed = writeSegments([{ ...further([]), q_ref_deg: 12.345 }]);
-    expect(parseSegments(typed)?.[0]?.q_ref_deg).toBe(12.345);
-  });
-
   it.each([
-    ["q_ref_deg", "5-3", "Segment 2, q_ref: “5-3” is not a number."],
+    ["q_ref", "5-3", "Segment 2, q_ref: “5-3” is not a number."],
     ["duration_s", "", "Segment 2, time: needs a number."],
     ["F_push", "1e", "Segment 2, push: “1e” is not a number."],
   ] as const)("keeps %s = %j as it is and says that it cannot be sent", (name, text, problem) => {

@@ -1,12 +1,8 @@
-/** Own sequences of references as rows of an editor; degrees here, SI on the wire. Pure. */
+/** Own sequences of references as rows of an editor, in SI. Pure. */
 
 import { notANumber } from "../../samples/number";
-import { DEGREES } from "../../theme/signals";
 
 export const SHAPES = ["step", "ramp", "sine"] as const;
-
-/** Decimals of an angle [deg]; coarser than what a radian's last digits say, finer than an encoder. */
-const ANGLE_DECIMALS = 6;
 
 /** Text stands for what was typed and is no number: it is shown, and never sent. */
 type Typed = number | string;
@@ -14,18 +10,18 @@ type Typed = number | string;
 export interface Segment {
   readonly shape: (typeof SHAPES)[number];
   readonly duration_s: Typed;
-  readonly q_ref_deg: Typed;
+  readonly q_ref: Typed;
   readonly S_ref: Typed;
   readonly F_push: Typed;
   /** Of a sine. */
   readonly period_s: Typed;
 }
 
-const NEW: Segment = { shape: "step", duration_s: 4, q_ref_deg: 0, S_ref: 10, F_push: 0, period_s: 2 };
+const NEW: Segment = { shape: "step", duration_s: 4, q_ref: 0, S_ref: 10, F_push: 0, period_s: 2 };
 
 const NAMES = {
   duration_s: "time",
-  q_ref_deg: "q_ref",
+  q_ref: "q_ref",
   S_ref: "S_ref",
   F_push: "push",
   period_s: "period",
@@ -42,9 +38,9 @@ export function parseSegments(json: string): Segment[] | null {
 }
 
 export function writeSegments(segments: readonly Segment[]): string {
-  const items = segments.map(({ shape, duration_s, q_ref_deg, S_ref, F_push, period_s }) => ({
+  const items = segments.map(({ shape, duration_s, q_ref, S_ref, F_push, period_s }) => ({
     duration_s,
-    q_ref: typeof q_ref_deg === "number" ? q_ref_deg / DEGREES : q_ref_deg,
+    q_ref,
     S_ref,
     ...(F_push === 0 ? {} : { F_push }),
     ...(shape === "step" ? {} : { shape }),
@@ -76,11 +72,10 @@ export function further(segments: readonly Segment[]): Segment {
 
 function segmentOf(item: Record<string, number | string>): Segment {
   const typed = (name: string, otherwise: number): Typed => item[name] ?? otherwise;
-  const q_ref = typed("q_ref", 0);
   return {
     shape: SHAPES.find((shape) => shape === item.shape) ?? "step",
     duration_s: typed("duration_s", 4),
-    q_ref_deg: typeof q_ref === "number" ? Number((q_ref * DEGREES).toFixed(ANGLE_DECIMALS)) : q_ref,
+    q_ref: typed("q_ref", 0),
     S_ref: typed("S_ref", 10),
     F_push: typed("F_push", 0),
     period_s: typed("period_s", 2),

@@ -6,6 +6,8 @@ import { CurvePlot } from "../../charts/CurvePlot";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
+import { labelWith, readingOf, told } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { ChannelCurves, Correlation, Identification } from "../../wire/types";
@@ -16,10 +18,12 @@ import { ModelView } from "./ModelView";
 import { residualOutcome } from "./residuals";
 
 const COHERENT = 0.9;
-const CHANNELS: Record<string, { hue: string; unit: string; output: string }> = {
-  G_q: { hue: HUES.q, unit: "rad/rad", output: "q [rad]" },
-  G_S: { hue: HUES.S, unit: "N·m/rad per rad", output: "S [N·m/rad]" },
+const CHANNELS: Record<string, { hue: string; unit: string; output: string; outputUnit: string }> = {
+  G_q: { hue: HUES.q, unit: "rad/rad", output: "q", outputUnit: "rad" },
+  G_S: { hue: HUES.S, unit: "N·m/rad per rad", output: "S", outputUnit: "N·m/rad" },
 };
+
+const UNKNOWN = { hue: "text", unit: "", output: "", outputUnit: "1" };
 
 export function ActuatorResult({ identification }: { identification: Identification }) {
   const { G_q, G_S, run } = identification;
@@ -42,7 +46,9 @@ export function ActuatorResult({ identification }: { identification: Identificat
 }
 
 function Channel({ channel }: { channel: ChannelCurves }) {
-  const { hue, unit, output } = CHANNELS[channel.name] ?? { hue: "text", unit: "", output: "" };
+  const { hue, unit, output, outputUnit } = CHANNELS[channel.name] ?? UNKNOWN;
+  const angles = useAngles();
+  const read = (value: number) => value * readingOf(outputUnit, angles).factor;
   const { model, first_order, measured } = channel;
   const trusted = (values: readonly number[]) =>
     measured === null
@@ -93,14 +99,14 @@ function Channel({ channel }: { channel: ChannelCurves }) {
         />
       )}
       <CurvePlot
-        title="Step of θ_A by 1 rad"
+        title={`Step of θ_A by ${told(1, "rad", angles)}`}
         xLabel="t [s]"
-        yLabel={output}
+        yLabel={labelWith(output, outputUnit, angles)}
         height={150}
         summary="Step response of the model and of its first-order reduction."
         curves={[
-          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model },
-          { ...reduced, x: channel.step_t, y: channel.step_first_order },
+          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model.map(read) },
+          { ...reduced, x: channel.step_t, y: channel.step_first_order.map(read) },
         ]}
       />
       <Residuals

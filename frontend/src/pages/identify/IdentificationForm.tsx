@@ -8,9 +8,11 @@ import { Card } from "../../components/Card";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
+import { type Angles, labelWith, rangeText } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { useStartIdentification } from "../../service/commands";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
-import type { IdentificationKind } from "../../wire/types";
+import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningInWords, tuningOf } from "../experiments/order";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
@@ -23,20 +25,20 @@ const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
 
 /** Short labels; the setting's own meaning stands below the box. */
 const LABELS: Record<string, string> = {
-  tension_N: "Tension [N]",
-  amplitude_rad: "PRBS amplitude [rad]",
-  chip_s: "Chip length [s]",
+  tension_N: "Tension",
+  amplitude_rad: "PRBS amplitude",
+  chip_s: "Chip length",
   bits: "Register bits",
   periods: "Periods",
-  settle_s: "Settling [s]",
-  u_low: "Smallest step [V]",
-  u_high: "Largest step [V]",
+  settle_s: "Settling",
+  u_low: "Smallest step",
+  u_high: "Largest step",
   levels: "Voltages",
-  travel_rad: "Travel [rad]",
-  step_s: "Longest step [s]",
-  F_low: "Lowest tension [N]",
-  F_high: "Highest tension [N]",
-  sweep_s: "One way [s]",
+  travel_rad: "Travel",
+  step_s: "Longest step",
+  F_low: "Lowest tension",
+  F_high: "Highest tension",
+  sweep_s: "One way",
   cycles: "Times up and down",
 };
 
@@ -68,6 +70,7 @@ export function IdentificationForm({ onStarted, onTable }: FormProps) {
 }
 
 function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (run: number) => void }) {
+  const angles = useAngles();
   const [changed, setChanged] = useState<Values>({});
   const [tensions, setTensions] = useState("");
   const state = useLive((live) => live.state);
@@ -108,8 +111,9 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
           .map((setting) => (
             <NumberField
               key={setting.name}
-              label={LABELS[setting.name] ?? setting.meaning}
-              description={`${setting.meaning}; ${setting.minimum}\u00a0…\u00a0${setting.maximum}; ${originOf(setting, changed)}`}
+              label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
+              description={describe(setting, originOf(setting, changed, angles), angles)}
+              unit={setting.unit}
               value={values[setting.name] ?? ""}
               onChange={(value) => set(setting.name, value)}
             />
@@ -131,6 +135,12 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
       <Refusal error={start.error} about={[changed, tensions]} text={reason} />
     </form>
   );
+}
+
+/** What a setting means, its range and where its value comes from, below its box. */
+function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: Angles): string {
+  const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
+  return [meaning, range.replaceAll(" ", "\u00a0"), origin].filter((part) => part !== "").join("; ");
 }
 
 interface TensionProps {

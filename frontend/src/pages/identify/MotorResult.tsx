@@ -6,6 +6,8 @@ import { type Curve, CurvePlot } from "../../charts/CurvePlot";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
+import { readingOf } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { curvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { Identification, Motor, MotorCurves } from "../../wire/types";
@@ -97,32 +99,35 @@ function Line({ title, K, T, u = "" }: { title: string; K: string; T: string; u?
 }
 
 function Steps({ curves }: { curves: MotorCurves | undefined }) {
+  const angles = useAngles();
   if (curves === undefined) return null;
+  const [turn, apart] = [readingOf("rad", angles), readingOf("mrad", angles)];
+  const read = (value: number) => value * turn.factor;
   const hue = SIDE_HUES[curves.side];
   const turns = curves.steps.flatMap((step, index): Curve[] => [
-    { label: "measured", quiet: index > 0, colour: hue, x: step.t, y: step.measured },
-    { label: "model", quiet: index > 0, colour: "text", line: "dashed", x: step.t, y: step.model },
+    { label: "measured", quiet: index > 0, colour: hue, x: step.t, y: step.measured.map(read) },
+    { label: "model", quiet: index > 0, colour: "text", line: "dashed", x: step.t, y: step.model.map(read) },
   ]);
   const left = curves.steps.map((step) => ({
     label: `${step.voltage} V`,
     quiet: true,
     colour: hue,
     x: step.t,
-    y: step.measured.map((value, index) => 1000 * (value - (step.model[index] ?? Number.NaN))),
+    y: step.measured.map((value, index) => apart.factor * 1000 * (value - (step.model[index] ?? Number.NaN))),
   }));
   return (
     <>
       <CurvePlot
         title={`Turn of θ_${curves.side} after each step`}
         xLabel="t from the step [s]"
-        yLabel="rad"
+        yLabel={turn.unit}
         summary={`Steps to ${curves.steps.map((step) => `${step.voltage} V`).join(", ")}.`}
         curves={turns}
       />
       <CurvePlot
         title="Measured minus model"
         xLabel="t from the step [s]"
-        yLabel="mrad"
+        yLabel={apart.unit}
         height={130}
         summary="Difference between the measured turn and the model."
         curves={left}

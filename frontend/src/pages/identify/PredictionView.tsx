@@ -2,6 +2,8 @@
 
 import { Verdict } from "../../components/Verdict";
 import { duration, fixed, significant } from "../../samples/format";
+import { readingOf } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import type { Prediction } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
@@ -33,12 +35,14 @@ export function PredictionView({ prediction, problem }: PredictionViewProps) {
 }
 
 function Figure({ label, value, unit }: Prediction["figures"][number]) {
+  const { unit: read, factor } = readingOf(unit, useAngles());
   const counts = unit === "encoder counts";
   return (
     <>
       <dt>{label}</dt>
       <dd>
-        <strong>{counts ? fixed(value, 0) : significant(value, 3)}</strong> {unit}
+        <strong>{counts ? fixed(value, 0) : significant(value === null ? null : value * factor, 3)}</strong>{" "}
+        {read}
       </dd>
     </>
   );

@@ -20,7 +20,7 @@ describe("requestOf", () => {
       request: { kind: "actuator", ...values },
       problem: null,
     });
-    expect(ACTUATOR.settings.map((setting) => originOf(setting, { tension_N: 30 }))).toEqual([
+    expect(ACTUATOR.settings.map((setting) => originOf(setting, { tension_N: 30 }, "deg"))).toEqual([
       "default: 20",
       "default",
     ]);

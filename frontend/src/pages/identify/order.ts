@@ -1,6 +1,7 @@
 /** From what stands in the form to what is asked of the service. Pure. */
 
 import { notANumber, numberIn } from "../../samples/number";
+import { type Angles, boxText } from "../../samples/quantity";
 import type { IdentificationKind, IdentificationRequest, Setting } from "../../wire/types";
 
 export type Kind = IdentificationRequest["kind"];
@@ -24,9 +25,10 @@ export function valuesOf(kind: IdentificationKind, changed: Values): Values {
 }
 
 /** Where the value of a setting comes from. */
-export function originOf(setting: Setting, changed: Values): string {
+export function originOf(setting: Setting, changed: Values, angles: Angles): string {
   const value = changed[setting.name];
-  return value === undefined || value === setting.default ? "default" : `default: ${setting.default}`;
+  if (value === undefined || value === setting.default) return "default";
+  return `default: ${boxText(Number(setting.default), setting.unit, angles)}`;
 }
 
 /** `tensions` lists several, separated by commas; empty for the one among the values. */

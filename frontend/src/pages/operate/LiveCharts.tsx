@@ -11,6 +11,8 @@ import { useViewport } from "../../charts/useViewport";
 import { following, held, LIVE, SPANS_S, withSpan } from "../../charts/viewport";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
+import { type Angles, inWords } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { usePreferences } from "../../service/preferences";
 import { usePanels } from "../../theme/usePanels";
 import { PERIOD_S } from "../../wire/sample.gen";
@@ -22,6 +24,7 @@ export function LiveCharts() {
   const source = useMemo(() => new LiveSource(store), [store]);
   const control = useViewport();
   const panels = usePanels();
+  const angles = useAngles();
   const { preferences, known, change: remember } = usePreferences();
   const limits = useLive((live) => live.state?.limits);
   const marks = useLive((live) => live.marks);
@@ -48,8 +51,11 @@ export function LiveCharts() {
       source={source}
       control={control}
       home={home}
-      limits={useMemo(() => limitLines(limits), [limits])}
-      marks={useMemo(() => marks.map(placed).sort((a, b) => a.time_s - b.time_s), [marks])}
+      limits={useMemo(() => limitLines(limits, angles), [limits, angles])}
+      marks={useMemo(
+        () => marks.map((mark) => placed(mark, angles)).sort((a, b) => a.time_s - b.time_s),
+        [marks, angles],
+      )}
       stale={old_s !== null}
       name="sinew-live"
       remark={
@@ -97,6 +103,6 @@ function spanChoices(span_s: number): { value: string; label: string }[] {
   return spans.includes(span_s) ? choices : [free, ...choices];
 }
 
-function placed(mark: Mark): PlacedMark {
-  return { time_s: mark.tick * PERIOD_S, text: mark.text, fault: mark.kind === "fault" };
+function placed(mark: Mark, angles: Angles): PlacedMark {
+  return { time_s: mark.tick * PERIOD_S, text: inWords(mark.text, angles), fault: mark.kind === "fault" };
 }

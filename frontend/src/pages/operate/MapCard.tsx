@@ -8,10 +8,11 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
+import { angleText, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
 import { banksQuery } from "../../service/queries";
 import { useMayCommand } from "../../service/useMayCommand";
-import { DEGREES } from "../../theme/signals";
 import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
 import { paintPlane } from "./paintPlane";
@@ -22,6 +23,7 @@ const NO_ENTRIES: readonly number[] = [];
 export function MapCard() {
   const store = useLiveStore();
   const send = useSetReferences();
+  const angles = useAngles();
   const [target, setTarget] = useState<References | null>(null);
   const bank = useLive((live) => live.state?.tuning.bank?.id);
   const references = useLive((live) => live.state?.references);
@@ -36,15 +38,15 @@ export function MapCard() {
       signature: () => {
         const { q_ref, S_ref } = store.snapshot().state?.references ?? {};
         const aimed = [target?.q_ref, target?.S_ref];
-        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...aimed, ...entries].join();
+        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...aimed, ...entries, angles].join();
       },
       paint: (surface: Parameters<typeof paintPlane>[0]) => {
         const state = store.snapshot().state;
         if (state !== null)
-          paintPlane(surface, state.limits, state.references, store.window, entries, target);
+          paintPlane(surface, state.limits, state.references, store.window, entries, target, angles);
       },
     };
-  }, [store, entries, target]);
+  }, [store, entries, target, angles]);
   const canvas = useCanvas(drawing);
   const old_s = useSampleAge();
   const may = useMayCommand();
@@ -56,7 +58,8 @@ export function MapCard() {
     const plane = planeOver(limits, box.width, box.height);
     const { q, S } = pointAt(plane, event.clientX - box.left, event.clientY - box.top);
     send.reset();
-    setTarget({ q_ref: rounded(q * DEGREES, 1) / DEGREES, S_ref: rounded(S, 2) });
+    const shown = rounded(q * readingOf("rad", angles).factor, angles === "deg" ? 1 : 1 + FINER);
+    setTarget({ q_ref: toSI(shown, "rad", angles), S_ref: rounded(S, 2) });
   }
 
   function command(): void {
@@ -70,7 +73,9 @@ export function MapCard() {
       title="Reachable map"
       aside={
         <span className={styles.axes}>
-          {old_s === null ? "S [N·m/rad] over q [deg]" : `joint as it was ${age(1000 * old_s)} ago`}
+          {old_s === null
+            ? `S [N·m/rad] over ${labelWith("q", "rad", angles)}`
+            : `joint as it was ${age(1000 * old_s)} ago`}
         </span>
       }
       className={styles.card}
@@ -94,7 +99,7 @@ export function MapCard() {
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
         <div className={styles.target} role="group" aria-label="Target of the map">
           <output>
-            {fixed(target.q_ref * DEGREES, 1)} deg, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
+            {angleText(target.q_ref, 1, angles)} {angles}, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
           </output>
           <Button size="compact-xs" onClick={command}>
             Send target

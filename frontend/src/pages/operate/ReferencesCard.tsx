@@ -10,10 +10,11 @@ import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { FINER, readingOf, toSI } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
 import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
-import { DEGREES } from "../../theme/signals";
 import type { Limits, References } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -33,19 +34,22 @@ export function ReferencesCard() {
 
 function ReferenceControls({ references, limits }: { references: References; limits: Limits }) {
   const send = useSetReferences();
+  const angles = useAngles();
+  const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref } = references;
   return (
     <>
       <ReferenceControl
         name="q_ref"
-        unit="deg"
-        factor={DEGREES}
-        inForce={q_ref * DEGREES}
-        min={limits.q_min * DEGREES}
-        max={limits.q_max * DEGREES}
-        step={1}
-        decimals={1}
-        send={(value) => send.mutateAsync({ q_ref: value / DEGREES, S_ref })}
+        key={unit}
+        unit={unit}
+        factor={factor}
+        inForce={q_ref * factor}
+        min={limits.q_min * factor}
+        max={limits.q_max * factor}
+        step={angles === "deg" ? 1 : 0.02}
+        decimals={angles === "deg" ? 1 : 1 + FINER}
+        send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
       />
       <ReferenceControl
         name="S_ref"
@@ -143,7 +147,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         about={inForce}
         brief={(error) => refusalText(error, factor, decimals, unit)}
         text={problem ?? target}
-        hint={`${fixed(min, 0)} … ${fixed(max, 0)} ${unit}`}
+        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}`}
       />
     </div>
   );

@@ -7,6 +7,8 @@ import { useState } from "react";
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { told } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { useSetTuning } from "../../service/commands";
 import { previewQuery, tuningKey } from "../../service/queries";
 import { type LambdaName, useStaged } from "../../service/useStaged";
@@ -17,6 +19,8 @@ import styles from "./Operate.module.css";
 import { TuningChanges } from "./TuningChanges";
 
 const PREVIEW_AFTER_MS = 60;
+/** The step of the forecast [rad]. */
+const LARGE_STEP = Math.PI / 3;
 const LAMBDAS = [
   { name: "lam_q", symbol: "λ_q", hue: HUES.q, loop: "position" },
   { name: "lam_S", symbol: "λ_S", hue: HUES.S, loop: "stiffness" },
@@ -78,11 +82,12 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
 
 /** What a large step would ask of motors and tendons. */
 function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; u_max: number }) {
+  const angles = useAngles();
   const saturates = preview !== undefined && preview.u_peak_V >= u_max;
   return (
     <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
-      60° step: peak {fixed(preview?.u_peak_V, 1)} of {fixed(u_max, 0)} V, tension ≥{" "}
-      {fixed(preview?.F_min_N, 1)} N
+      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step: peak {fixed(preview?.u_peak_V, 1)} of{" "}
+      {fixed(u_max, 0)} V, tension ≥ {fixed(preview?.F_min_N, 1)} N
     </output>
   );
 }

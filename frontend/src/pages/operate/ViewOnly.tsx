@@ -3,10 +3,12 @@
 import { Card } from "../../components/Card";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { DEGREES } from "../../theme/signals";
+import { angleText } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import page from "../Page.module.css";
 
 export function ViewOnly() {
+  const angles = useAngles();
   const state = useLive((live) => live.state);
   if (state === null) return null;
   const { references, tuning } = state;
@@ -14,7 +16,9 @@ export function ViewOnly() {
     <Card title="In force">
       <dl className={page.facts}>
         <dt>Position reference</dt>
-        <dd>{fixed(references.q_ref * DEGREES, 1)} deg</dd>
+        <dd>
+          {angleText(references.q_ref, 1, angles)} {angles}
+        </dd>
         <dt>Stiffness reference</dt>
         <dd>{fixed(references.S_ref, 2)} N·m/rad</dd>
         <dt>λ_q, λ_S, λ_motor</dt>

@@ -2,6 +2,7 @@
 
 import type { Surface } from "../../charts/useCanvas";
 import { fixed } from "../../samples/format";
+import { type Angles, angleText } from "../../samples/quantity";
 import { DEGREES, HUES } from "../../theme/signals";
 import type { ActuatorPose, Side, Signals } from "./actuatorPose";
 
@@ -18,7 +19,7 @@ const LEAST_LETTERS_PX = 11;
 
 type Pen = CanvasRenderingContext2D;
 
-export function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose): void {
+export function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose, angles: Angles): void {
   const { context: pen, width, height, colours } = surface;
   const scale = Math.min(width / WIDTH, height / HEIGHT, 1.5);
   pen.save();
@@ -33,7 +34,7 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
   pen.fillStyle = colours.text;
   pen.textAlign = "center";
   pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
-  pen.fillText(`q ${fixed(signals.q * DEGREES, 1)}°`, 0, 16);
+  pen.fillText(`q ${angleText(signals.q, 1, angles)}${angles === "deg" ? "°" : " rad"}`, 0, 16);
   pen.fillText(`S ${fixed(signals.S, 2)} N·m/rad`, 0, HEIGHT - 4);
   pen.restore();
 }

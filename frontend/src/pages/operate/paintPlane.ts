@@ -2,12 +2,13 @@
 
 import type { Surface } from "../../charts/useCanvas";
 import { short } from "../../samples/format";
+import { type Angles, told, toSI } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
-import { DEGREES, HUES } from "../../theme/signals";
+import { HUES } from "../../theme/signals";
 import type { Limits, References } from "../../wire/types";
 import { type Plane, planeOver, xOf, yOf } from "./planeScale";
 
-const Q_GRID_DEG = [-60, -30, 0, 30, 60];
+const Q_GRID = { deg: [-60, -30, 0, 30, 60], rad: [-1, -0.5, 0, 0.5, 1] } as const;
 const S_GRID = [6, 8, 10, 12, 14, 16];
 const TRAIL_TICKS = 4000;
 const TRAIL_STEP = 40;
@@ -20,12 +21,13 @@ export function paintPlane(
   references: References | undefined,
   window: SampleWindow,
   entries: readonly number[],
-  target: References | null = null,
+  target: References | null,
+  angles: Angles,
 ): void {
   const { context: pen, width, height, colours } = surface;
   const plane = planeOver(limits, width, height);
   paintRegion(pen, plane, limits, colours);
-  paintGrid(pen, plane, colours);
+  paintGrid(pen, plane, angles, colours);
   paintTensions(pen, plane, limits, colours);
   paintEntries(pen, plane, entries, colours);
   paintTrail(pen, plane, window, colours);
@@ -111,7 +113,12 @@ function paintEntries(
   }
 }
 
-function paintGrid(pen: CanvasRenderingContext2D, plane: Plane, colours: Surface["colours"]): void {
+function paintGrid(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  angles: Angles,
+  colours: Surface["colours"],
+): void {
   const floor = plane.height - plane.bottom;
   pen.strokeStyle = colours.grid;
   pen.fillStyle = colours.axis;
@@ -119,11 +126,11 @@ function paintGrid(pen: CanvasRenderingContext2D, plane: Plane, colours: Surface
   pen.font = "11px system-ui, sans-serif";
   pen.beginPath();
   pen.textAlign = "center";
-  for (const degrees of Q_GRID_DEG) {
-    const x = Math.round(xOf(plane, degrees / DEGREES)) + 0.5;
+  for (const angle of Q_GRID[angles]) {
+    const x = Math.round(xOf(plane, toSI(angle, "rad", angles))) + 0.5;
     pen.moveTo(x, 4);
     pen.lineTo(x, floor);
-    pen.fillText(`${degrees < 0 ? "−" : ""}${Math.abs(degrees)}°`, x, floor + 15);
+    pen.fillText(`${told(angle, "1", angles)}${angles === "deg" ? "°" : ""}`, x, floor + 15);
   }
   pen.textAlign = "right";
   for (const S of S_GRID) {

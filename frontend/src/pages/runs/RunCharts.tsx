@@ -10,6 +10,8 @@ import type { PlotSource } from "../../charts/source";
 import { useViewport, type ViewControl } from "../../charts/useViewport";
 import type { Viewport } from "../../charts/viewport";
 import { useLive } from "../../live/react";
+import { type Angles, inWords } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import { runMarksQuery, runQuery } from "../../service/queries";
 import { usePanels } from "../../theme/usePanels";
 import type { RunMark } from "../../wire/types";
@@ -103,6 +105,7 @@ interface RecordedChartsProps {
 
 function RecordedCharts({ run, other, source, control, home, playhead, resolution }: RecordedChartsProps) {
   const panels = usePanels();
+  const angles = useAngles();
   const limits = useLive((live) => live.state?.limits);
   const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
   return (
@@ -112,8 +115,8 @@ function RecordedCharts({ run, other, source, control, home, playhead, resolutio
       control={control}
       home={home}
       longest_s={home.span_s}
-      limits={useMemo(() => limitLines(limits), [limits])}
-      marks={useMemo(() => marks.map(placed), [marks])}
+      limits={useMemo(() => limitLines(limits, angles), [limits, angles])}
+      marks={useMemo(() => marks.map((mark) => placed(mark, angles)), [marks, angles])}
       stale={false}
       {...(playhead === undefined ? {} : { playhead })}
       name={`sinew-run-${run}`}
@@ -127,6 +130,6 @@ function RecordedCharts({ run, other, source, control, home, playhead, resolutio
   );
 }
 
-function placed(mark: RunMark): PlacedMark {
-  return { time_s: mark.t, text: mark.text, fault: mark.kind === "fault" };
+function placed(mark: RunMark, angles: Angles): PlacedMark {
+  return { time_s: mark.t, text: inWords(mark.text, angles), fault: mark.kind === "fault" };
 }

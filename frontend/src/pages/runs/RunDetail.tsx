@@ -8,6 +8,7 @@ import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
+import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
 import { useSetNote } from "../../service/commands";
@@ -70,7 +71,7 @@ function Facts({ run }: { run: Run }) {
         <dt>Ended</dt>
         <dd>
           {run.ended === null ? "still running" : dateTime(run.ended)}
-          {run.end_reason !== "" && `: ${run.end_reason}`}
+          {run.end_reason !== "" && <Told text={`: ${run.end_reason}`} />}
         </dd>
         <dt>Completeness</dt>
         <dd>

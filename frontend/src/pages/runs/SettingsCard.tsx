@@ -2,12 +2,15 @@
 
 import { Table } from "@mantine/core";
 import { Card } from "../../components/Card";
-import { fixed, settingValue, short } from "../../samples/format";
+import { settingValue, short } from "../../samples/format";
+import { angleText, labelWith, readingOf } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import type { Run } from "../../wire/types";
 import { parseSegments, type Segment } from "../experiments/segments";
 import page from "../Page.module.css";
 
 export function SettingsCard({ settings }: { settings: Run["settings"] }) {
+  const angles = useAngles();
   const sequence = settings.find(({ name }) => name === "segments");
   const segments = parseSegments(String(sequence?.value ?? ""));
   const plain = segments === null ? settings : settings.filter((setting) => setting !== sequence);
@@ -32,8 +35,10 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
                 <Table.Tr key={name}>
                   <Table.Td>{meaning}</Table.Td>
                   <Table.Td>{symbol}</Table.Td>
-                  <Table.Td className={page.number}>{settingValue(value)}</Table.Td>
-                  <Table.Td>{unit === "1" ? "" : unit}</Table.Td>
+                  <Table.Td className={page.number}>
+                    {settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value)}
+                  </Table.Td>
+                  <Table.Td>{unit === "1" ? "" : readingOf(unit, angles).unit}</Table.Td>
                 </Table.Tr>
               ))}
             </Table.Tbody>
@@ -45,6 +50,7 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
 }
 
 function Segments({ segments }: { segments: readonly Segment[] }) {
+  const angles = useAngles();
   return (
     <div className={page.tableScroll}>
       <Table aria-label="Segments" verticalSpacing={2}>
@@ -53,7 +59,7 @@ function Segments({ segments }: { segments: readonly Segment[] }) {
             <Table.Th>Segment</Table.Th>
             <Table.Th>Shape</Table.Th>
             <Table.Th className={page.number}>Length [s]</Table.Th>
-            <Table.Th className={page.number}>q_ref [°]</Table.Th>
+            <Table.Th className={page.number}>{labelWith("q_ref", "rad", angles)}</Table.Th>
             <Table.Th className={page.number}>S_ref [N·m/rad]</Table.Th>
             <Table.Th className={page.number}>Push [N]</Table.Th>
           </Table.Tr>
@@ -67,7 +73,7 @@ function Segments({ segments }: { segments: readonly Segment[] }) {
                 {segment.shape === "sine" ? `sine of ${short(Number(segment.period_s))} s` : segment.shape}
               </Table.Td>
               <Table.Td className={page.number}>{short(Number(segment.duration_s))}</Table.Td>
-              <Table.Td className={page.number}>{fixed(Number(segment.q_ref_deg), 2)}</Table.Td>
+              <Table.Td className={page.number}>{angleText(Number(segment.q_ref), 2, angles)}</Table.Td>
               <Table.Td className={page.number}>{short(Number(segment.S_ref))}</Table.Td>
               <Table.Td className={page.number}>{short(Number(segment.F_push))}</Table.Td>
             </Table.Tr>

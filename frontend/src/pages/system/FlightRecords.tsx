@@ -3,6 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
+import { Told } from "../../components/Told";
 import { dateTime, fixed } from "../../samples/format";
 import { flightsQuery } from "../../service/system";
 import page from "../Page.module.css";
@@ -32,7 +33,9 @@ export function FlightRecords() {
               {flights.map((flight) => (
                 <Table.Tr key={flight.id}>
                   <Table.Td>{dateTime(flight.at)}</Table.Td>
-                  <Table.Td>{flight.text}</Table.Td>
+                  <Table.Td>
+                    <Told text={flight.text} />
+                  </Table.Td>
                   <Table.Td>
                     {flight.run === null ? (
                       "none was recorded"

@@ -1,0 +1,158 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { cleanup, fireEvent, render, screen, within } from "@testing-library/react";
+import { type ReactElement, useState } from "react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { Figures } from "../pages/experiments/Figures";
+import { SegmentsEditor } from "../pages/experiments/SegmentsEditor";
+import { limitLines } from "../pages/operate/limitLines";
+import { SettingsCard } from "../pages/runs/SettingsCard";
+import type { Angles } from "../samples/quantity";
+import { AnglesContext } from "../service/angles";
+import { PANELS, POSITION, readIn } from "../theme/signals";
+import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
+import { NumberField } from "./NumberField";
+import { SettingField } from "./SettingField";
+import { Told } from "./Told";
+
+/** π/3, a sixth of the circle. */
+const SIXTH = 1.0471975511965976;
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+});
+afterEach(cleanup);
+
+function open(element: ReactElement, angles: Angles = "deg"): void {
+  render(
+    <MantineProvider>
+      <AnglesContext value={angles}>{element}</AnglesContext>
+    </MantineProvider>,
+  );
+}
+
+const box = () => screen.getByRole("textbox") as HTMLInputElement;
+const text = () => document.body.textContent ?? "";
+
+function Box({ seen }: { seen: (value: number | string) => void }) {
+  const [value, setValue] = useState<number | string>(SIXTH);
+  seen(value);
+  return <NumberField label="angle" unit="rad" value={value} onChange={setValue} />;
+}
+
+it("takes degrees in a box, sends radians, and shows again what was typed", () => {
+  const seen = vi.fn();
+  open(<Box seen={seen} />);
+  expect(box().value).toBe("60");
+  for (const [typed, turn] of [
+    ["120", 1 / 3],
+    ["-12.345", -12.345 / 360],
+    ["1e1", 1 / 36],
+  ] as const) {
+    fireEvent.change(box(), { target: { value: typed } });
+    expect(seen.mock.lastCall?.[0]).toBeCloseTo(2 * Math.PI * turn, 14);
+    fireEvent.blur(box());
+    expect(Number(box().value)).toBe(Number(typed));
+  }
+});
+
+it("takes radians where the person chose them, and shows at most six digits of what nobody typed", () => {
+  const seen = vi.fn();
+  open(<Box seen={seen} />, "rad");
+  expect(box().value).toBe("1.0472");
+  expect(seen).toHaveBeenLastCalledWith(SIXTH);
+  fireEvent.change(box(), { target: { value: "1.5" } });
+  expect(seen).toHaveBeenLastCalledWith(1.5);
+});
+
+const AMPLITUDE = {
+  name: "q_amplitude",
+  meaning: "joint position steps",
+  unit: "rad",
+  default: SIXTH,
+  minimum: 0.01,
+  maximum: 1.4,
+} as Setting;
+
+it.each([
+  ["deg", "Joint position steps [deg]", "0.572958 … 80.2141"],
+  ["rad", "Joint position steps [rad]", "0.01 … 1.4"],
+] as const)("labels a setting and its range in %s", (angles, label, range) => {
+  open(<SettingField setting={AMPLITUDE} value={SIXTH} onChange={() => undefined} />, angles);
+  expect(screen.getByLabelText(label)).toBe(box());
+  expect(text()).toContain(range);
+});
+
+it("converts by the unit and not by the name", () => {
+  open(
+    <SettingField setting={{ ...AMPLITUDE, unit: "N·m/rad" }} value={10} onChange={() => undefined} />,
+    "deg",
+  );
+  expect(screen.getByLabelText("Joint position steps [N·m/rad]")).toBe(box());
+  expect(text()).toContain("0.01 … 1.4");
+  expect(box().value).toBe("10");
+});
+
+it.each([
+  ["deg", "q_ref [deg]", "60"],
+  ["rad", "q_ref [rad]", "1.0472"],
+] as const)("edits and prints segments in %s", (angles, heading, value) => {
+  const json = `[{"duration_s":4,"q_ref":${SIXTH},"S_ref":10}]`;
+  open(<SegmentsEditor json={json} onChange={() => undefined} />, angles);
+  expect((screen.getByLabelText(`${heading} of segment 1`) as HTMLInputElement).value).toBe(value);
+  cleanup();
+  const settings = [
+    { name: "segments", symbol: "", unit: "1", meaning: "", value: json },
+    { name: "q_hold", symbol: "q_0", unit: "rad", meaning: "position held", value: SIXTH },
+  ] as Run["settings"];
+  open(<SettingsCard settings={settings} />, angles);
+  expect(screen.getByRole("columnheader", { name: heading })).toBeTruthy();
+  const row = screen.getByRole("row", { name: /position held/ });
+  expect(row.textContent).toBe(`position heldq_0${value}${angles}`);
+});
+
+it.each([
+  ["deg", "5.730deg", "< 11.4592 deg", "q stood at 91.79 deg"],
+  ["rad", "0.1000rad", "< 0.2 rad", "q stood at 1.602 rad"],
+] as const)("prints figures, bounds and reasons in %s", (angles, figure, bound, reason) => {
+  const of = { unit: "rad", definition: "", reason: "q stood at 1.602 rad" };
+  const metric = { ...of, name: "deviation_q", label: "Joint deviation", value: 0.1 } as Metric;
+  const criterion = {
+    ...of,
+    name: "d",
+    label: "Deviation",
+    value: 0.1,
+    relation: "<",
+    bound: 0.2,
+    passed: true,
+  };
+  open(<Figures criteria={[criterion as Criterion]} metrics={[metric]} />, angles);
+  const metrics = within(screen.getByRole("table", { name: "Metrics" }));
+  expect(metrics.getByRole("row", { name: /Joint deviation/ }).textContent).toContain(figure);
+  expect(text()).toContain(bound);
+  expect(text()).toContain(reason);
+});
+
+it("draws the joint's chart, its limits and its readouts in the person's unit, and no other chart", () => {
+  const [degrees, radians] = [readIn(POSITION, "deg"), readIn(POSITION, "rad")];
+  expect([degrees.unit, degrees.decimals, radians.unit, radians.decimals]).toEqual(["deg", 2, "rad", 4]);
+  expect(degrees.factor * SIXTH).toBeCloseTo(60, 12);
+  expect(degrees.narrowest).toBeCloseTo(4, 12);
+  expect(radians.factor).toBe(1);
+  for (const panel of PANELS.filter((other) => other !== POSITION)) {
+    expect(readIn(panel, "deg")).toEqual(readIn(panel, "rad"));
+  }
+  const forces = { S_min: 8, S_max: 15, F_min: 0.5, F_max: 47.5, u_max: 7 };
+  const limits = { q_min: -SIXTH, q_max: SIXTH, ...forces } as Limits;
+  const lines = (angles: Angles) =>
+    limitLines(limits, angles)
+      .get(POSITION.title)
+      ?.map(({ value }) => value);
+  expect(lines("rad")).toEqual([-SIXTH, SIXTH]);
+  expect(lines("deg")?.[1]).toBeCloseTo(60, 12);
+});
+
+it("reads a text of the service in the person's unit", () => {
+  open(<Told text="q = 1.602 rad, S = 10 N·m/rad" />);
+  expect(text()).toContain("q = 91.79 deg, S = 10 N·m/rad");
+});

@@ -1,0 +1,88 @@
+import { describe, expect, it } from "vitest";
+import { type Angles, angleText, boxText, inSI, inWords, readingOf, told } from "./quantity";
+
+/** Angles in degrees with up to six decimals, the same at each run. */
+function* someAngles(): Generator<number> {
+  let state = 12345;
+  for (let count = 0; count < 5000; count += 1) {
+    state = (1103515245 * state + 12345) % 2 ** 31;
+    yield Number(((state / 2 ** 31 - 0.5) * 720).toFixed(count % 7));
+  }
+}
+
+describe("a box", () => {
+  it("shows 1.0471975511965976 rad as 60 and sends it again", () => {
+    expect(boxText(1.0471975511965976, "rad", "deg")).toBe("60");
+    expect(inSI("60", "rad", "deg")).toBe(1.0471975511965976);
+    expect(boxText(1.0471975511965976, "rad", "rad")).toBe("1.0472");
+  });
+
+  it("shows every angle again as it was typed", () => {
+    for (const typed of someAngles()) {
+      const text = String(typed);
+      const sent = inSI(text, "rad", "deg") as number;
+      // a turn of the circle is 2π: the same ratio, worked out another way
+      expect(sent / (2 * Math.PI)).toBeCloseTo(typed / 360, 14);
+      if (text.length <= 9) expect(boxText(sent, "rad", "deg")).toBe(text);
+      else expect(Number(boxText(sent, "rad", "deg"))).toBeCloseTo(typed, 2);
+    }
+  });
+
+  it("never shows more digits than a person reads, whatever the unit", () => {
+    for (const angle of someAngles()) {
+      for (const angles of ["deg", "rad"] satisfies Angles[]) {
+        const text = boxText(Math.sin(angle) * 100, "rad", angles);
+        expect(text.replace(/e.*|\D/g, "").replace(/^0+/, "").length, text).toBeLessThanOrEqual(8);
+      }
+    }
+  });
+
+  it("takes what is no angle as it is", () => {
+    expect(inSI("12.5", "N·m/rad", "deg")).toBe(12.5);
+    expect(boxText(12.5, "N·m/rad", "deg")).toBe("12.5");
+    expect(boxText(80, "", "deg")).toBe("80");
+    expect(inSI("five", "rad", "deg")).toBeNull();
+  });
+});
+
+it.each([
+  ["rad", "deg", 57.29577951308232],
+  ["rad/s", "deg/s", 57.29577951308232],
+  ["mrad", "deg", 0.05729577951308232],
+  ["N·m/rad", "N·m/rad", 1],
+  ["rad/(V·s)", "rad/(V·s)", 1],
+  ["1", "1", 1],
+])("reads %s in %s, by its unit alone", (unit, shown, factor) => {
+  expect(readingOf(unit, "deg").unit).toBe(shown);
+  expect(readingOf(unit, "deg").factor).toBeCloseTo(factor, 14);
+  expect(readingOf(unit, "rad")).toEqual({ unit, factor: 1 });
+});
+
+it("tells a quantity with its unit", () => {
+  expect(told(2.0943951023931953, "rad", "deg")).toBe("120 deg");
+  expect(told(-2.0943951023931953, "rad", "rad")).toBe("−2.0944 rad");
+  expect(told(0.5, "1", "deg")).toBe("0.5");
+  expect(angleText(Math.PI / 6, 1, "deg")).toBe("30.0");
+  expect(angleText(Math.PI / 6, 1, "rad")).toBe("0.524");
+});
+
+it.each([
+  [
+    "q = 1.602 rad; the bound is 1.571 rad to either side",
+    "q = 91.79 deg; the bound is 90.01 deg to either side",
+  ],
+  ["outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21 deg; choose another"],
+  ["q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30 deg, S_ref 10.00 N·m/rad"],
+  ["turned by −0.9 rad", "turned by −51.57 deg"],
+  ["60 rad/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad", "3438 deg/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
+  ["3 radishes, 2 rad²", "3 radishes, 2 rad²"],
+])("reads the angles in %j and nothing else", (text, degrees) => {
+  expect(inWords(text, "deg")).toBe(degrees);
+  expect(inWords(text, "rad")).toBe(text);
+});
+
+it("reads a text in degrees in radians, where somebody changes the unit while it stands", () => {
+  expect(inWords("120 deg is outside -100 to 100 deg", "rad")).toBe(
+    "2.094 rad is outside -1.745 to 1.745 rad",
+  );
+});

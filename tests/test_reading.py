@@ -1,0 +1,66 @@
+"""Angles as they are read, against turns of a circle counted by hand and against Python's own conversion."""
+
+import math
+from fractions import Fraction
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backend.reading import Angles, in_words, read, told
+
+DEG, RAD = Angles.DEGREES, Angles.RADIANS
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "degrees", "radians"),
+    [
+        (math.pi / 3, "rad", "60 deg", "1.0472 rad"),
+        (-2 * math.pi / 3, "rad", "-120 deg", "-2.0944 rad"),
+        (2 * math.pi, "rad/s", "360 deg/s", "6.28319 rad/s"),
+        (12.34567891, "N·m/rad", "12.3457 N·m/rad", "12.3457 N·m/rad"),
+        (1.06, "rad/(V·s)", "1.06 rad/(V·s)", "1.06 rad/(V·s)"),
+        (0.5, "1", "0.5", "0.5"),
+        (10**400, "1", "a number of 401 digits", "a number of 401 digits"),
+    ],
+)
+def test_what_is_converted_hangs_on_the_unit(value: float, unit: str, degrees: str, radians: str) -> None:
+    """Angles and their rates are converted, gains per radian stay as the paper has them."""
+    assert told(value, unit, DEG) == degrees
+    assert told(value, unit, RAD) == radians
+
+
+@given(st.decimals(min_value=-1000, max_value=1000, places=6))
+def test_what_was_typed_in_degrees_is_read_again(typed: Fraction) -> None:
+    """Sent as the nearest double of the conversion, any angle comes back as it was typed."""
+    sent = math.radians(float(typed))
+    assert round(read(sent, "rad", DEG), 9) == round(float(typed), 9)
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        (
+            "q = 1.602 rad; the bound is 1.571 rad to either side",
+            "q = 91.79 deg; the bound is 90.01 deg to either side",
+        ),
+        ("outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21 deg; choose another"),
+        ("q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30 deg, S_ref 10.00 N·m/rad"),
+        ("theta_A turned by −0.9 rad", "theta_A turned by −51.57 deg"),
+        (
+            "60 rad/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
+            "3438 deg/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
+        ),
+        ("a grade of 3 radishes, 2 rad²", "a grade of 3 radishes, 2 rad²"),
+        ("30 deg already", "30 deg already"),
+    ],
+)
+def test_angles_in_a_text_are_turned_and_nothing_else(text: str, degrees: str) -> None:
+    """Marks, faults and ends of runs are kept in SI; whoever reads radians reads them as they are kept."""
+    assert in_words(text, DEG) == degrees
+    assert in_words(text.replace("30 deg already", ""), RAD) == text.replace("30 deg already", "")
+
+
+def test_a_text_in_degrees_can_be_read_in_radians() -> None:
+    """Somebody who changes the unit while a refusal stands reads it in the new one."""
+    assert in_words("120 deg is outside -100 to 100 deg", RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
