@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from backend.cli.output import errors, fail, meter, out, print_json, print_table
+from backend.cli.output import errors, fail, meter, out, print_json
 from backend.cli.place import database_of
+from backend.cli.run_tables import show_run
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def run_headless(settings: Settings, order: "Order", tuning: str, folder: Path |
         if as_json:
             print_json(document)
         else:
-            _show(document)
+            show_run(document)
     _end_status(outcome)
 
 
@@ -97,7 +98,7 @@ def run_in_turn(
             outcome, document = play(order, folder, hidden=as_json, own_folder=True)
             documents.append(document)
             if not as_json:
-                _show(document)
+                show_run(document)
             if outcome.run.end_state != "completed" or outcome.evaluation.problem:
                 break
     if as_json:
@@ -144,40 +145,6 @@ def _say(tuning: str, *, as_json: bool) -> None:
     """Say what the gains come from, once it is accepted."""
     if not as_json:
         out.print(tuning, highlight=False, markup=False, soft_wrap=True)
-
-
-def _show(document: dict[str, Any]) -> None:
-    out.print(f"run {document['run']}, {document['kind']}: {document['end_state']}", highlight=False, style="bold")
-    units, missing = document["units"], document["not_measured"]
-    rows = [
-        (name, _figure(value), units[name], missing.get(name, "measured"))
-        for name, value in document["metrics"].items()
-    ]
-    if rows:
-        kept = 4 if missing else 3
-        print_table(("figure", "value", "unit", "measured")[:kept], [row[:kept] for row in rows])
-    judged = {True: "passed", False: "FAILED", None: "not measured"}
-    criteria = [
-        (
-            item["title"],
-            _figure(item["figure"]),
-            f"{item['relation']} {item['bound']:g}",
-            item["unit"],
-            judged[item["passed"]] + (f": {item['reason']}" if item["reason"] else ""),
-        )
-        for item in document["criteria"]
-    ]
-    if criteria:
-        print_table(("criterion", "value", "bound", "unit", "verdict"), criteria)
-        out.print(document["verdict"], highlight=False, markup=False)
-    if document["identification"]:
-        out.print(document["identification"]["verdict"], highlight=False, markup=False)
-    for path in document["files"]:
-        out.print(f"wrote {path}", highlight=False, markup=False)
-
-
-def _figure(value: float | None) -> float | str:
-    return "not measured" if value is None else value
 
 
 def _end_status(outcome: "Outcome") -> None:

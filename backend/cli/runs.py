@@ -8,6 +8,7 @@ import typer
 
 from backend.cli.output import AsJson, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.run_tables import show_run, show_settings
 
 if TYPE_CHECKING:
     from backend.storage.runs import Run
@@ -41,13 +42,18 @@ def list_runs(
 
 
 @app.command()
-def show(run: RunNumber, data: DataFolder = None) -> None:
-    """Show a run with its settings, metrics and criteria, as JSON."""
+def show(run: RunNumber, data: DataFolder = None, as_json: AsJson = False) -> None:
+    """Show a run with its settings, metrics and criteria."""
     from backend.reports.files import metrics_document
     from backend.reports.source import load_source
 
     with database_of(settings_with(data=data)) as database:
-        print_json(metrics_document(load_source(database, run)))
+        document = metrics_document(load_source(database, run))
+    if as_json:
+        print_json(document)
+        return
+    show_settings(document)
+    show_run(document)
 
 
 @app.command()

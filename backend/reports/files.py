@@ -56,6 +56,7 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "metrics": {item["name"]: item["value"] for item in figures},
         "not_measured": {item["name"]: reason for item in figures if (reason := reason_of(item, item["value"]))},
         "verdict": judged.sentence,
+        "labels": {item["name"]: item["label"] for item in figures},
         "units": {item["name"]: item["unit"] for item in figures},
         "criteria": source.result.criteria if source.result else [],
         "steps": metrics.get("steps", []),

@@ -76,7 +76,17 @@ def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[
     data = ["--data", str(folder / "data")]
     listed = json.loads(sinew("runs", "list", "--json", *data).stdout)
     assert [(run["id"], run["kind"], run["end_state"]) for run in listed] == [(printed["run"], "tracking", "completed")]
-    assert json.loads(sinew("runs", "show", str(printed["run"]), *data).stdout)["metrics"] == printed["metrics"]
+    assert (
+        json.loads(sinew("runs", "show", str(printed["run"]), "--json", *data).stdout)["metrics"] == printed["metrics"]
+    )
+    seen = sinew("runs", "show", str(printed["run"]), *data).stdout
+    metrics = printed["metrics"]
+    assert isinstance(metrics, dict)
+    for figure in metrics.values():
+        assert ("not measured" if figure is None else f"{figure:.4g}") in seen
+    assert "λ_q" in seen
+    assert str(printed["verdict"]) in " ".join(seen.split())
+    assert not set(metrics) & set(seen.split())  # labels, not the names that programs read
     csv = folder / "again.csv"
     assert sinew("runs", "export", str(printed["run"]), str(csv), *data).returncode == 0
     assert csv.read_text() == (folder / "out" / "data.csv").read_text()
