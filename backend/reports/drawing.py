@@ -27,6 +27,9 @@ COLOURS = {
 }
 """Hue of each signal (Okabe-Ito), the same everywhere; a reference is its signal's hue, dashed."""
 
+TENSION_WIDTHS = {"F_A": 2.2, "F_B": 0.8}
+"""Of lines [pt]: equal tensions stay two lines, the narrow one in the broad one."""
+
 LIMIT_GREY = "#8c8c8c"
 INK = "#222222"
 WIDTH_IN = 6.7

@@ -13,7 +13,17 @@ from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
 from backend.recording.columns import Columns
-from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.drawing import (
+    COLOURS,
+    INK,
+    LIMIT_GREY,
+    TENSION_WIDTHS,
+    figure,
+    panel_letter,
+    thinned,
+    to_svg,
+    upper_legend,
+)
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -48,8 +58,8 @@ def record_panels(columns: Columns, start: int, models: Mapping[str, Model], per
             row.plot(*thinned(t[start - begin :], simulated), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
             row.set_ylabel(f"{output} [{unit}]")
             upper_legend(row)
-        for force in ("F_A", "F_B"):
-            axes[3].plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=0.8, label=f"${force}$")
+        for force, width in TENSION_WIDTHS.items():
+            axes[3].plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=width, label=f"${force}$")
         axes[3].set(xlabel="t from the start of the excitation [s]", ylabel="Tension [N]", xlim=(t[0], t[-1]))
         upper_legend(axes[3])
         for row, letter in zip(axes, "ABCD", strict=True):

@@ -11,6 +11,7 @@ from backend.reports.drawing import (
     COLOURS,
     INK,
     LIMIT_GREY,
+    TENSION_WIDTHS,
     figure,
     limit_line,
     panel_letter,
@@ -43,8 +44,9 @@ def tracking_panels(columns: Columns, start_s: float, end_s: float, letters: str
 def tension_panel(columns: Columns, F_max: float, name: str) -> str:
     """Draw both tendon tensions over the whole run, between slack and the bound of the safety module."""
     with figure(1, height_in=1.9) as (drawn, axes):
-        for signal in ("F_A", "F_B"):
-            axes.plot(*thinned(columns["t"], columns[signal]), color=COLOURS[signal], label=_NAMES[signal])
+        for signal, width in TENSION_WIDTHS.items():
+            line = thinned(columns["t"], columns[signal])
+            axes.plot(*line, color=COLOURS[signal], linewidth=width, label=_NAMES[signal])
         limit_line(axes, F_max, f"trip at {F_max:g} N")
         axes.axhline(0.0, color=LIMIT_GREY, linewidth=0.7)
         axes.set(xlabel="t [s]", ylabel=_LABELS["F"], xlim=(columns["t"][0], columns["t"][-1]))
