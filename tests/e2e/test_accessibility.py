@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.e2e.browser import DESKTOP, TABLET
+from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 
@@ -88,6 +89,7 @@ def test_small_screens_show_state_and_stop_without_scrolling_sideways(
         operator.go(name)
         overflow = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
         assert overflow <= 0, f"{name} is {overflow} px wider than the screen"
+        assert document_scrolls_by(page) <= 0, f"{name} scrolls STOP out of sight"
         stop = page.get_by_role("button", name="STOP", exact=True)
         expect(stop).to_be_in_viewport(ratio=1)
         expect(page.get_by_role("status", name="Mode", exact=True)).to_be_in_viewport(ratio=1)

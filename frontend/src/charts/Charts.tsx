@@ -112,8 +112,8 @@ export function Charts(props: ChartsProps) {
     };
   }, [panels, source, current, readout, scheme]);
 
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the size is the reason to measure again
-  useEffect(() => stack.current?.resize(), [size.width, size.height]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the size, or that of a legend, is the reason to measure again
+  useEffect(() => stack.current?.resize(), [size.width, size.height, measuring]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: a rebuilt stack needs everything again
   useEffect(() => {

@@ -4,7 +4,7 @@ import type { ReactNode } from "react";
 import { SignalName } from "../../components/SignalName";
 import { fixed, short } from "../../samples/format";
 import type { LoopPreview } from "../../wire/types";
-import styles from "./Operate.module.css";
+import styles from "./StepPreview.module.css";
 import { stepPath } from "./stepPath";
 
 const WIDTH = 150;

@@ -1,0 +1,92 @@
+"""Where things lie on a page: bounding boxes as the browser has them, and what a press at a place would hit.
+
+All that one question needs is asked in one turn: a page that draws live charts answers each turn late.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from playwright.sync_api import Page
+
+_SURVEY = """
+selectors => {
+    const main = document.querySelector("main");
+    const box = element => {
+        const { left, top, right, bottom } = element.getBoundingClientRect();
+        return [left + main.scrollLeft, top + main.scrollTop, right + main.scrollLeft, bottom + main.scrollTop];
+    };
+    const named = ([name, selector]) => [name, [...document.querySelectorAll(selector)].map(box)];
+    return Object.fromEntries(Object.entries(selectors).map(named));
+}
+"""
+_COVERED = """
+selector => [...document.querySelectorAll(selector)].filter(element => {
+    element.scrollIntoView({ block: "nearest" });
+    const { left, top, width, height } = element.getBoundingClientRect();
+    const hit = document.elementFromPoint(left + width / 2, top + height / 2);
+    return hit === null || !(element.contains(hit) || hit.contains(element));
+}).map(element => element.outerHTML)
+"""
+_CUT = """
+selector => [...document.querySelectorAll(selector)]
+    .filter(one => one.scrollWidth > one.clientWidth + 1 && one.clientWidth > 0).map(element => element.outerHTML)
+"""
+
+
+class Box(NamedTuple):
+    """A rectangle in the coordinates of what scrolls [CSS px]."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def overlaps(self, other: "Box") -> bool:
+        """Return whether more than a border is shared."""
+        apart = min(self.right, other.right) - max(self.left, other.left) <= 1
+        return not (apart or min(self.bottom, other.bottom) - max(self.top, other.top) <= 1)
+
+    def holds(self, other: "Box") -> bool:
+        """Return whether the other lies inside, to a pixel."""
+        across = self.left - 1 <= other.left and other.right <= self.right + 1
+        return across and self.top - 1 <= other.top and other.bottom <= self.bottom + 1
+
+
+def survey(page: Page, selectors: Mapping[str, str]) -> dict[str, list[Box]]:
+    """Return where everything lies in the page that scrolls, at one moment, however far it is scrolled."""
+    found = page.evaluate(_SURVEY, dict(selectors))
+    return {name: [Box(*edges) for edges in boxes] for name, boxes in found.items()}
+
+
+def scrolled_page(page: Page) -> Box:
+    """Return all that can be scrolled to."""
+    edges = page.evaluate(
+        "() => { const main = document.querySelector('main'), { left, top } = main.getBoundingClientRect();"
+        " return [left, top, left + main.scrollWidth, top + main.scrollHeight]; }"
+    )
+    return Box(*edges)
+
+
+def sideways(page: Page) -> float:
+    """Return by how much document and page are wider than what is seen of them [CSS px]."""
+    return float(
+        page.evaluate(
+            "Math.max(...[document.documentElement, document.querySelector('main')]"
+            ".map(one => one.scrollWidth - one.clientWidth))"
+        )
+    )
+
+
+def document_scrolls_by(page: Page) -> float:
+    """Return by how much the document is higher than the window: what scrolls takes header and STOP along [CSS px]."""
+    return float(page.evaluate("document.documentElement.scrollHeight - innerHeight"))
+
+
+def covered(page: Page, selector: str) -> list[str]:
+    """Return those of which a press at the middle, once they are scrolled to, would reach something else."""
+    return list(page.evaluate(_COVERED, selector))
+
+
+def cut(page: Page, selector: str) -> list[str]:
+    """Return those that do not show all they hold."""
+    return list(page.evaluate(_CUT, selector))
