@@ -1,5 +1,7 @@
 """No "usable" that is wrong: verdicts on records whose truth is known, good ones and bad ones."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,13 @@ from tests.identification.own_motor import K_M, PERIOD_S, T_M, Array, motor, noi
 KINDS = ("binary", "levels", "sines")
 
 
+@cache
+def motor_found(kind: str, u_c: float, noise: float) -> Estimate:
+    """What is estimated of a motor with this friction; seven seconds of record are twenty time constants and more."""
+    u = voltages(kind, 7000)
+    return estimate(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
+
+
 def claimed(found: Estimate) -> float:
     """Errors of K and T in multiples of what the estimate says that they are known to."""
     errors = found.first_order.K / K_M - 1.0, found.first_order.T / T_M - 1.0
@@ -22,8 +31,7 @@ def claimed(found: Estimate) -> float:
 @pytest.mark.parametrize("u_c", [0.0, 0.05, 0.2, 1.0, 3.0])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, u_c: float, noise: float) -> None:
-    u = voltages(kind)
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u, u_c)[0], noise)), "first")
+    found = motor_found(kind, u_c, noise)
     friction = found.friction
     assert friction is not None
     if not friction.found:
@@ -45,8 +53,7 @@ def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
-    u = voltages(kind)
-    found = estimate(Record(PERIOD_S, u, noisy(motor(u)[0], 0.01)), "first")
+    found = motor_found(kind, 0.0, 0.01)
     assert found.verdict.grade is Grade.USABLE
     assert claimed(found) < 4.0
     assert f"K and T known to ±{100.0 * found.first_order.T_std / found.first_order.T:.2g}" in found.verdict.sentence
