@@ -147,8 +147,20 @@ def test_help_tells_units_and_needs_nothing_heavy() -> None:
 
 def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
     findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
-    assert {"scheduling", "memory", "1 ms beat", "DAQ driver"} <= {finding["what"] for finding in findings}
+    assert {"scheduling", "memory", "1 ms beat", "DAQ card"} <= {finding["what"] for finding in findings}
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
+
+
+def test_doctor_promises_no_rig_that_a_start_refuses(tmp_path: Path) -> None:
+    """Nothing is recommended for a rig that no driver could use: a start with one is refused in this version."""
+    findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
+    card = next(finding for finding in findings if "DAQ" in finding["what"])
+    ended = sinew("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
+    assert ended.returncode == 1
+    assert "simulator" in ended.stderr
+    assert "simulator only" in card["found"]
+    assert card["remedy"] == ""
+    assert not any("sinew[rig]" in finding["remedy"] for finding in findings)
 
 
 def test_recordings_beyond_the_limit_are_listed_and_go_when_named(tmp_path: Path) -> None:
