@@ -37,7 +37,8 @@ class Picture:
     """The present state.
 
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
-    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None.
+    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
+    tuning that should be back in force is not.
     ``problems`` tells what is wrong with the service without being a fault of the loop.
     """
 
@@ -50,6 +51,7 @@ class Picture:
     ) -> None:
         self.tuning = tuning
         self.own_tuning: TuningInUse | None = None
+        self.tuning_problem = ""
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
@@ -164,7 +166,7 @@ class Picture:
             trial=self.trial(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
-            problems=[*self._problems(), *filter(None, (self._plant_problem,))],
+            problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
 
     def _limits(self) -> LimitsView:

@@ -25,7 +25,9 @@ from backend.loop.supervisor import Supervisor
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
 
-_RETRY_S = 0.5
+RETRY_S = 0.5
+"""How soon it is tried again to put a tuning back that the loop did not take [s]."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -50,7 +52,7 @@ class Retuning:
         self._send = send
         self._turn = turn
         self._changed = changed
-        self._trial = Trial(self._end_trial, supervision)
+        self._trial = Trial(self._end_trial_at_its_time, supervision)
         picture.trial = self._trial.view
 
     async def set(self, request: TuningRequest, who: str) -> TuningView:
@@ -108,13 +110,9 @@ class Retuning:
 
     async def give_back(self) -> None:
         """Put the operator's tuning back in force; does so as soon as the loop takes it."""
-        while (own := self._picture.own_tuning) is not None:
-            try:
-                await self._return(own)
-            except Exception:
-                # A loop that is being restarted refuses for a moment; what is the operator's comes back all the same.
-                _log.exception("the operator's tuning could not be put back after a run yet")
-                await asyncio.sleep(_RETRY_S)
+        own = self._picture.own_tuning
+        if own is not None:
+            await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
         self._changed()
 
     async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
@@ -134,8 +132,31 @@ class Retuning:
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._picture.entry)
 
+    async def _until_put_back(self, what: str, tuning: TuningInUse, put_back: Callable[[], Awaitable[None]]) -> None:
+        """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
+        try:
+            while True:
+                try:
+                    return await put_back()
+                except Exception as error:
+                    # A loop that is being restarted refuses for a moment; what was promised to come back does.
+                    _log.exception("%s could not be put back yet", what)
+                    self._picture.tuning_problem = (
+                        f"{what} ({tuning.difference(self._picture.tuning)}) is not back in force: {error}. "
+                        f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
+                        "again: it starts with the operator's tuning."
+                    )
+                    self._changed()
+                    await asyncio.sleep(RETRY_S)
+        finally:
+            if self._picture.tuning_problem:
+                self._picture.tuning_problem = ""
+                self._changed()
+
     async def _return(self, own: TuningInUse) -> None:
         async with self._turn:
+            if self._picture.own_tuning is not own:  # given back by another road while this waited
+                return
             lent = self._picture.tuning
             if own.choice != lent.choice:
                 try:
@@ -144,6 +165,9 @@ class Retuning:
                     tick = self._remember(own)
                 self._journal.note(MarkKind.TUNING, f"after the run: {own.difference(lent)}", tick)
             self._picture.own_tuning = None
+
+    async def _end_trial_at_its_time(self, before: TuningInUse) -> None:
+        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before))
 
     async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
         async with self._turn:

@@ -1,21 +1,17 @@
 """A tuning in force for a while only: the service puts the earlier one back, whatever has become of the page."""
 
 import asyncio
-import logging
 from collections.abc import Awaitable, Callable
 
 from backend.api.schemas.state import TrialView
 from backend.api.tuning_in_use import TuningInUse, parts_of
 from backend.supervision import KeptTask, Part, Supervision
 
-_log = logging.getLogger(__name__)
-
-_RETRY_S = 0.5
 _PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")
 
 
 class Trial:
-    """At most one trial at a time. ``put_back`` puts a tuning in force again."""
+    """At most one trial at a time. ``put_back`` puts a tuning in force again, however often that takes."""
 
     def __init__(self, put_back: Callable[[TuningInUse], Awaitable[None]], supervision: Supervision) -> None:
         self._put_back = put_back
@@ -56,12 +52,4 @@ class Trial:
 
     async def _count_down(self, before: TuningInUse) -> None:
         await asyncio.sleep(self._ends - asyncio.get_running_loop().time())
-        while True:
-            try:
-                await self._put_back(before)
-            except Exception:
-                # A loop that is being restarted refuses for a moment; the promise to revert stands.
-                _log.exception("the tuning before the trial could not be put back yet")
-                await asyncio.sleep(_RETRY_S)
-            else:
-                return
+        await self._put_back(before)

@@ -23,7 +23,7 @@ from backend.api.tasks import Tasks
 from backend.experiments.runner import Station
 from backend.loop.access import Listener, LoopDiedError
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Command, Refused
+from backend.loop.commands import Accepted, Command, Refused, SetTuning
 from backend.loop.headless import Headless
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
@@ -39,13 +39,17 @@ OPERATOR = Person("A. Operator", Role.OPERATOR, "session")
 
 
 class Stepped(Supervisor):
-    """A supervisor whose loop is stepped in this process; ``dead`` lets it answer as one whose process has died."""
+    """A supervisor whose loop is stepped in this process.
+
+    ``dead`` lets it answer as one whose process has died, ``refuses`` as a loop that takes no tuning for this reason.
+    """
 
     def __init__(self, setup: Setup, loop: Headless) -> None:
         super().__init__(setup)
         self._stepped = loop
         self.ring = loop.ring
         self.dead = False
+        self.refuses = ""
 
     @property
     def alive(self) -> bool:
@@ -57,6 +61,8 @@ class Stepped(Supervisor):
     async def send(self, command: Command) -> Accepted | Refused:
         if self.dead:
             raise LoopDiedError("the loop process was killed")
+        if self.refuses and isinstance(command, SetTuning):
+            return Refused(0, 0, self.refuses)
         return await self._stepped.send(command)
 
     async def advance(self, seconds: float) -> None:

@@ -138,6 +138,39 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
     stepped(database, IDEAL, work)
 
 
+def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Database, bank: Bank) -> None:
+    async def until(problems: bool, parts: Parts) -> list[str]:
+        while bool(found := parts.picture.state().problems) is not problems:
+            await asyncio.sleep(0.01)
+        return found
+
+    async def work(parts: Parts) -> None:
+        await started(parts, bank)
+        await parts.tasks.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
+        parts.supervisor.refuses = "a gain is not a finite number"
+        told = await until(True, parts)
+        assert told == [
+            "The operator's tuning (λ_q 0.7 → 0.55 s) is not back in force: a gain is not a finite number. It is tried "
+            "again every 0.5 s. If this stays, stop softly and start the service again: it starts with the operator's "
+            "tuning."
+        ]
+        assert parts.picture.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
+        parts.supervisor.refuses = ""
+        await until(False, parts)
+        assert parts.picture.tuning.choice == own(bank)
+        await parts.ended()
+
+        await parts.bench.retuning.try_out(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
+        parts.supervisor.refuses = "a gain is not a finite number"
+        told = await until(True, parts)
+        assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not back in force: a gain")
+        parts.supervisor.refuses = ""
+        await until(False, parts)
+        assert parts.picture.tuning.choice == own(bank)
+
+    stepped(database, IDEAL, work)
+
+
 def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         await started(parts, bank)
