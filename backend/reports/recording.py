@@ -1,6 +1,11 @@
 """The report of what was played or done by hand without criteria: its curves, and figures where there are some."""
 
-from backend.reports.document import Figure, Report, Section
+import json
+from dataclasses import replace
+from math import degrees
+from typing import Any
+
+from backend.reports.document import Column, Figure, Report, Section, Table, exact
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
 from backend.reports.source import Source
@@ -17,8 +22,7 @@ def recording_report(source: Source) -> Report:
     outcome, sentence = verdict(source)
     if run.kind == RunKind.SESSION:
         outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
-    made = (settings_table(source),) if run.settings.get("declared") else ()
-    sections = [*results_section(source), Section("How it was made", (*made, *lineage(source)))]
+    sections = [*results_section(source), Section("How it was made", (*_made(source), *lineage(source)))]
     if source.columns["t"].size:
         sections.append(_figures(source))
     return Report(
@@ -31,6 +35,44 @@ def recording_report(source: Source) -> Report:
         footer=f"Sinew {run.software} · {title.lower()} · run {run.id}",
         date=run.started_at,
     )
+
+
+def _made(source: Source) -> tuple[Table, ...]:
+    """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
+    settings = source.run.settings
+    if not settings.get("declared"):
+        return ()
+    sequence = next((item["value"] for item in settings["declared"] if item.get("name") == "segments"), None)
+    if sequence is None:
+        return (settings_table(source),)
+    others = [item for item in settings["declared"] if item.get("name") != "segments"]
+    rest = replace(source, run=replace(source.run, settings={**settings, "declared": others}))
+    return _segments_table(json.loads(sequence)), settings_table(rest)
+
+
+def _segments_table(segments: list[dict[str, Any]]) -> Table:
+    columns = (
+        Column("Segment"),
+        Column("Shape", number=False),
+        Column("Length", "s"),
+        Column("q_ref", "deg"),
+        Column("S_ref", "N·m/rad"),
+        Column("Push", "N"),
+        Column("Period", "s"),
+    )
+    rows = tuple(
+        (
+            str(number),
+            str(segment.get("shape", "step")),
+            exact(segment["duration_s"]),
+            exact(degrees(segment["q_ref"])),
+            exact(segment["S_ref"]),
+            exact(segment.get("F_push", 0.0)),
+            exact(segment["period_s"]) if segment.get("shape") == "sine" and "period_s" in segment else "",
+        )
+        for number, segment in enumerate(segments, start=1)
+    )
+    return Table("Segments of the sequence, in order.", columns, rows)
 
 
 def _figures(source: Source) -> Section:

@@ -1,5 +1,6 @@
 """Reports of compliance runs, sessions and own sequences, from records made by formula."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -102,3 +103,24 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
         "Metrics on measured signals"
     ]
+
+
+def test_an_own_sequence_is_told_segment_by_segment() -> None:
+    tracked = source_of(samples(PLAN))
+    segments = [
+        {"duration_s": 0.5, "q_ref": 0.13962634015954636, "S_ref": 10},
+        {"duration_s": 8, "q_ref": -0.2, "S_ref": 12.5, "shape": "sine", "period_s": 4, "F_push": -3},
+    ]
+    declared = [
+        {"name": "segments", "symbol": "segments", "unit": "1", "meaning": "list", "value": json.dumps(segments)},
+        {"name": "b", "symbol": "b", "unit": "1", "meaning": "weight", "value": 0.25},
+    ]
+    run = replace(tracked.run, kind="sequence", settings={"plan": {}, "loop": {}, "declared": declared})
+    report = build_report(replace(tracked, run=run))
+    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
+    told = {table.caption: table.rows for table in tables}
+    assert told["Segments of the sequence, in order."] == (
+        ("1", "step", "0.5", "8", "10", "0", ""),
+        ("2", "sine", "8", "−11.4592", "12.5", "−3", "4"),
+    )
+    assert [row[0] for row in told["Settings of the run."]] == ["weight"]
