@@ -9,7 +9,7 @@ import { useAngles } from "../service/angles";
 interface NumberFieldProps
   extends Pick<
     TextInputProps,
-    "label" | "aria-label" | "description" | "disabled" | "size" | "w" | "styles"
+    "name" | "label" | "aria-label" | "description" | "disabled" | "size" | "w" | "styles"
   > {
   /** In SI; typed and shown as the person reads that unit. */
   readonly value: number | string;

@@ -18,12 +18,13 @@ interface SettingFieldProps {
 }
 
 export function SettingField({ setting, value, origin = "", onChange }: SettingFieldProps) {
-  const { meaning, unit, minimum, maximum, choices } = setting;
+  const { name, meaning, unit, minimum, maximum, choices } = setting;
   const angles = useAngles();
   const label = labelWith(capital(meaning), unit, angles);
   if (typeof value === "boolean") {
     return (
       <Switch
+        name={name}
         label={label}
         description={origin}
         checked={value}
@@ -34,6 +35,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
   if (choices && choices.length > 0) {
     return (
       <NativeSelect
+        name={name}
         label={label}
         description={origin}
         inputWrapperOrder={["label", "input", "description", "error"]}
@@ -47,6 +49,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
     const bounds = minimum != null && maximum != null ? rangeText(minimum, maximum, unit, angles) : "";
     return (
       <NumberField
+        name={name}
         label={label}
         description={[bounds, origin].filter((part) => part !== "").join("; ")}
         unit={unit}
@@ -57,6 +60,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
   }
   return (
     <TextInput
+      name={name}
       label={label}
       value={String(value)}
       onChange={(event) => onChange(event.currentTarget.value)}

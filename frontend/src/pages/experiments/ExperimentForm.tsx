@@ -126,6 +126,7 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
   const known = choices.some((choice) => choice.value === String(value));
   return (
     <NativeSelect
+      name={setting.name}
       label="Models that the gains come from"
       description={origin}
       inputWrapperOrder={["label", "input", "description", "error"]}

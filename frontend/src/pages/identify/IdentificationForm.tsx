@@ -111,6 +111,7 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
           .map((setting) => (
             <NumberField
               key={setting.name}
+              name={setting.name}
               label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
               description={describe(setting, originOf(setting, changed, angles), angles)}
               unit={setting.unit}
@@ -156,7 +157,13 @@ function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionPr
   return (
     <>
       <div className={styles.tension}>
-        <NumberField label="Tension [N]" value={tension_N} disabled={inTurn} onChange={onTension} />
+        <NumberField
+          name="tension_N"
+          label="Tension [N]"
+          value={tension_N}
+          disabled={inTurn}
+          onChange={onTension}
+        />
         <Button.Group>
           {NOMINAL_TENSIONS_N.map((tension) => (
             <Button
@@ -178,6 +185,7 @@ function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionPr
       </div>
       <div className={styles.tension}>
         <TextInput
+          name="tensions_N"
           label="Several tensions in turn [N]"
           placeholder="none: the one above"
           value={tensions}

@@ -1,0 +1,192 @@
+"""A form as a person reads it, what the browser sends when its button is pressed, and what became of that.
+
+Fields are found by the name that they carry in the form; what is read of them is what is seen: words, unit and value.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from playwright.sync_api import Browser, Locator, Page
+
+Values = dict[str, bool | float | str]
+
+TO_SI = {"deg": ("rad", math.pi / 180.0), "°": ("rad", math.pi / 180.0), "": ("1", 1.0)}
+"""Units that a person is shown in place of the one that is sent, with the factor between both."""
+
+ROUNDED = 6e-6
+"""Numbers in reports and tables have six significant digits, and so have angles that nobody typed in their boxes."""
+
+_UNIT = re.compile(r"^(?P<words>.*?)(?: \[(?P<unit>[^\]]+)\])?$", re.DOTALL)
+_FIELDS = """form => [...form.elements].filter(box => box.name !== "").map(box => ({
+    name: box.name,
+    words: box.labels?.[0]?.innerText ?? box.getAttribute("aria-label"),
+    text: box.type === "checkbox" ? box.checked : box.tagName === "SELECT" ? box.selectedOptions[0].text : box.value,
+    value: box.type === "checkbox" ? box.checked : box.value,
+    about: [...box.getAttribute("aria-describedby")?.split(" ") ?? []]
+        .map(id => document.getElementById(id)?.innerText ?? "").join("; "),
+    disabled: box.disabled,
+}))"""
+_SEGMENT = re.compile(r"^(?:(?P<words>.+?)(?: \[(?P<unit>[^\]]+)\])?) of segment (?P<number>\d+)$")
+_SEGMENT_NAMES = {"Shape": "shape", "Time": "duration_s", "q_ref": "q_ref", "S_ref": "S_ref", "Push": "F_push"}
+_SEGMENT_COLUMNS = ("", "shape", "duration_s", "q_ref", "S_ref", "F_push", "period_s")
+_UNIT_OF_COLUMN = re.compile(r"^[^\[(]*[\[(]?(?P<unit>[^\])]*)[\])]?$", re.DOTALL)
+_SEGMENT_BOXES = """form => [...form.querySelectorAll("fieldset input, fieldset select")]
+    .filter(box => !box.disabled).map(box => [box.getAttribute("aria-label"), box.value])"""
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field as it is seen: the words at it, its unit, its text, the value in SI, the words below it."""
+
+    words: str
+    unit: str
+    text: str | bool
+    value: bool | float | str
+    about: str
+    disabled: bool
+
+
+def fields(form: Locator) -> dict[str, Field]:
+    """Return the fields of a form by name; settings that are folded away are unfolded first."""
+    for folded in form.locator("details:not([open]) > summary").all():
+        folded.click()
+    found = {}
+    for box in form.evaluate(_FIELDS):
+        shown = _UNIT.match(box["words"])
+        assert shown is not None
+        unit = shown["unit"] or ""
+        value = _in_si(box["value"], unit)
+        found[box["name"]] = Field(shown["words"], unit, box["text"], value, box["about"], box["disabled"])
+    return found
+
+
+def shown(form: Locator) -> Values:
+    """Return all that a form shows, by name in SI; own sequences as the list of segments that its rows make."""
+    values: Values = {name: field.value for name, field in fields(form).items()}
+    if rows := segments(form):
+        values["segments"] = json.dumps(rows)
+    return values
+
+
+def segments(form: Locator) -> list[dict[str, Any]]:
+    """Return the rows of an own sequence, in SI."""
+    rows: dict[int, dict[str, Any]] = {}
+    for label, text in form.evaluate(_SEGMENT_BOXES):
+        at = _SEGMENT.match(label)
+        assert at is not None, label
+        name = _SEGMENT_NAMES.get(at["words"], "period_s")
+        rows.setdefault(int(at["number"]), {})[name] = _in_si(text, at["unit"] or "")
+    return [rows[number] for number in sorted(rows)]
+
+
+def fill(form: Locator, changes: Mapping[str, bool | float | str]) -> None:
+    """Type into the fields of these names: numbers in SI, in the unit that the field is in."""
+    standing = fields(form)
+    for name, value in changes.items():
+        box = form.locator(f"[name={name}]")
+        if isinstance(value, bool):
+            box.set_checked(value)
+        elif box.evaluate("box => box.tagName") == "SELECT":
+            box.select_option(f"{value:g}" if isinstance(value, float) else str(value))
+        else:
+            assert isinstance(value, int | float)
+            _, factor = TO_SI.get(standing[name].unit, ("", 1.0))
+            box.fill(f"{value / factor:.12g}")
+
+
+def fill_segment(form: Locator, number: int, **values: float) -> None:
+    """Type into the row of an own sequence, in SI."""
+    for name, value in values.items():
+        for label, _ in form.evaluate(_SEGMENT_BOXES):
+            at = _SEGMENT.match(label)
+            if at is not None and int(at["number"]) == number and _SEGMENT_NAMES.get(at["words"]) == name:
+                _, factor = TO_SI.get(at["unit"] or "", ("", 1.0))
+                form.get_by_label(label, exact=True).fill(f"{value / factor:.12g}")
+
+
+def pressed(page: Page, button: Locator, path: str) -> tuple[Any, Any]:
+    """Press a button; return what the browser really sent to ``path``, and the answer."""
+    with page.expect_request(lambda request: request.method != "GET" and request.url.endswith(path)) as caught:
+        button.click()
+    answer = caught.value.response()
+    assert answer is not None
+    assert answer.ok, answer.text()
+    return caught.value.post_data_json, answer.json()
+
+
+def reported(browser: Browser, page: Page, url: str) -> tuple[list[tuple[str, Any]], list[dict[str, Any]]]:
+    """Return what the report of a run prints, in SI: its settings with the words at them, and its segments if any."""
+    context = browser.new_context(storage_state=page.context.storage_state())
+    report = context.new_page()
+    report.goto(url, wait_until="domcontentloaded")
+    settings = _rows(report, "Settings of the run.")
+    table = _rows(report, "Segments of the sequence")
+    context.close()
+    heads = [_UNIT_OF_COLUMN.match(title) for title in table[0]] if table else []
+    units = [(head and head["unit"]) or "" for head in heads]
+    segments = [
+        {
+            name: _in_si(text, unit)
+            for name, text, unit in zip(_SEGMENT_COLUMNS, row, units, strict=True)
+            if name and text
+        }
+        for row in table[1:]
+    ]
+    return [(words, _in_si(text, unit)) for words, _symbol, text, unit in settings[1:]], segments
+
+
+def _rows(report: Page, caption: str) -> list[list[str]]:
+    """Cells of the table with this caption, its heading first; none where there is no such table."""
+    return [
+        cells
+        for table in report.locator("table", has=report.locator("caption", has_text=caption)).all()
+        for cells in table.evaluate("table => [...table.rows].map(row => [...row.cells].map(cell => cell.innerText))")
+    ]
+
+
+def same(one: object, other: object, relative: float = 1e-9) -> bool:
+    """Return whether two values are the same; own sequences are, when their segments are."""
+    if isinstance(one, str) and isinstance(other, str) and one.startswith("["):
+        return all(
+            same(a.get(name, _LEFT_OUT.get(name)), b.get(name, _LEFT_OUT.get(name)), relative)
+            for a, b in zip(json.loads(one), json.loads(other), strict=True)
+            for name in a.keys() | b.keys()
+        )
+    if isinstance(one, bool) or isinstance(other, bool) or isinstance(one, str) or isinstance(other, str):
+        return one == other
+    if not (isinstance(one, int | float) and isinstance(other, int | float)):
+        return one == other
+    return math.isclose(one, other, rel_tol=relative, abs_tol=1e-12)
+
+
+_LEFT_OUT = {"shape": "step", "F_push": 0.0}
+"""What a segment means that says nothing of them."""
+
+
+def differences(one: Mapping[str, object], other: Mapping[str, object], relative: float = 1e-9) -> list[str]:
+    """Name what is not the same in two sets of values, one that lacks a part included."""
+    return [
+        f"{name}: {one.get(name, 'missing')!r} and {other.get(name, 'missing')!r}"
+        for name in sorted(one.keys() | other.keys())
+        if name not in one or name not in other or not same(one[name], other[name], relative)
+    ]
+
+
+def _in_si(text: str | bool, unit: str) -> bool | float | str:
+    value = _value(text)
+    return value * TO_SI.get(unit, (unit, 1.0))[1] if isinstance(value, float) else value
+
+
+def _value(text: str | bool) -> bool | float | str:
+    if isinstance(text, bool):
+        return text
+    if text in ("yes", "no"):
+        return text == "yes"
+    try:
+        return float(text.replace("\u2212", "-"))
+    except ValueError:
+        return text
