@@ -204,7 +204,7 @@ def _build(
     stack.callback(processes.close)
     downloads = Downloads(database, processes.reports)
     evaluations = Evaluations(database, processes.computing, lambda: picture.task)
-    library = Library(database, lambda: picture.task, evaluations.includes)
+    library = Library(database, lambda: picture.task, lambda run: evaluations.includes(run) or tasks.is_evaluating(run))
     shelf = Shelf(database, processes.computing, lambda: picture.tuning)
     station = Station(supervisor, database, settings.plant, parameters, processes.computing.run)
 

@@ -229,4 +229,4 @@ class Library:
         task = self._task()
         if task is None or task.run != run.id:
             return 1.0
-        return min(0.99, task.elapsed_s / task.duration_s) if task.phase == "program" else 0.0
+        return min(0.99, task.elapsed_s / task.duration_s)

@@ -94,7 +94,9 @@ class Shelf:
     def _banks(self) -> list[BankView]:
         with self._database.reading() as session:
             runs_of = identifications.runs_of(session)
-            return [stored.bank_view(bank, runs_of, self._in_use()) for bank in banks.find(session)]
+            found = banks.find(session)
+            positions = identifications.joint_positions(session, _estimates(*found))
+            return [stored.bank_view(bank, runs_of, positions, self._in_use()) for bank in found]
 
     def _bank(self, bank_id: int) -> Bank:
         with self._database.reading() as session:
@@ -102,7 +104,9 @@ class Shelf:
 
     def _bank_view(self, bank_id: int) -> BankView:
         with self._database.reading() as session:
-            return stored.bank_view(banks.get(session, bank_id), identifications.runs_of(session), self._in_use())
+            bank = banks.get(session, bank_id)
+            positions = identifications.joint_positions(session, _estimates(bank))
+            return stored.bank_view(bank, identifications.runs_of(session), positions, self._in_use())
 
     def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         parameters = self._tuning().parameters
@@ -151,3 +155,7 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         plant=None if run is None else run.plant,
         parameters=None if run is None else run.parameters_name,
     )
+
+
+def _estimates(*found: Bank) -> set[int]:
+    return {entry.identification_id for bank in found for entry in bank.entries if entry.identification_id is not None}

@@ -122,8 +122,10 @@ def spring_table_view(found: Identification) -> SpringTableView:
     )
 
 
-def bank_view(bank: Bank, runs_of: Mapping[int, int | None], in_use: int | None) -> BankView:
-    """Return a bank; ``runs_of`` maps its estimates to the runs they came from."""
+def bank_view(
+    bank: Bank, runs_of: Mapping[int, int | None], positions: Mapping[int, float], in_use: int | None
+) -> BankView:
+    """Return a bank; its estimates are mapped to the runs they came from and the joint positions they were made at."""
     return BankView(
         id=bank.id,
         name=bank.name,
@@ -137,6 +139,7 @@ def bank_view(bank: Bank, runs_of: Mapping[int, int | None], in_use: int | None)
                 identification=None if entry.identification_id is None else runs_of.get(entry.identification_id),
                 tension_N=entry.model.get("tension_N"),
                 S_nominal=entry.S_nominal,
+                q_nominal=None if entry.identification_id is None else positions.get(entry.identification_id),
                 **{name: entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")},
             )
             for entry in bank.entries

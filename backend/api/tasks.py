@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 from backend.api.auth import Person
@@ -13,17 +13,20 @@ from backend.api.dry_runs import DryRuns
 from backend.api.errors import ApiError
 from backend.api.identification_orders import plans_of, prediction_of
 from backend.api.queue import Queue
+from backend.api.run_progress import run_progress
 from backend.api.safe_stop import SafeStop
 from backend.api.schemas.experiment import DryRunView, ExperimentKind, ExperimentRequest, SettingView
 from backend.api.schemas.identification import IdentificationKind, IdentificationRequest, Prediction
-from backend.api.schemas.state import TaskView
 from backend.api.shelf import Shelf
 from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS, experiment
+from backend.experiments.evaluation import Evaluation
+from backend.experiments.forecast import expected_s, forecast
 from backend.experiments.loop_settings import LoopSettings, split_values
 from backend.experiments.plans import Plan
-from backend.experiments.playing import BenchNotReadyError, require_ready
-from backend.experiments.runner import Order, Station, create_run, perform
+from backend.experiments.playing import BenchNotReadyError, Notify, require_ready
+from backend.experiments.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.settings import Setting, SettingError, describe
+from backend.experiments.way import start_from
 from backend.faults import Fault
 from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
@@ -58,6 +61,7 @@ class Tasks:
         self._without_result: int | None = None
         self._running: asyncio.Task[None] | None = None
         self._closing = False
+        self._evaluating: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
         self._starting = asyncio.Lock()
 
     @property
@@ -133,17 +137,23 @@ class Tasks:
         Raises ApiError, SettingError, OutOfRangeError.
         """
         plans = plans_of(request)
-        for plan in plans:
-            plan.program()
+        parameters = self._station.parameters
         async with self._starting:
             self._require_free()
             loop, bank = self._loop_settings(), self._bench.picture.tuning.bank
+            start = start_from(self._station.loop.ring.newest())
+            told = await asyncio.to_thread(forecast, plans, parameters, start, loop.lam_motor)
+            told.require_within_range(parameters)
             return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
 
     async def predict_identification(self, request: IdentificationRequest) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
-        tuning = self._bench.picture.tuning
-        return await asyncio.to_thread(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor)
+        tuning, start = self._bench.picture.tuning, start_from(self._station.loop.ring.newest())
+        return await asyncio.to_thread(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+
+    def is_evaluating(self, run_id: int) -> bool:
+        """Whether the result of a run is being computed."""
+        return run_id in self._evaluating
 
     async def close(self, cause: str = "service ended") -> None:
         """Give up what is running; its run is closed as ended by ``cause``."""
@@ -168,30 +178,35 @@ class Tasks:
             await self._bench.retuning.give_back()
             raise
         self._problem, self._without_result = "", None
-        self._show(orders[0], run, len(orders) - 1, "starting", 0.0)
-        self._running = asyncio.create_task(self._perform(orders, run))
+        progress = await self._progress(orders[0], run, len(orders) - 1)
+        progress("starting", 0.0)
+        self._running = asyncio.create_task(self._perform(orders, run, progress))
         self._prepare_report()
         return run.id
 
-    async def _perform(self, orders: Sequence[Order], run: Run) -> None:
-        """Perform orders in turn; ``run`` is that of the first. One that does not complete ends the sequence."""
+    async def _perform(self, orders: Sequence[Order], run: Run, show: Notify) -> None:
+        """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
+
+        While the result of one is computed the next one plays: together they take what was announced.
+        """
         end_state: EndState | None = None
         playing = True
         try:
             for position, order in enumerate(orders):
                 if position > 0:
                     run = await asyncio.to_thread(create_run, self._station, order)
-                show = partial(self._show, order, run, len(orders) - 1 - position)
+                    show = await self._progress(order, run, len(orders) - 1 - position)
                 over = self._bench.retuning.give_back if position == len(orders) - 1 else _nothing
-                outcome = await perform(self._station, order, run, show, over)
-                end_state = EndState(outcome.run.end_state)
-                if outcome.evaluation.result is None and end_state is EndState.COMPLETED:
-                    end_state = None  # whoever waits for the result, the queue too, waits for a person
-                    self._without_result = run.id
-                    self._problem = f"Run {run.id} is complete, but {outcome.evaluation.problem}. Evaluate it again."
+                closed = await played(self._station, order, run, show, over)
+                end_state = EndState(closed.end_state)
+                work = asyncio.create_task(evaluated(self._station, order.plan, closed))
+                self._evaluating[run.id] = end_state, work
                 if end_state is not EndState.COMPLETED:
                     break
             playing = False
+            show("evaluation", 0.0)
+            if await self._without_result_of_any():
+                end_state = None  # whoever waits for the result, the queue too, waits for a person
         except BenchNotReadyError as error:
             playing = False
             _log.warning("no run follows run %s: %s", run.id, error)
@@ -205,19 +220,35 @@ class Tasks:
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
                 await self._bench.retuning.give_back()
+            await self._end_evaluating()
             self._bench.picture.task = None
             self._bench.changed()
             self.queue.ended(run.id, end_state)
 
-    def _show(self, order: Order, run: Run, following: int, phase: str, elapsed_s: float) -> None:
-        self._bench.picture.task = TaskView(
-            kind=order.plan.kind,
-            run=run.id,
-            elapsed_s=elapsed_s,
-            duration_s=order.plan.program().duration_s,
-            phase=phase,
-            following=following,
-        )
+    async def _without_result_of_any(self) -> bool:
+        """Wait for the results under way; whether a run that completed came to none, which is told."""
+        missing = False
+        for run_id, (end_state, work) in tuple(self._evaluating.items()):
+            evaluation = await work
+            del self._evaluating[run_id]
+            if evaluation.result is None and end_state is EndState.COMPLETED:
+                self._without_result, missing = run_id, True
+                self._problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
+        return missing
+
+    async def _end_evaluating(self) -> None:
+        """Wait for results under way after a run failed, give them up when the service closes: each run keeps why."""
+        waiting = [work for _, work in self._evaluating.values()]
+        for work in waiting if self._closing else ():
+            work.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+        self._evaluating.clear()
+
+    async def _progress(self, order: Order, run: Run, following: int) -> Notify:
+        """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
+        start = start_from(self._station.loop.ring.newest())
+        duration_s = await asyncio.to_thread(expected_s, order.plan, self._station.parameters, start)
+        return run_progress(self._bench.picture, order.plan.kind, run.id, duration_s, following)
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:

@@ -9,8 +9,9 @@ K_I = 0.05
 """Integral gain [rad/(N·s)]. One radian of motor A moves the mean tension by 2.7 to 4.8 N over 10 to 40 N, so the loop
 has a time constant of 4 to 7 s: stable far from the motor loops' lag, and slow against the excitation."""
 
-TRIM_MAX = 3.0
-"""Bound of the trim [rad]: a tenth of the motors' range; beyond it the feed-forward is wrong, not the tension."""
+TRIM_MAX = 1.0
+"""Bound of the trim [rad]: 2.7 to 4.8 N of tension, 0.05 rad of the joint. What is announced before a run holds for any
+trim within it; springs that need more are not those that were identified, and have to be identified first."""
 
 
 class State(NamedTuple):

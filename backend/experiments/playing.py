@@ -16,8 +16,8 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
-from backend.loop.mode import LEGAL, MODES, Mode
-from backend.loop.program import IDENTIFYING, Program
+from backend.loop.mode import MODES, Mode
+from backend.loop.program import Program, mode_of_law, starts_from
 from backend.sample import INDEX
 from backend.storage.runs import EndState
 from plant.interface import T_s
@@ -91,8 +91,8 @@ async def play(loop: LoopAccess, program: Program, run: int, notify: Notify) -> 
 
 async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -> str | None:
     """Bring the loop to where the program can start, and start it; return why it could not."""
-    mode = Mode.IDENTIFY if program.law in IDENTIFYING else Mode.EXPERIMENT
-    if mode not in LEGAL[mode_of(loop)]:
+    mode = mode_of_law(program.law)
+    if not starts_from(program.law, mode_of(loop)):
         answer = await loop.send(SetMode(Mode.PRETENSION))
         if isinstance(answer, Refused):
             return answer.reason

@@ -1,4 +1,7 @@
-"""What an actuator identification will do to the rig, told before it starts (method section 4). Pure."""
+"""What the excitation of an actuator identification shows of the rig, told before it starts (method section 4). Pure.
+
+How far the joint goes on the whole way is ``forecast``.
+"""
 
 import math
 from dataclasses import dataclass
@@ -20,7 +23,7 @@ _COUNTS_WHERE_EXACT = 4000
 
 @dataclass(frozen=True)
 class PredictedMotion:
-    """Joint motion peak to peak in encoder counts, largest voltage, least tension; and what ``problem`` that makes."""
+    """Joint motion by the excitation, peak to peak in counts, largest voltage, least tension; any ``problem``."""
 
     q_counts: float
     u_peak_V: float
@@ -35,7 +38,7 @@ class PredictedMotion:
     @property
     def message(self) -> str:
         """The problem, or what to expect."""
-        return self.problem or f"the joint will move by {self.q_counts:.0f} encoder counts, peak to peak"
+        return self.problem or f"the excitation alone moves it by {self.q_counts:.0f} encoder counts, peak to peak"
 
 
 def predict(plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float) -> PredictedMotion:

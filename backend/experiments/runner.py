@@ -13,10 +13,12 @@ from typing import Any
 
 from backend import __version__
 from backend.experiments.evaluation import Evaluation, evaluate
+from backend.experiments.forecast import forecast
 from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.plans import Plan
+from backend.experiments.plans import IdentificationPlan, Plan
 from backend.experiments.playing import SLICE_S, Ending, Notify, play, require_ready
 from backend.experiments.settings import declared_values
+from backend.experiments.way import start_from
 from backend.loop.access import LoopAccess, LoopDiedError
 from backend.storage import Database, StorageError, runs
 from backend.storage.runs import EndState, NewRun, Run, RunKind
@@ -63,8 +65,16 @@ class Outcome:
 
 
 def create_run(station: Station, order: Order) -> Run:
-    """Store the run before anything moves. Raises BenchNotReadyError when the loop could not start it now."""
+    """Store the run before anything moves.
+
+    Raises BenchNotReadyError when the loop could not start it now, OutOfRangeError where an identification would take
+    joint or springs out of their range.
+    """
     require_ready(station.loop)
+    if isinstance(order.plan, IdentificationPlan):
+        start = start_from(station.loop.ring.newest())
+        told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
+        told.require_within_range(station.parameters)
     settings = {
         "plan": asdict(order.plan),
         "loop": asdict(order.loop_settings),
@@ -93,11 +103,19 @@ async def _nothing() -> None:
 async def perform(
     station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
 ) -> Outcome:
-    """Play the order's program as ``run``, wait until it is stored, compute, and store the result.
+    """Play an order as ``run`` and evaluate it: ``played``, then ``evaluated``."""
+    closed = await played(station, order, run, notify, over)
+    notify("evaluation", 0.0)
+    return Outcome(closed, await evaluated(station, order.plan, closed))
 
-    ``over`` is awaited when the run is closed, before the result is computed: who lent it something takes it back.
-    Whatever stops it midway, the run is closed with its end state, and what was played is evaluated as incomplete.
-    An evaluation that fails is told by the outcome and kept with the run.
+
+async def played(
+    station: Station, order: Order, run: Run, notify: Notify, over: Callable[[], Awaitable[None]] = _nothing
+) -> Run:
+    """Play the order's program as ``run``, wait until it is stored, and return the run as it was closed.
+
+    ``over`` is awaited then: who lent the run something takes it back. Whatever stops it midway, the run is closed with
+    its end state.
     """
     try:
         ending = await play(station.loop, order.plan.program(), run.id, notify)
@@ -107,8 +125,7 @@ async def perform(
         raise
     closed = _close(station, run.id, ending)
     await over()
-    notify("evaluation", 0.0)
-    return Outcome(closed, await _evaluated(station, order.plan, closed))
+    return closed
 
 
 async def run_experiment(station: Station, order: Order, notify: Notify = lambda _phase, _elapsed_s: None) -> Outcome:
@@ -127,8 +144,11 @@ async def _stored(station: Station, run_id: int) -> None:
         waited_s += SLICE_S
 
 
-async def _evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
-    """Compute the result. A run is over whatever becomes of that: where it fails, the run says why, and goes on."""
+async def evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
+    """Compute and store the result of a closed run; what ended early is evaluated as incomplete.
+
+    A run is over whatever becomes of that: where it fails, outcome and run say why, and it goes on.
+    """
     try:
         evaluation: Evaluation = await station.compute(evaluate, station.database, station.parameters, plan, run)
         return evaluation

@@ -29,9 +29,8 @@ class Expectation:
 
 @dataclass(frozen=True)
 class PredictedRun:
-    """Length, expected numbers, and whether the run is worth starting; ``message`` says why."""
+    """Expected numbers, and whether the run is worth starting; ``message`` says why."""
 
-    duration_s: float
     figures: tuple[Expectation, ...]
     good: bool
     message: str
@@ -43,7 +42,6 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
     K_m, T_m = max(item.K_m for item in known), max(item.T_m for item in known)
     lengths = [_step_length(plan, K_m * u, T_m) for u in plan.voltages()]
     program = plan.program()
-    saved_s = 2.0 * (len(lengths) * plan.step_s - sum(lengths))
     speed = K_m * plan.u_high * -np.expm1(-lengths[-1] / T_m)
     turn = max(abs(step.theta_start) for step in program.steps)
     u_max = min(parameters.motor_of(side).u_max for side in SIDES)
@@ -62,7 +60,7 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
             f"({LAGS_NEEDED:g} T_m = {LAGS_NEEDED * T_m:.2f} s): lower u_high, or raise travel_rad and step_s"
         )
     message = f"both motors will reach {speed:.0f} rad/s with slack tendons, turning by {plan.travel_rad:g} rad a step"
-    return PredictedRun(program.duration_s - saved_s, figures, not problem, problem or message)
+    return PredictedRun(figures, not problem, problem or message)
 
 
 def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
@@ -84,7 +82,7 @@ def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) 
     if plan.F_high > F_max - _TRIP_MARGIN_N:
         problem = f"F_high = {plan.F_high:g} N is within {_TRIP_MARGIN_N:g} N of the trip at {F_max:g} N: lower it"
     message = f"both tendons will go from {plan.F_low:g} to {plan.F_high:g} N and back, {plan.cycles} times"
-    return PredictedRun(plan.program().duration_s, figures, not problem, problem or message)
+    return PredictedRun(figures, not problem, problem or message)
 
 
 def _step_length(plan: MotorIdentificationPlan, speed: float, T_m: float) -> float:

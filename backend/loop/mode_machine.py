@@ -23,7 +23,7 @@ from backend.loop.mode import LEGAL, Mode
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.player import Target
-from backend.loop.program import IDENTIFYING, MAX_SEGMENTS, Law, Program
+from backend.loop.program import IDENTIFYING, MAX_SEGMENTS, Law, Program, mode_of_law, starts_from
 from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
@@ -121,9 +121,12 @@ class ModeMachine:
     def run_program(self, command: RunProgram) -> None:
         """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
         program = command.program
-        mode = Mode.IDENTIFY if program.law in IDENTIFYING else Mode.EXPERIMENT
+        mode = mode_of_law(program.law)
         self._require_legal(mode)
         self._require_taut(mode)
+        if not starts_from(program.law, self.mode):
+            reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
+            raise RefusedError(reason, LEGAL[self.mode])
         motion: Motion
         if program.law is Law.FORCE_HOLD:
             # Motor B stays at zero: what motor A winds stretches both springs.

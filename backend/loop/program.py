@@ -7,6 +7,8 @@ arrive in time while it plays.
 from dataclasses import dataclass
 from enum import StrEnum
 
+from backend.loop.mode import LEGAL, Mode
+
 MAX_SEGMENTS = 1000
 """Most segments of a program: sixteen packets, each taken in a tick of its own."""
 
@@ -25,6 +27,19 @@ class Law(StrEnum):
 
 IDENTIFYING = (Law.FORCE_HOLD, Law.MOTOR_STEPS, Law.TENSION_SWEEP)
 """Laws that move the motors below the cascade, in the mode IDENTIFY."""
+
+
+def mode_of_law(law: Law) -> Mode:
+    """Return the mode in which a program of this law plays."""
+    return Mode.IDENTIFY if law in IDENTIFYING else Mode.EXPERIMENT
+
+
+def starts_from(law: Law, mode: Mode) -> bool:
+    """Whether a program of this law may start from a mode.
+
+    Under ``COMPLIANCE`` from pretension only: no joint loop brings the joint gently to where the pushes begin.
+    """
+    return mode_of_law(law) in LEGAL[mode] and (law is not Law.COMPLIANCE or mode is Mode.PRETENSION)
 
 
 class Shape(StrEnum):

@@ -1,5 +1,6 @@
 """Identifications: what was estimated from which data, how, and whether it may be used for tuning."""
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 
@@ -67,6 +68,12 @@ def runs_of(session: Session) -> dict[int, int | None]:
     """Return by the number of each stored estimate that of the run it came from; None for data from elsewhere."""
     found = session.execute(select(IdentificationRow.id, IdentificationRow.run_id))
     return {row.id: row.run_id for row in found}
+
+
+def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float]:
+    """Return the joint position [rad] at which each stored estimate of an actuator was made, where it says so."""
+    query = select(IdentificationRow.id, IdentificationRow.model).where(IdentificationRow.id.in_(tuple(numbers)))
+    return {row.id: row.model["q_nominal"] for row in session.execute(query) if "q_nominal" in row.model}
 
 
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:

@@ -28,14 +28,29 @@ def test_what_motors_and_springs_will_do_is_told_before(operator: httpx.Client) 
     figures = {figure["name"]: figure["value"] for figure in motor["figures"]}
     assert motor["enough_motion"]
     assert figures["omega_max"] == pytest.approx(2.86 * 5.0, rel=0.02)
-    assert motor["duration_s"] == pytest.approx(30.0, abs=5.0)
+    assert motor["F_low"] == 0.0
+    assert "nothing holds it while the tendons are slack" in motor["message"]
     spring = operator.post("/api/identifications/prediction", json={"kind": "spring"}).json()
     figures = {figure["name"]: figure["value"] for figure in spring["figures"]}
     assert figures["x_max"] == pytest.approx(0.0577, abs=5e-4)
     several = operator.post("/api/identifications/prediction", json={"tensions_N": [10, 20, 30, 40]}).json()
     one = operator.post("/api/identifications/prediction", json={"tension_N": 20}).json()
-    assert several["duration_s"] == pytest.approx(4 * one["duration_s"])
     assert several["F_min_N"] < one["F_min_N"]
+    # 40 N is where the joint goes furthest: q = r_m θ_A / (2 r_j), and both springs are stretched by 53.8 mm.
+    assert several["q_high"] == pytest.approx(0.05 * (2.0 * 53.8 / 7.5 + 1.0 + 1.0), abs=0.03)
+    assert one["q_high"] < several["q_high"] - 0.2
+    assert several["duration_s"] > 4.0 * 28.32
+
+
+def test_what_would_leave_the_range_is_told_before_and_refused_at_the_start(off: httpx.Client) -> None:
+    order = {"tension_N": 42.0, "amplitude_rad": 2.0, "chip_s": 0.5, "bits": 5, "periods": 1}
+    told = off.post("/api/identifications/prediction", json=order).raise_for_status().json()
+    assert not told["within_range"]
+    assert not told["enough_motion"]
+    refused = problem(off.post("/api/identifications", json=order))
+    assert (refused["quantity"], refused["maximum"], refused["unit"]) == ("tension on the way", 50.0, "N")
+    assert refused["message"] == told["message"]
+    assert off.get("/api/state").json()["mode"] == "off"
 
 
 @pytest.mark.parametrize(

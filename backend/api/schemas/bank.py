@@ -23,6 +23,7 @@ class BankEntryView(Schema):
     identification: int | None = Field(description="identification run it came from; null for an imported entry")
     tension_N: float | None = quantity("N", "tendon tension of the point")
     S_nominal: float = quantity("N·m/rad", "stiffness of the point")
+    q_nominal: float | None = quantity("rad", "joint position it was identified at; null where that is not known")
     K_q: float
     T_q: float = quantity("s", "time constant of G_q")
     K_S: float

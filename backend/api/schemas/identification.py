@@ -90,12 +90,28 @@ class IdentificationKindList(Schema):
     kinds: list[IdentificationKind]
 
 
-class Prediction(Schema):
-    """What a run is expected to do before it starts."""
+class PathPoint(Schema):
+    """A point of the way that the joint is expected to go."""
 
-    duration_s: float = quantity("s", "length of the run, settling included")
+    q: float = quantity("rad", "joint position")
+    S: float = quantity("N·m/rad", "joint stiffness")
+
+
+class Prediction(Schema):
+    """What a run is expected to do before it starts, from where the joint is at present."""
+
+    duration_s: float = quantity("s", "from the start until the joint is back in pretension, all ways included")
+    q_start: float = quantity("rad", "joint position at present")
+    q_low: float = quantity("rad", "least joint position on the whole way")
+    q_high: float = quantity("rad", "largest joint position on the whole way")
+    F_low: float = quantity("N", "least tendon tension on the whole way; 0 where the tendons are let slack")
+    F_high: float = quantity("N", "largest tendon tension on the whole way")
+    path: list[PathPoint] = Field(description="way of the joint while the tendons are taut, start first")
+    within_range: bool = Field(description="whether joint and springs stay within their range; it is refused if not")
     figures: list[Metric] = Field(description="what to expect, in numbers")
-    q_counts: float | None = Field(description="joint motion, peak to peak, in encoder counts; actuator only")
+    q_counts: float | None = Field(
+        description="joint motion by the excitation alone, peak to peak, in encoder counts; actuator only"
+    )
     u_peak_V: float | None = quantity("V", "largest motor voltage expected; actuator and motor")
     F_min_N: float | None = quantity("N", "least tendon tension expected; actuator only")
     enough_motion: bool = Field(description="whether the run is worth starting")

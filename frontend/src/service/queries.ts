@@ -82,10 +82,10 @@ export function springTableCurvesQuery(id: number) {
   });
 }
 
-/** `body` is null while the form holds no order. */
-export function predictionQuery(body: IdentificationRequest | null) {
+/** `body` is null while the form holds no order; `from` says from where: elsewhere it is told anew. */
+export function predictionQuery(body: IdentificationRequest | null, from: string) {
   return queryOptions({
-    queryKey: ["prediction", body],
+    queryKey: ["prediction", body, from],
     queryFn:
       body === null ? skipToken : () => answered(api.POST("/api/identifications/prediction", { body })),
     placeholderData: (before) => before,

@@ -253,7 +253,9 @@ export interface paths {
         put?: never;
         /**
          * Push
-         * @description Push the joint of the simulator from outside.
+         * @description Push the joint of the simulator from outside; the loop lets go after the time, and when control is lost.
+         *
+         *     Refused on a rig, which is pushed by hand, and in other modes than run and compliance.
          */
         post: operations["push"];
         delete?: never;
@@ -1431,6 +1433,11 @@ export interface components {
              * @description stiffness of the point [N·m/rad]
              */
             S_nominal: number;
+            /**
+             * Q Nominal
+             * @description joint position it was identified at; null where that is not known [rad]
+             */
+            q_nominal: number | null;
             /** K Q */
             K_q: number;
             /**
@@ -2918,6 +2925,22 @@ export interface components {
          */
         Outcome: "passed" | "failed" | "incomplete" | "neutral";
         /**
+         * PathPoint
+         * @description A point of the way that the joint is expected to go.
+         */
+        PathPoint: {
+            /**
+             * Q
+             * @description joint position [rad]
+             */
+            q: number;
+            /**
+             * S
+             * @description joint stiffness [N·m/rad]
+             */
+            S: number;
+        };
+        /**
          * Ping
          * @description Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does.
          */
@@ -2952,14 +2975,49 @@ export interface components {
         };
         /**
          * Prediction
-         * @description What a run is expected to do before it starts.
+         * @description What a run is expected to do before it starts, from where the joint is at present.
          */
         Prediction: {
             /**
              * Duration S
-             * @description length of the run, settling included [s]
+             * @description from the start until the joint is back in pretension, all ways included [s]
              */
             duration_s: number;
+            /**
+             * Q Start
+             * @description joint position at present [rad]
+             */
+            q_start: number;
+            /**
+             * Q Low
+             * @description least joint position on the whole way [rad]
+             */
+            q_low: number;
+            /**
+             * Q High
+             * @description largest joint position on the whole way [rad]
+             */
+            q_high: number;
+            /**
+             * F Low
+             * @description least tendon tension on the whole way; 0 where the tendons are let slack [N]
+             */
+            F_low: number;
+            /**
+             * F High
+             * @description largest tendon tension on the whole way [N]
+             */
+            F_high: number;
+            /**
+             * Path
+             * @description way of the joint while the tendons are taut, start first
+             */
+            path: components["schemas"]["PathPoint"][];
+            /**
+             * Within Range
+             * @description whether joint and springs stay within their range; it is refused if not
+             */
+            within_range: boolean;
             /**
              * Figures
              * @description what to expect, in numbers
@@ -2967,7 +3025,7 @@ export interface components {
             figures: components["schemas"]["Metric"][];
             /**
              * Q Counts
-             * @description joint motion, peak to peak, in encoder counts; actuator only
+             * @description joint motion by the excitation alone, peak to peak, in encoder counts; actuator only
              */
             q_counts: number | null;
             /**
@@ -3075,14 +3133,20 @@ export interface components {
         };
         /**
          * Push
-         * @description An external force on the joint; the simulator only.
+         * @description An external force on the joint, held for a time; the simulator only.
          */
         Push: {
             /**
              * F Push
-             * @description force, tangential at the joint pulley, positive towards +q [N]
+             * @description force, tangential at the joint pulley, positive towards +q; 0 lets go [N]
              */
             F_push: number;
+            /**
+             * Duration S
+             * @description time after which the loop lets go by itself [s]
+             * @default 1
+             */
+            duration_s: number;
         };
         /**
          * QueueView

@@ -7,11 +7,13 @@ import { type FormEvent, useState } from "react";
 import { Card } from "../../components/Card";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
-import { useLive } from "../../live/react";
+import { useLive, useLiveStore } from "../../live/react";
+import { fixed } from "../../samples/format";
 import { type Angles, labelWith, rangeText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useStartIdentification } from "../../service/commands";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
+import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningInWords, tuningOf } from "../experiments/order";
 import { whyNot } from "../operate/ModeCard";
@@ -80,9 +82,11 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
   const values = valuesOf(kind, changed);
   const asked = requestOf(kind, values, kind.kind === "actuator" ? tensions : "");
   const [request] = useDebouncedValue(asked.request, 300);
-  const prediction = useQuery(predictionQuery(request));
+  const [from] = useDebouncedValue(useWhereabouts(), 300);
+  const prediction = useQuery(predictionQuery(request, from));
   const busy = state?.task != null;
-  const reason = asked.problem ?? (busy ? "Another task is running." : whyNot(state, "identify"));
+  const leaves = prediction.data?.within_range === false ? "The run would leave the range, see above." : null;
+  const reason = asked.problem ?? (busy ? "Another task is running." : (whyNot(state, "identify") ?? leaves));
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -142,6 +146,17 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
 function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: Angles): string {
   const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
   return [meaning, range.replaceAll(" ", "\u00a0"), origin].filter((part) => part !== "").join("; ");
+}
+
+/** Where the joint is, to a degree, as far as a forecast depends on it: what is told holds from there. */
+function useWhereabouts(): string {
+  const store = useLiveStore();
+  return useLive(({ state }) => {
+    // while a run is under way the next one starts from where that one ends
+    if (state === null || state.task !== null) return "";
+    const { mode, pretension_done, tuning } = state;
+    return [mode, pretension_done, tuning.lam_motor, fixed(store.window.newest("q") * DEGREES, 0)].join();
+  });
 }
 
 interface TensionProps {

@@ -1,7 +1,6 @@
 /** Position and stiffness in one plane: what may be asked for, where the joint is and was; a click aims, a button sends. */
 
 import { Button } from "@mantine/core";
-import { useQuery } from "@tanstack/react-query";
 import { type MouseEvent, useMemo, useState } from "react";
 import { useCanvas } from "../../charts/useCanvas";
 import { Card } from "../../components/Card";
@@ -11,34 +10,28 @@ import { age, fixed } from "../../samples/format";
 import { angleText, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
-import { banksQuery } from "../../service/queries";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
-import { paintPlane } from "./paintPlane";
+import { type PlaneEntry, paintPlane } from "./paintPlane";
 import { planeOver, pointAt } from "./planeScale";
-
-const NO_ENTRIES: readonly number[] = [];
+import { useBankEntries } from "./useBankEntries";
 
 export function MapCard() {
   const store = useLiveStore();
   const send = useSetReferences();
   const angles = useAngles();
   const [target, setTarget] = useState<References | null>(null);
-  const bank = useLive((live) => live.state?.tuning.bank?.id);
   const references = useLive((live) => live.state?.references);
-  const banks = useQuery(banksQuery);
-  const entries = useMemo(
-    () => banks.data?.find(({ id }) => id === bank)?.entries.map(({ S_nominal }) => S_nominal) ?? NO_ENTRIES,
-    [banks.data, bank],
-  );
+  const entries = useBankEntries();
   const drawing = useMemo(() => {
     const newest = (name: string, decimals: number) => store.window.newest(name).toFixed(decimals);
     return {
       signature: () => {
         const { q_ref, S_ref } = store.snapshot().state?.references ?? {};
         const aimed = [target?.q_ref, target?.S_ref];
-        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...aimed, ...entries, angles].join();
+        const points = entries.flatMap(({ S, q }) => [S, q]);
+        return [newest("q", 2), newest("S", 2), q_ref, S_ref, ...aimed, ...points, angles].join();
       },
       paint: (surface: Parameters<typeof paintPlane>[0]) => {
         const state = store.snapshot().state;
@@ -93,7 +86,7 @@ export function MapCard() {
         <Refusal
           error={send.error}
           about={references}
-          hint={`${may === false ? "" : "A click aims at q_ref and S_ref together."}${entries.length > 0 ? " ◆ entries of the bank." : ""}`}
+          hint={`${may === false ? "" : "A click aims at q_ref and S_ref together."}${entriesInWords(entries)}`}
         />
       ) : (
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
@@ -111,6 +104,14 @@ export function MapCard() {
       )}
     </Card>
   );
+}
+
+function entriesInWords(entries: readonly PlaneEntry[]): string {
+  const known = entries.some(({ q }) => q !== null)
+    ? " ◆ entries of the bank, where they were identified."
+    : "";
+  const unknown = entries.some(({ q }) => q === null) ? " ◇ entries of which only S is known." : "";
+  return known + unknown;
 }
 
 /** As it is shown, so that what is shown is what is sent. */

@@ -5,7 +5,7 @@ import { short } from "../../samples/format";
 import { type Angles, told, toSI } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
 import { HUES } from "../../theme/signals";
-import type { Limits, References } from "../../wire/types";
+import type { Limits, Prediction, References } from "../../wire/types";
 import { type Plane, planeOver, xOf, yOf } from "./planeScale";
 
 const Q_GRID = { deg: [-60, -30, 0, 30, 60], rad: [-1, -0.5, 0, 0.5, 1] } as const;
@@ -14,21 +14,33 @@ const TRAIL_TICKS = 4000;
 const TRAIL_STEP = 40;
 const CROSS = 7;
 const ENTRY = 5;
+const BAND = 0.12;
+
+/** A point of the bank: where it was identified; without a position its stiffness alone is known. */
+export interface PlaneEntry {
+  readonly S: number;
+  readonly q: number | null;
+}
+
+/** Where a run is expected to take the joint, and between which positions it stays. */
+export type PlannedWay = Pick<Prediction, "path" | "q_low" | "q_high">;
 
 export function paintPlane(
   surface: Surface,
   limits: Limits,
   references: References | undefined,
   window: SampleWindow,
-  entries: readonly number[],
+  entries: readonly PlaneEntry[],
   target: References | null,
   angles: Angles,
+  planned: PlannedWay | null = null,
 ): void {
   const { context: pen, width, height, colours } = surface;
   const plane = planeOver(limits, width, height);
   paintRegion(pen, plane, limits, colours);
   paintGrid(pen, plane, angles, colours);
   paintTensions(pen, plane, limits, colours);
+  if (planned) paintPlanned(pen, plane, planned, colours);
   paintEntries(pen, plane, entries, colours);
   paintTrail(pen, plane, window, colours);
   if (references) paintCross(pen, plane, references, colours);
@@ -94,23 +106,47 @@ function paintTensions(
   }
 }
 
-/** Nominal points of the bank in use, as diamonds at q = 0. */
+/** Points of the bank in use, as diamonds where they were identified; hollow on the S axis where that is not known. */
 function paintEntries(
   pen: CanvasRenderingContext2D,
   plane: Plane,
-  entries: readonly number[],
+  entries: readonly PlaneEntry[],
   colours: Surface["colours"],
 ): void {
   pen.fillStyle = colours.accent;
-  for (const S of entries) {
-    const [x, y] = [xOf(plane, 0), yOf(plane, S)];
+  pen.strokeStyle = colours.accent;
+  pen.lineWidth = 1.5;
+  for (const { S, q } of entries) {
+    const [x, y] = [q === null ? plane.left : xOf(plane, q), yOf(plane, S)];
     pen.beginPath();
     pen.moveTo(x - ENTRY, y);
     pen.lineTo(x, y - ENTRY);
     pen.lineTo(x + ENTRY, y);
     pen.lineTo(x, y + ENTRY);
-    pen.fill();
+    pen.closePath();
+    if (q === null) pen.stroke();
+    else pen.fill();
   }
+}
+
+/** The way of a run as a line, and the band of positions that it does not leave. */
+function paintPlanned(
+  pen: CanvasRenderingContext2D,
+  plane: Plane,
+  { path, q_low, q_high }: PlannedWay,
+  colours: Surface["colours"],
+): void {
+  const [left, right] = [xOf(plane, q_low), xOf(plane, q_high)];
+  pen.save();
+  pen.fillStyle = HUES.q;
+  pen.globalAlpha = BAND;
+  pen.fillRect(left, yOf(plane, plane.S[1]), right - left, yOf(plane, plane.S[0]) - yOf(plane, plane.S[1]));
+  pen.restore();
+  pen.strokeStyle = colours.text;
+  pen.lineWidth = 1.5;
+  pen.beginPath();
+  for (const { q, S } of path) pen.lineTo(xOf(plane, q), yOf(plane, S));
+  pen.stroke();
 }
 
 function paintGrid(

@@ -1,0 +1,67 @@
+"""What the service announces of an identification, against what its loop then does: length, progress, and the bank."""
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from backend.api.schemas.identification import ActuatorRequest
+from backend.api.schemas.state import TaskView
+from backend.api.shelf import Shelf
+from backend.loop.commands import Accepted, SetMode
+from backend.loop.mode import Mode
+from backend.recording.reader import read_envelope
+from backend.storage import banks, open_database
+from backend.storage.banks import BankEntry
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Here, Parts, stepped
+
+ORDER = ActuatorRequest(tensions_N=[10.0, 40.0], bits=5, periods=2, settle_s=1.0)
+MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
+
+
+def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+
+    async def ordered(parts: Parts) -> None:
+        assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
+        await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
+        told = await parts.tasks.predict_identification(ORDER)
+        began = parts.supervisor.ring.count
+        seen: list[TaskView] = []
+        first = await parts.tasks.start_identification(ORDER, OPERATOR.name)
+        while parts.picture.task is not None:
+            if not seen or parts.picture.task != seen[-1]:
+                seen.append(parts.picture.task)
+            await asyncio.sleep(0)
+        await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
+        took_s = (parts.supervisor.ring.count - began) / 1000.0
+        # The service looks ten times a second whether a run is over, and whether the next one can start.
+        assert told.duration_s == pytest.approx(took_s, abs=0.6)
+        for run in (first, first + 1):
+            shown = [task for task in seen if task.run == run]
+            assert len({task.duration_s for task in shown}) == 1
+            elapsed = [task.elapsed_s for task in shown]
+            assert elapsed == sorted(elapsed)
+            played = [task for task in shown if task.phase == "program"]
+            assert played[-1].elapsed_s == pytest.approx(played[-1].duration_s, abs=0.3)
+            view = await parts.library.identification(run)
+            assert view.estimate is not None, view.message
+        with database.reading() as session:
+            ends = [read_envelope(session, run, 1, ("q",)) for run in (first, first + 1)]
+        furthest = max(float(envelope.maximum["q"].max()) for envelope in ends)
+        assert told.q_high - 0.06 < furthest < told.q_high
+        view = await parts.library.identification(first)
+        with database.session() as session:
+            entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
+            bank = banks.add(session, "bench", entries, OPERATOR.name)
+        shelf = Shelf(database, Here(lambda _cause: None), lambda: parts.picture.tuning)
+        made, imported = (await shelf.bank(bank.id)).entries
+        # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
+        assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
+        assert imported.q_nominal is None
+
+    try:
+        stepped(database, load_parameters("ideal"), ordered)
+    finally:
+        database.close()
