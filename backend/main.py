@@ -187,6 +187,7 @@ def _build(
     sessions = SessionRuns(database, settings.plant, parameters)
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
     control = Control(bench.operator_lost, bench.note_control)
+    control.let_go = bench.let_go
     picture.holder, picture.people = control.view, gate.people
     keep(GATE, gate.run)
     stack.push_async_callback(gate.sessions.save)

@@ -19,18 +19,20 @@ from backend.api.session_runs import RECORDED, SessionRuns
 from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import Accepted, Command, Event, ProgramEnded, Refused, Stopped
+from backend.loop.commands import Accepted, Command, Event, ProgramEnded, PushReleased, Refused, Stopped
+from backend.loop.hand_push import PUSH_MAX_S
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.refusal import require_within
-from backend.supervision import Supervision
+from backend.supervision import KeptTask, Part, Supervision
 from plant.breakage import Broken
 
 STOP_PROOF_S = 1.0
 """How long a stop may take to be confirmed; the loop itself takes two ticks."""
 
 _SHOWN_S = 0.2
+_RELEASE = Part("The release of a push", "Press STOP if the joint is still pushed.")
 _STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 
 
@@ -55,6 +57,9 @@ class Bench:
         self._session_runs = session_runs
         self._journal = journal
         self._on_new_ring = on_new_ring
+        self._supervision = supervision
+        self._pushed = False
+        self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
         self._turn = asyncio.Lock()
@@ -139,12 +144,31 @@ class Bench:
         self.changed()
         return References(q_ref=q_ref, S_ref=S_ref)
 
-    async def push(self, F_push: float, who: str) -> Push:
-        """Push the joint from outside, where the plant can. Raises OutOfRangeError."""
-        require_within("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        accepted = await self._command(commands.Push(F_push))
-        self._journal.note(MarkKind.NOTE, f"push {F_push:.1f} N", accepted.tick, who)
-        return Push(F_push=F_push)
+    async def push(self, push: Push, who: str) -> Push:
+        """Push the joint of the simulator from outside. Raises ApiError 409 on a rig, OutOfRangeError."""
+        if self.picture.plant != "simulator":
+            raise ApiError(409, "the simulator only is pushed by command: push a rig by hand", code="not_a_simulator")
+        require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
+        # before it is sent: whoever loses control meanwhile has it let go after it has begun
+        self._pushed = push.F_push != 0.0
+        accepted = await self._command(commands.Push(push.F_push, push.duration_s))
+        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if self._pushed else "push let go"
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+        return push
+
+    def let_go(self) -> None:
+        """Let go of a push without waiting: whoever ordered it does not hold control any more."""
+        if self._pushed:
+            self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
+
+    async def _let_go(self) -> None:
+        self._pushed = False
+        if not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Push(0.0, 0.0))
+        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.picture.tick)
 
     async def break_plant(self, broken: Broken | None, who: str) -> None:
         """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
@@ -186,6 +210,8 @@ class Bench:
 
     def _hear(self, event: Event | LoopDied) -> None:
         self.picture.hear(event)
+        if isinstance(event, PushReleased):
+            self._pushed = False
         mark = mark_of(event, self.picture.tick)
         if mark is not None:
             self._journal.note(*mark)

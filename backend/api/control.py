@@ -89,7 +89,8 @@ def read_stamp(text: str | None) -> Stamp | None:
 class Control:
     """The one lease. ``lost`` is called when the page that held it was not heard for LOST_S + HOLD_S.
 
-    ``told`` hears what happens to control: a sentence, and who did it.
+    ``told`` hears what happens to control: a sentence, and who did it. ``let_go`` is called when whoever held control
+    does not hold it any more or is not heard: what was held by hand is let go of.
     """
 
     def __init__(
@@ -99,6 +100,7 @@ class Control:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.holder: Holder | None = None
+        self.let_go: Callable[[], None] = lambda: None
         self._lost = lost
         self._told = told
         self._clock = clock
@@ -114,6 +116,7 @@ class Control:
             raise ApiError(409, f"{_whose(holder, person)} holds control: take it over to command", code="control_held")
         self._epoch += 1
         self._muted = False
+        self.let_go()
         self.holder = Holder(person, self._epoch, is_page)
         if is_page:
             self._told(
@@ -125,6 +128,7 @@ class Control:
         """Go on after a page was loaded again: its key is replaced. Raises ApiError 409 where it has lost control."""
         self._holder_at(person, page)
         self._epoch += 1
+        self.let_go()
         # What the page sent before it was loaded again and still waits carries a key that is gone.
         self.holder = Holder(person, self._epoch, is_page=True)
         return self.holder
@@ -133,6 +137,7 @@ class Control:
         """Hold control no longer. Raises ApiError 409 for those who do not hold it."""
         async with self.turn(person, stamp):
             self.holder = None
+            self.let_go()
             self._told("control given up", person.name)
 
     @asynccontextmanager
@@ -182,9 +187,13 @@ class Control:
         holder = self.holder
         if holder is None:
             return
+        was_lost = holder.lost
         holder.silent_s += passed_s
+        if holder.lost and not was_lost:
+            self.let_go()
         if holder.silent_s > (LOST_S + HOLD_S if holder.is_page else SCRIPT_S):
             self.holder = None
+            self.let_go()
             if holder.is_page:
                 await self._lost(holder.person.name)
 

@@ -14,6 +14,7 @@ from backend.loop.commands import (
     PlantFailing,
     PretensionReached,
     ProgramEnded,
+    PushReleased,
     Refused,
     Stopped,
 )
@@ -34,6 +35,8 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.MODE, f"{before} → {after}", tick)
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
+        case PushReleased(tick, why):
+            return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(arrived_tick=tick):

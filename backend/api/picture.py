@@ -21,6 +21,7 @@ from backend.loop.commands import (
     PlantFailing,
     PretensionReached,
     ProgramEnded,
+    PushReleased,
     Refused,
     Stopped,
 )
@@ -117,7 +118,7 @@ class Picture:
                 self._plant_problem = f"the plant cannot be read or written: {reason}"
             case PlantAnswers():
                 self._plant_problem = ""
-            case Accepted() | Refused() | ProgramEnded():
+            case Accepted() | Refused() | ProgramEnded() | PushReleased():
                 pass
             case _:
                 assert_never(event)

@@ -76,9 +76,10 @@ class RunProgram:
 
 @dataclass(frozen=True)
 class Push:
-    """Apply an external force [N] where the plant can (the simulator)."""
+    """Push the joint by an external force [N] for a time [s], where the plant can (the simulator); 0 N lets go."""
 
     F_push: float
+    duration_s: float
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,14 @@ class PretensionReached:
 
 
 @dataclass(frozen=True)
+class PushReleased:
+    """The loop has let go of a push that was ordered, by itself, and ``why``."""
+
+    tick: int
+    why: str
+
+
+@dataclass(frozen=True)
 class Stopped:
     """The proof of a stop: the tick it arrived, the tick the outputs were zero, and the time between."""
 
@@ -189,4 +198,14 @@ class PlantAnswers:
     tick: int
 
 
-Event = Accepted | Refused | ModeChanged | PretensionReached | Stopped | ProgramEnded | PlantFailing | PlantAnswers
+Event = (
+    Accepted
+    | Refused
+    | ModeChanged
+    | PretensionReached
+    | PushReleased
+    | Stopped
+    | ProgramEnded
+    | PlantFailing
+    | PlantAnswers
+)

@@ -31,6 +31,7 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
+from backend.loop.hand_push import HandPush
 from backend.loop.mode import LEGAL, MODE_CODE, Mode
 from backend.loop.mode_machine import NO_REFERENCE, ModeMachine, RefusedError
 from backend.loop.motion import Decision
@@ -82,6 +83,7 @@ class Loop:
         self._raw = m = plant.read()
         gains = tuning_of(tuning, self._decoupler, self.bounds)
         self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), m)
+        self._hand = HandPush(plant)
         self._q_before = m.q
         self._q_dot = 0.0
 
@@ -134,7 +136,7 @@ class Loop:
             case RunProgram():
                 self._machine.run_program(command)
             case Push():
-                self._plant.push(command.F_push)
+                self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
             case Reset():
@@ -161,6 +163,9 @@ class Loop:
         machine = self._machine
         machine.tick = self._tick
         self._plant_watch.begin()
+        released = self._hand.step(self._tick, machine.mode)
+        if released is not None:
+            machine.events.append(released)
         command, decision = ZERO_VOLTS, _RESTING
         try:
             m = self._read()

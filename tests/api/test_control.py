@@ -109,6 +109,29 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
 
+def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None:
+    desk, let_go = Desk(), []  # type: Desk, list[float]
+    desk.control.let_go = lambda: let_go.append(desk.now)
+    page = desk.take(ANA).page
+    desk.control.heard(ANA, page)
+    let_go.clear()
+    desk.wait(LOST_S - LOOK_S)
+    assert let_go == []
+    desk.wait(3 * LOOK_S)
+    assert len(let_go) == 1  # as soon as the page is not heard, and once
+    desk.control.resume(ANA, page)
+    assert len(let_go) == 2
+    holder = desk.take(VERA, take_over=True)
+    assert len(let_go) == 3
+    asyncio.run(desk.control.give_up(VERA, Stamp(holder.page, 1)))
+    assert len(let_go) == 4
+    desk.command(SCRIPT, None)
+    let_go.clear()
+    desk.wait(SCRIPT_S + 2 * LOOK_S)
+    assert desk.control.holder is None
+    assert len(let_go) == 1
+
+
 def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing() -> None:
     desk = Desk()
     page = desk.take(ANA).page

@@ -121,7 +121,7 @@ def test_stop_gives_its_proof_latches_and_needs_a_reset(running: httpx.Client) -
 
 
 def test_a_push_moves_the_joint_of_the_simulator(running: httpx.Client) -> None:
-    assert running.post("/api/push", json={"F_push": 5.0}).json() == {"F_push": 5.0}
+    assert running.post("/api/push", json={"F_push": 5.0}).json() == {"F_push": 5.0, "duration_s": 1.0}
     refused = running.post("/api/push", json={"F_push": 400.0})
     assert problem(refused)["unit"] == "N"
     running.post("/api/push", json={"F_push": 0.0}).raise_for_status()

@@ -48,7 +48,7 @@ def main() -> None:
         SetMode(Mode.RUN),
         SetReferences(0.1, 11.0),
         dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
-        Push(2.0),
+        Push(2.0, 1.0),
         SetMode(Mode.COMPLIANCE),
         Stop(hard=False),
         Reset(),

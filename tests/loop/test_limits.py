@@ -15,9 +15,8 @@ def pushed_bench() -> BenchTop:
     bench.run()
     bench.send(SetReferences(0.0, 8.0))
     bench.advance(4.0)
-    bench.send(Push(18.0))
+    bench.send(Push(18.0, 3.0))
     bench.advance(3.0)
-    bench.send(Push(0.0))
     bench.advance(3.0)
     return bench
 

@@ -8,7 +8,6 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import (
     Accepted,
-    Push,
     Refused,
     Reset,
     SetMode,
@@ -84,14 +83,14 @@ def test_soft_stop_brakes_under_tension_before_it_lets_go(name: str, moving_s: f
 def test_push_beyond_the_force_bound_trips_and_stays_tripped(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.run()
-    bench.send(Push(-80.0))
+    bench.plant.push(-80.0)
     bench.advance(1.0)
     assert bench.loop.mode is Mode.TRIPPED
     assert bench.loop.fault in (Fault.FORCE_LIMIT, Fault.SAFETY_MODULE, Fault.SLACK)
     assert bench.column("u_A")[-1] == 0.0
     refused = bench.send(Reset())
     assert isinstance(refused, Refused)
-    bench.send(Push(0.0))
+    bench.plant.push(0.0)
     bench.advance(1.0)
     assert isinstance(bench.send(Reset()), Accepted)
 

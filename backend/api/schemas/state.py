@@ -37,9 +37,10 @@ class References(Schema):
 
 
 class Push(Schema):
-    """An external force on the joint; the simulator only."""
+    """An external force on the joint, held for a time; the simulator only."""
 
-    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q", **ANY_SIZE)
+    F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 lets go", **ANY_SIZE)
+    duration_s: float = quantity("s", "time after which the loop lets go by itself", default=1.0, **ANY_SIZE)
 
 
 class TensionView(Schema):

@@ -19,7 +19,7 @@ const HINTS: Record<State["mode"], string> = {
   off: "Motors off. Start Pretension to wind the tendons up.",
   pretension: "Winding up the tendons to pretension.",
   run: "Loops closed.",
-  compliance: "Compliance: joint loop open, stiffness loop closed.",
+  compliance: "Compliance: joint loop open, q_ref acts through geometry alone; stiffness loop closed.",
   identify: "Identification is running.",
   experiment: "Experiment is running.",
   stopping: "Soft stop: bringing the joint to rest under tension.",

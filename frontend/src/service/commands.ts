@@ -16,6 +16,13 @@ export function useSetReferences() {
   return useMutation({ mutationFn: (body: References) => answered(api.PUT("/api/references", { body })) });
 }
 
+/** A push on the joint of the simulator; one of 0 N lets go. */
+export function usePush() {
+  return useMutation({
+    mutationFn: (body: { F_push: number; duration_s: number }) => answered(api.POST("/api/push", { body })),
+  });
+}
+
 export function useSetTuning() {
   return useMutation({ mutationFn: (body: TuningRequest) => answered(api.PUT("/api/tuning", { body })) });
 }

@@ -29,7 +29,11 @@ export function ForecastMap({ prediction }: { prediction: Prediction }) {
   const [low, high] = [prediction.q_low, prediction.q_high].map((q) => angleText(q, 1, angles));
   return (
     <figure className={styles.map}>
-      <canvas ref={canvas} role="img" aria-label={`Way of the joint, ${labelWith(`within ${low} to ${high}`, "rad", angles)}`} />
+      <canvas
+        ref={canvas}
+        role="img"
+        aria-label={`Way of the joint, ${labelWith(`within ${low} to ${high}`, "rad", angles)}`}
+      />
       <figcaption className={page.dim}>
         Way of the joint and the band it stays in: S [N·m/rad] over {labelWith("q", "rad", angles)}
       </figcaption>

@@ -11,7 +11,12 @@ import styles from "./Operate.module.css";
 const MOVES: readonly { mode: Mode; name: string; meaning: string }[] = [
   { mode: "pretension", name: "Pretension", meaning: "Wind both tendons up to 10 N and hold them." },
   { mode: "run", name: "Run", meaning: "Close the loops of position and stiffness; the run is recorded." },
-  { mode: "compliance", name: "Compliance", meaning: "Open the joint loop, keep the stiffness loop closed." },
+  {
+    mode: "compliance",
+    name: "Compliance",
+    meaning:
+      "Open the joint loop: q_ref acts through geometry alone, a push moves the joint. Stiffness stays controlled.",
+  },
   {
     mode: "stopping",
     name: "Soft stop",

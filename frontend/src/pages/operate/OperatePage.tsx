@@ -5,6 +5,7 @@ import { LiveCharts } from "./LiveCharts";
 import { MapCard } from "./MapCard";
 import { ModeCard } from "./ModeCard";
 import styles from "./Operate.module.css";
+import { PushCard } from "./PushCard";
 import { ReferencesCard } from "./ReferencesCard";
 import { SceneCard } from "./SceneCard";
 import { TuningCard } from "./TuningCard";
@@ -25,6 +26,7 @@ export function OperatePage() {
         <OperatorsOnly otherwise={<ViewOnly />}>
           <ModeCard />
           <ReferencesCard />
+          <PushCard />
           <TuningCard />
         </OperatorsOnly>
       </div>

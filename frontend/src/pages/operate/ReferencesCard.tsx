@@ -21,10 +21,11 @@ import styles from "./Operate.module.css";
 export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
   const limits = useLive((live) => live.state?.limits);
+  const open = useLive((live) => live.state?.mode === "compliance");
   return (
     <Card title="References">
       {references && limits ? (
-        <ReferenceControls references={references} limits={limits} />
+        <ReferenceControls references={references} limits={limits} open={open} />
       ) : (
         <div className={styles.reserve} />
       )}
@@ -32,7 +33,14 @@ export function ReferencesCard() {
   );
 }
 
-function ReferenceControls({ references, limits }: { references: References; limits: Limits }) {
+interface ControlsProps {
+  readonly references: References;
+  readonly limits: Limits;
+  /** Whether the joint loop is open. */
+  readonly open: boolean;
+}
+
+function ReferenceControls({ references, limits, open }: ControlsProps) {
   const send = useSetReferences();
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
@@ -49,6 +57,7 @@ function ReferenceControls({ references, limits }: { references: References; lim
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
+        remark={open ? "joint loop open: geometry alone takes the joint there, a push moves it away" : null}
         send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
       />
       <ReferenceControl
@@ -60,6 +69,7 @@ function ReferenceControls({ references, limits }: { references: References; lim
         max={limits.S_max}
         step={0.1}
         decimals={2}
+        remark={null}
         send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
       />
     </>
@@ -76,11 +86,13 @@ interface ReferenceControlProps {
   readonly max: number;
   readonly step: number;
   readonly decimals: number;
+  /** What the value means now, beside its range. */
+  readonly remark: string | null;
   send(value: number): Promise<unknown>;
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, factor, inForce, min, max, step, decimals, send } = props;
+  const { name, unit, factor, inForce, min, max, step, decimals, remark, send } = props;
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
@@ -147,7 +159,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         about={inForce}
         brief={(error) => refusalText(error, factor, decimals, unit)}
         text={problem ?? target}
-        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}`}
+        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === null ? "" : `; ${remark}`}`}
       />
     </div>
   );

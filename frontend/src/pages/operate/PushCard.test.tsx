@@ -1,0 +1,85 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { State } from "../../wire/types";
+import { PushCard } from "./PushCard";
+
+let store: LiveStore;
+
+function open(mode: State["mode"], F_push_max: number): void {
+  store = new LiveStore(0);
+  store.setState({ mode, limits: { F_push_max }, link: { alive: true }, fault: null } as unknown as State);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>
+          <PushCard />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+async function pushed(): Promise<unknown[]> {
+  const posts = fetched.mock.calls
+    .map(([request]) => request)
+    .filter(({ url }) => new URL(url).pathname === "/api/push");
+  return Promise.all(posts.map((request) => request.clone().json()));
+}
+
+beforeEach(() => {
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const path = new URL(url).pathname;
+    return Response.json(path === "/api/control" ? { epoch: 1, page: "k".repeat(16), name: "Ana" } : {});
+  });
+});
+afterEach(cleanup);
+
+const button = (name: string) => screen.getByRole("button", { name });
+
+it("pushes with what stands in the boxes, and lets go", async () => {
+  open("compliance", 30);
+  const force = screen.getByRole("textbox", { name: "Push [N]" });
+  fireEvent.change(force, { target: { value: "-12.5" } });
+  fireEvent.blur(force);
+  fireEvent.click(button("Push"));
+  await waitFor(async () => expect(await pushed()).toEqual([{ F_push: -12.5, duration_s: 2 }]));
+  fireEvent.click(button("Let go"));
+  await waitFor(async () => expect((await pushed())[1]).toEqual({ F_push: 0, duration_s: 0 }));
+});
+
+it("pushes with nothing that is no number", async () => {
+  open("run", 30);
+  const force = screen.getByRole("textbox", { name: "Push [N]" });
+  fireEvent.change(force, { target: { value: "5-3" } });
+  fireEvent.blur(force);
+  fireEvent.click(button("Push"));
+  await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
+  expect(await pushed()).toEqual([]);
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("nothing was sent");
+});
+
+it("is not offered where nothing can push, and says which modes it takes", async () => {
+  open("run", 0);
+  expect(screen.queryByRole("button")).toBeNull();
+  cleanup();
+  open("pretension", 30);
+  expect(button("Push").getAttribute("aria-disabled")).toBe("true");
+  fireEvent.click(button("Push"));
+  await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
+  expect(await pushed()).toEqual([]);
+  expect(screen.getByRole("status", { name: "Refusal" }).textContent).toContain("run or compliance");
+});

@@ -1,0 +1,86 @@
+/** A push on the joint, as by a hand: on the simulator only, held for a time, let go of by the loop itself. */
+
+import { Button } from "@mantine/core";
+import { useState } from "react";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { ValueBox } from "../../components/ValueBox";
+import { useLive, useLiveStore, useNow } from "../../live/react";
+import { fixed } from "../../samples/format";
+import { usePush } from "../../service/commands";
+import type { State } from "../../wire/types";
+import styles from "./Operate.module.css";
+
+const LONGEST_S = 10;
+
+export function PushCard() {
+  const F_push_max = useLive((live) => live.state?.limits.F_push_max ?? 0);
+  return F_push_max > 0 ? <PushControls F_push_max={F_push_max} /> : null;
+}
+
+function PushControls({ F_push_max }: { F_push_max: number }) {
+  const state = useLive((live) => live.state);
+  const store = useLiveStore();
+  const push = usePush();
+  const [F_push, setForce] = useState(10);
+  const [duration_s, setDuration] = useState(2);
+  const [problem, setProblem] = useState<string | null>(null);
+  useNow(100);
+  const felt = store.window.newest("F_push");
+  const pushed = Number.isFinite(felt) && felt !== 0;
+  const reason = whyNoPush(state);
+  return (
+    <Card title="Push" aside={<span className={styles.bounds}>simulator only</span>}>
+      {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+      <div className={styles.pushRow} role="group" aria-label="Push">
+        <ValueBox
+          label="Push [N]"
+          unit="N"
+          value={F_push}
+          decimals={1}
+          step={1}
+          width={86}
+          onCommit={setForce}
+          onProblem={setProblem}
+        />
+        <ValueBox
+          label="Push for [s]"
+          unit="s"
+          value={duration_s}
+          decimals={1}
+          step={0.5}
+          width={72}
+          onCommit={setDuration}
+          onProblem={setProblem}
+        />
+        <Button
+          size="compact-sm"
+          variant="default"
+          aria-disabled={reason !== null}
+          data-disabled={reason !== null || undefined}
+          onClick={(event) => {
+            if (reason === null && problem === null) push.mutate({ F_push, duration_s });
+            else event.preventDefault();
+          }}
+        >
+          Push
+        </Button>
+        <Button size="compact-sm" variant="default" onClick={() => push.mutate({ F_push: 0, duration_s: 0 })}>
+          Let go
+        </Button>
+      </div>
+      <Refusal
+        error={problem === null && reason === null ? push.error : null}
+        about={[F_push, duration_s]}
+        text={problem ?? (pushed ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
+        hint={`${fixed(-F_push_max, 0)} … ${fixed(F_push_max, 0)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
+      />
+    </Card>
+  );
+}
+
+/** Why the joint cannot be pushed now; null when it can. */
+function whyNoPush(state: State | null): string | null {
+  const mode = state?.mode;
+  return mode === "run" || mode === "compliance" ? null : "A push takes the mode run or compliance.";
+}

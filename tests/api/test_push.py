@@ -1,0 +1,86 @@
+"""A push on the joint by command: on the simulator only, and let go of when control is lost."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.api.control import LOOK_S, LOST_S, Control
+from backend.api.errors import ApiError
+from backend.api.gate import Person
+from backend.api.schemas.session import Role
+from backend.api.schemas.state import Push
+from backend.loop.mode import Mode
+from backend.refusal import OutOfRangeError
+from backend.sample import INDEX
+from backend.storage import Database, events, open_database
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+
+ANA = Person("Ana", Role.OPERATOR, "a")
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+async def in_run(parts: Parts) -> None:
+    await parts.bench.set_mode(Mode.PRETENSION, OPERATOR.name)
+    await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
+    await parts.bench.set_mode(Mode.RUN, OPERATOR.name)
+
+
+def pushed_by(parts: Parts) -> float:
+    row = parts.supervisor.ring.newest()
+    assert row is not None
+    return float(row[INDEX["F_push"]])
+
+
+def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -> None:
+    async def lost(parts: Parts) -> None:
+        await in_run(parts)
+        now = 100.0
+        control = Control(parts.bench.operator_lost, parts.bench.note_control, lambda: now)
+        control.let_go = parts.bench.let_go
+        control.take(ANA, is_page=True)
+        await parts.bench.push(Push(F_push=6.0, duration_s=10.0), ANA.name)
+        for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):
+            assert pushed_by(parts) in (0.0, 6.0)
+            now += LOOK_S
+            await control.look()
+            await parts.supervisor.advance(0.01)
+        assert parts.picture.mode is Mode.RUN  # long before the soft stop
+        for _ in range(100):
+            await parts.supervisor.advance(0.01)
+            if pushed_by(parts) == 0.0:
+                break
+        assert pushed_by(parts) == 0.0
+
+    stepped(database, load_parameters("ideal"), lost)
+    with database.reading() as session:
+        told = [event.text for event in events.find(session)]
+    assert "push of 6.0 N for 10.0 s" in told
+    assert "push let go: control is lost" in told
+
+
+def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
+    async def refused(parts: Parts) -> None:
+        with pytest.raises(ApiError, match="in run and compliance; the mode is off"):
+            await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
+        await in_run(parts)
+        for push, quantity in ((Push(F_push=31.0), "F_push"), (Push(F_push=5.0, duration_s=11.0), "duration_s")):
+            with pytest.raises(OutOfRangeError, match=quantity):
+                await parts.bench.push(push, OPERATOR.name)
+        assert parts.picture.state().limits.F_push_max == 30.0
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant="rig")
+        with pytest.raises(ApiError, match="push a rig by hand"):
+            await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
+        assert parts.picture.state().limits.F_push_max == 0.0
+        await parts.supervisor.advance(0.01)
+        assert pushed_by(parts) == 0.0
+
+    stepped(database, load_parameters("ideal"), refused)

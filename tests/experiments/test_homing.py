@@ -1,0 +1,60 @@
+"""Where an experiment starts from: compliance brings the joint to 0 first, and the time that takes is announced."""
+
+import asyncio
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.experiments.compliance_plan import LEAD_IN_S, CompliancePlan
+from backend.experiments.forecast import expected_s
+from backend.experiments.headless_station import headless_station
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.runner import Order, Outcome, Station, run_experiment
+from backend.experiments.way import start_from
+from backend.loop.commands import Accepted, SetMode, SetReferences
+from backend.loop.mode import Mode
+from backend.recording.columns import recorded_columns
+from backend.storage import open_database
+from plant.parameters import load_parameters
+
+PLAN = CompliancePlan(profile="steps", hold_s=0.5, F_push=10.0)
+
+
+@pytest.fixture
+def station(tmp_path: Path) -> Iterator[Station]:
+    database = open_database(tmp_path)
+    with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+        yield made
+    database.close()
+
+
+async def brought_off_centre(station: Station) -> None:
+    assert isinstance(await station.loop.send(SetMode(Mode.PRETENSION)), Accepted)
+    for _ in range(200):
+        await station.loop.advance(0.1)
+        if isinstance(await station.loop.send(SetMode(Mode.RUN, 0)), Accepted):
+            break
+    await station.loop.send(SetReferences(math.radians(15.0), 10.0))
+    await station.loop.advance(3.0)
+
+
+def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_long_as_told(station: Station) -> None:
+    async def work() -> tuple[Outcome, float, float]:
+        await brought_off_centre(station)
+        start = start_from(station.loop.ring.newest())
+        assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
+        told_s, began = expected_s(PLAN, station.parameters, start), station.loop.ring.count
+        outcome = await run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator"))
+        return outcome, told_s, (station.loop.ring.count - began) / 1000.0
+
+    outcome, told_s, took_s = asyncio.run(work())
+    assert outcome.run.end_state == "completed"
+    columns, _ = recorded_columns(station.database, outcome.run.id)
+    lead_in = slice(0, round(LEAD_IN_S * 1000))
+    assert np.abs(columns["q"][lead_in]).max() < 0.01
+    # The way from 10 N to S_ref = 10 N·m/rad takes 17.4 N; nothing else moves before the first push.
+    assert max(columns[name][lead_in].max() for name in ("F_A", "F_B")) < 18.5
+    assert told_s == pytest.approx(took_s, abs=0.4)
