@@ -1,7 +1,7 @@
 """How a quantity is read: SI inside and on the wire, angles in degrees or radians as the person chose.
 
 What is converted hangs on the unit alone. Gains (N·m/rad, rad/(V·s)) and angular frequencies ω stay as the paper has
-them; docs/decisions/0024-angles.md says why.
+them; docs/decisions/0025-angles.md says why.
 """
 
 import math
@@ -52,6 +52,17 @@ def reading_of(unit: str, angles: Angles) -> Reading:
 def read(value: float, unit: str, angles: Angles) -> float:
     """Return a quantity in SI as the number that is read."""
     return value * reading_of(unit, angles).factor
+
+
+def typed(text: str, unit: str) -> float:
+    """Return a word of the command line in SI: "60deg" and "1.05rad" where an angle is wanted, else a number in SI.
+
+    Raises ValueError.
+    """
+    word = text.strip().lower().replace("°", "deg").replace("−", "-")
+    if unit == "rad" and word.endswith("deg"):
+        return math.radians(float(word.removesuffix("deg")))
+    return float(word.removesuffix("rad") if unit == "rad" else word)
 
 
 def in_digits(value: float, digits: int = DIGITS) -> str:

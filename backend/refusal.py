@@ -1,7 +1,44 @@
-"""What is said when a value is refused: which quantity, its value, the bounds, the unit, and what to do."""
+"""What is said when a value is refused: which quantity in the operator's words, its value, the bounds, what to do."""
+
+import math
+
+from backend.reading import DIGITS, Angles, in_digits, read, reading_of, told
+
+Path = tuple[str | int, ...]
+"""Where a value stands in what was asked for: names, and places in lists from 0; ("segments", 2, "q_ref")."""
+
+WORDS = {
+    "q_ref": "position reference",
+    "S_ref": "stiffness reference",
+    "F_push": "push",
+    "lam_q": "λ_q",
+    "lam_S": "λ_S",
+    "lam_motor": "λ_motor",
+    "tension_N": "tension",
+    "duration_s": "time",
+    "period_s": "period",
+    "shape": "shape",
+    "u": "voltage step",
+    "theta_start": "motor position where a step starts",
+}
+"""Operator's words for quantities that are refused at several places."""
 
 
-class OutOfRangeError(ValueError):
+class RefusedValueError(ValueError):
+    """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
+
+    def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
+        self.quantity = quantity
+        self.words = words or WORDS.get(quantity, quantity)
+        self.path: Path = (quantity,) if path is None else path
+        super().__init__(self.sentence(Angles.RADIANS))
+
+    def sentence(self, angles: Angles) -> str:
+        """Say it to somebody who reads angles in this unit; the text of the exception itself is in SI."""
+        raise NotImplementedError
+
+
+class OutOfRangeError(RefusedValueError):
     """A number outside what is allowed. ``minimum`` or ``maximum`` is None where that side has no bound."""
 
     def __init__(
@@ -12,41 +49,62 @@ class OutOfRangeError(ValueError):
         maximum: float | None,
         unit: str,
         remedy: str = "",
+        *,
+        words: str = "",
+        path: Path | None = None,
     ) -> None:
-        self.quantity = quantity
         self.value = value
         self.minimum = minimum
         self.maximum = maximum
         self.unit = unit
         self.remedy = remedy
-        super().__init__(_sentence(quantity, value, minimum, maximum, unit, remedy))
+        super().__init__(quantity, words=words, path=path)
+
+    def sentence(self, angles: Angles) -> str:
+        """Say it to somebody who reads angles in this unit."""
+        fault, remedy = out_of_range(self.value, self.minimum, self.maximum, self.unit, angles)
+        return f"{self.words}: {fault}; {self.remedy or remedy}"
 
 
-def _sentence(quantity: str, value: float, minimum: float | None, maximum: float | None, unit: str, remedy: str) -> str:
-    shown_unit = "" if unit == "1" else f" {unit}"
-    bounds = []
-    if minimum is not None:
-        bounds.append(f"at least {minimum:.4g}")
-    if maximum is not None:
-        bounds.append(f"at most {maximum:.4g}")
-    sentence = (
-        f"{quantity} = {_shown(value)}{shown_unit} is out of range: it must be {' and '.join(bounds)}{shown_unit}"
-    )
-    return f"{sentence}; {remedy}" if remedy else sentence
+def out_of_range(
+    value: float, minimum: float | None, maximum: float | None, unit: str, angles: Angles
+) -> tuple[str, str]:
+    """Return in words that a value is outside its bounds, and what can be done where nothing better is known."""
+    given, unit_read = told(value, unit, angles), reading_of(unit, angles).unit
+    shown_unit = "" if unit in ("1", "") else f" {unit_read}"
+    least = None if minimum is None else bound_text(minimum, unit, angles, upper=False)
+    most = None if maximum is None else bound_text(maximum, unit, angles, upper=True)
+    if least is not None and most is not None:
+        return f"{given} is outside {least} to {most}{shown_unit}", "choose a value between the two"
+    if most is not None:
+        return f"{given} is more than {most}{shown_unit}", f"choose {most}{shown_unit} at most"
+    return f"{given} is less than {least}{shown_unit}", f"choose {least}{shown_unit} at least"
 
 
-def _shown(value: float) -> str:
-    try:
-        return f"{value:.6g}"
-    except OverflowError:  # a whole number beyond the largest float
-        return f"a number of {len(str(abs(int(value))))} digits"
+def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool) -> str:
+    """Write a bound so that the number which is read lies within it: rounded towards the inside."""
+    shown = read(bound, unit, angles)
+    text = in_digits(shown)
+    beyond = float(text) - shown if upper else shown - float(text)
+    if beyond <= 1e-12 * abs(shown):
+        return text
+    place = 10.0 ** (math.floor(math.log10(abs(shown))) - DIGITS + 1)
+    return in_digits(float(text) - place if upper else float(text) + place)
 
 
 def require_within(
-    quantity: str, value: float, minimum: float | None, maximum: float | None, unit: str, remedy: str = ""
+    quantity: str,
+    value: float,
+    minimum: float | None,
+    maximum: float | None,
+    unit: str,
+    remedy: str = "",
+    *,
+    words: str = "",
+    path: Path | None = None,
 ) -> None:
     """Raise OutOfRangeError unless minimum <= value <= maximum; nan and infinities are refused too."""
     above = minimum is None or value >= minimum
     below = maximum is None or value <= maximum
     if not (above and below and abs(value) < float("inf")):
-        raise OutOfRangeError(quantity, value, minimum, maximum, unit, remedy)
+        raise OutOfRangeError(quantity, value, minimum, maximum, unit, remedy, words=words, path=path)

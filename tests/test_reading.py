@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.reading import Angles, in_words, read, told
+from backend.reading import Angles, in_words, read, told, typed
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 
@@ -64,3 +64,24 @@ def test_angles_in_a_text_are_turned_and_nothing_else(text: str, degrees: str) -
 def test_a_text_in_degrees_can_be_read_in_radians() -> None:
     """Somebody who changes the unit while a refusal stands reads it in the new one."""
     assert in_words("120 deg is outside -100 to 100 deg", RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
+
+
+@pytest.mark.parametrize(
+    ("word", "unit", "value"),
+    [
+        ("60deg", "rad", math.pi / 3),
+        (" 60° ", "rad", math.pi / 3),
+        ("−1.5rad", "rad", -1.5),
+        ("1.5", "rad", 1.5),
+        ("1e1", "N", 10.0),
+    ],
+)
+def test_a_word_of_the_command_line_may_say_its_unit(word: str, unit: str, value: float) -> None:
+    """A plain number is in SI, as it ever was: 1.0 that came to mean a degree would move the joint by a 57th."""
+    assert typed(word, unit) == value
+
+
+@pytest.mark.parametrize(("word", "unit"), [("60deg", "N"), ("deg", "rad"), ("60 turns", "rad"), ("6rad", "s")])
+def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> None:
+    with pytest.raises(ValueError, match="could not convert"):
+        typed(word, unit)

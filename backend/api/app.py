@@ -10,6 +10,7 @@ from starlette.types import ASGIApp
 
 from backend import __version__
 from backend.api import errors
+from backend.api.angles import angles_of
 from backend.api.attendance import Attendance
 from backend.api.entrance import Entrance
 from backend.api.pace import Pace
@@ -89,7 +90,7 @@ def create_app(
     for router in (stream.router, *further_routes, site.router):
         app.include_router(router)
     site.mount_static(app)
-    errors.install(app)
+    errors.install(app, angles_of)
     app.add_middleware(Pace)
     app.add_middleware(Attendance)
     app.add_middleware(Entrance)

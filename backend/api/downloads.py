@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 
 from backend.api.errors import ApiError
 from backend.api.offload import Offload
+from backend.reading import Angles
 from backend.recording.columns import Columns, recorded_columns
 from backend.recording.flight import flight_columns
 from backend.reports.rendering import export, render
@@ -27,13 +28,13 @@ class Downloads:
         """Load what reports need ahead of the first one."""
         self._offload.prepare(render)
 
-    async def report_html(self, run_id: int) -> bytes:
+    async def report_html(self, run_id: int, angles: Angles) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, ApiError."""
-        return await self._report(run_id, "html")
+        return await self._report(run_id, "html", angles)
 
-    async def report_pdf(self, run_id: int) -> bytes:
+    async def report_pdf(self, run_id: int, angles: Angles) -> bytes:
         """Return the report as PDF. Raises UnknownRecordError, ApiError."""
-        return await self._report(run_id, "pdf")
+        return await self._report(run_id, "pdf", angles)
 
     async def data(self, run_id: int, kind: str) -> bytes:
         """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
@@ -45,14 +46,14 @@ class Downloads:
         columns = await asyncio.to_thread(flight_columns, self._database, event_id)
         return await self._offload.run(export, columns, kind)
 
-    async def _report(self, run_id: int, kind: str) -> bytes:
-        source = await asyncio.to_thread(self._source, run_id)
+    async def _report(self, run_id: int, kind: str, angles: Angles) -> bytes:
+        source = await asyncio.to_thread(self._source, run_id, angles)
         content = await self._offload.run(render, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
 
-    def _source(self, run_id: int) -> Source:
-        source = load_source(self._database, run_id)
+    def _source(self, run_id: int, angles: Angles) -> Source:
+        source = load_source(self._database, run_id, angles)
         if source.run.end_state == EndState.RUNNING:
             raise ApiError(409, f"run {run_id} is not over yet: its report follows when it is")
         if source.result is None and source.run.kind != RunKind.SESSION and _is_awaited(source):

@@ -61,7 +61,7 @@ class DryRuns:
         """
         duration_s = order.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
-        require_within("duration of a dry run", duration_s, None, LONGEST_S, "s", remedy)
+        require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
         self._require_place(person)
         self._people.append(person)
         try:

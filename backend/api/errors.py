@@ -2,15 +2,17 @@
 
 import logging
 from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection
 
 from backend.api.offload import WorkerDiedError
-from backend.api.schemas.base import UNITS, Problem, Refusal
+from backend.api.schemas.base import MEANINGS, UNITS, Problem, Refusal
 from backend.experiments.again import NotEvaluableError
 from backend.experiments.bank_consistency import BankError
 from backend.experiments.playing import BenchNotReadyError
@@ -19,9 +21,10 @@ from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
+from backend.reading import Angles, in_words, reading_of
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
-from backend.refusal import OutOfRangeError
+from backend.refusal import WORDS, OutOfRangeError, out_of_range
 from backend.storage import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
@@ -102,39 +105,44 @@ class ApiError(Exception):
         self.headers = dict(headers or {})
 
 
-def install(app: FastAPI) -> None:
-    """Register the handlers on ``app``."""
+Handler = Callable[[Request, Exception], Awaitable[JSONResponse]]
+AnglesOf = Callable[[HTTPConnection], Awaitable[Angles]]
+"""Tells in which unit whoever asks reads angles."""
+
+
+def install(app: FastAPI, angles_of: AnglesOf) -> None:
+    """Register the handlers on ``app``; ``angles_of`` is asked where a refusal speaks of an angle."""
+
+    async def answer(
+        request: Request, status: int, problem: Callable[[Angles], Problem], headers: Mapping[str, str] | None = None
+    ) -> JSONResponse:
+        said = problem(Angles.DEGREES)
+        if said.message != problem(Angles.RADIANS).message:
+            said = problem(await angles_of(request))
+        return _answer(status, said, headers)
 
     @app.exception_handler(ApiError)
-    async def refused(_request: Request, error: ApiError) -> JSONResponse:
-        return answer_to(error)
+    async def refused(request: Request, error: ApiError) -> JSONResponse:
+        return await answer(request, error.status, partial(_in_words, error.problem), error.headers)
 
     @app.exception_handler(OutOfRangeError)
-    async def out_of_range(_request: Request, error: OutOfRangeError) -> JSONResponse:
-        return _answer(422, problem_of(error))
+    async def out_of_range(request: Request, error: OutOfRangeError) -> JSONResponse:
+        return await answer(request, 422, partial(problem_of, error))
 
     @app.exception_handler(SettingError)
-    async def setting_refused(_request: Request, error: SettingError) -> JSONResponse:
-        problem = Problem(
-            code="bad_setting",
-            message=str(error),
-            quantity=error.quantity,
-            value=_plain(error.value),
-            unit=error.unit or None,
-            legal=list(error.legal) or None,
-        )
-        return _answer(422, problem)
+    async def setting_refused(request: Request, error: SettingError) -> JSONResponse:
+        return await answer(request, 422, partial(_setting_problem, error))
 
     @app.exception_handler(BenchNotReadyError)
     async def not_ready(_request: Request, error: BenchNotReadyError) -> JSONResponse:
         return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
 
     for kind, status in _STATUS.items():
-        app.add_exception_handler(kind, _plain_handler(status))
+        app.add_exception_handler(kind, _plain_handler(answer, status))
 
     @app.exception_handler(RequestValidationError)
-    async def invalid(_request: Request, error: RequestValidationError) -> JSONResponse:
-        return _answer(422, _first_problem(error))
+    async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        return await answer(request, 422, partial(_first_problem, error))
 
     @app.exception_handler(HTTPException)
     async def http(_request: Request, error: HTTPException) -> JSONResponse:
@@ -152,19 +160,25 @@ def answer_to(error: ApiError) -> JSONResponse:
     return _answer(error.status, error.problem, error.headers)
 
 
-def _plain_handler(status: int) -> Callable[[Request, Exception], Awaitable[JSONResponse]]:
-    async def handle(_request: Request, error: Exception) -> JSONResponse:
-        return _answer(status, Problem(code=_CODES[status], message=str(error)))
+def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], status: int) -> Handler:
+    async def handle(request: Request, error: Exception) -> JSONResponse:
+        return await answer(request, status, partial(_in_words, Problem(code=_CODES[status], message=str(error))))
 
     return handle
 
 
-def problem_of(error: OutOfRangeError) -> Problem:
-    """Return the error body of a refused number."""
+def _in_words(problem: Problem, angles: Angles) -> Problem:
+    return problem.model_copy(update={"message": in_words(problem.message, angles)})
+
+
+def problem_of(error: OutOfRangeError, angles: Angles = Angles.DEGREES) -> Problem:
+    """Return the error body of a refused number, told to somebody who reads angles in this unit."""
     return Problem(
         code="out_of_range",
-        message=str(error),
+        message=error.sentence(angles),
         quantity=error.quantity,
+        words=error.words,
+        path=list(error.path) or None,
         value=_plain(error.value),
         minimum=error.minimum,
         maximum=error.maximum,
@@ -172,25 +186,47 @@ def problem_of(error: OutOfRangeError) -> Problem:
     )
 
 
-def _first_problem(error: RequestValidationError) -> Problem:
+def _setting_problem(error: SettingError, angles: Angles) -> Problem:
+    return Problem(
+        code="bad_setting",
+        message=error.sentence(angles),
+        quantity=error.quantity,
+        words=error.words,
+        path=list(error.path) or None,
+        value=_plain(error.value),
+        unit=error.unit or None,
+        legal=list(error.legal) or None,
+    )
+
+
+def _first_problem(error: RequestValidationError, angles: Angles) -> Problem:
     first = error.errors()[0]
-    path = [str(part) for part in first["loc"] if part not in ("body", "query", "path")]
-    name = path[-1] if path else "body"
+    path = [part for part in first["loc"] if part not in ("body", "query", "path")]
+    name = next((part for part in reversed(path) if isinstance(part, str)), "body")
     bounds = first.get("ctx", {})
-    minimum = bounds.get("ge", bounds.get("gt"))
-    maximum = bounds.get("le", bounds.get("lt"))
+    minimum, maximum = (_number(bounds, *keys) for keys in (("ge", "gt"), ("le", "lt")))
+    unit, given = UNITS.get(name), first.get("input")
+    words = MEANINGS.get(name) or WORDS.get(name) or ".".join(str(part) for part in path) or "body"
     sentence = first["msg"][:1].lower() + first["msg"][1:]
-    unit = UNITS.get(name)
-    shown_unit = f" [{unit}]" if unit else ""
+    if (minimum, maximum) != (None, None) and isinstance(given, int | float):
+        sentence = "; ".join(out_of_range(given, minimum, maximum, unit or "1", angles))
+    elif unit:
+        sentence += f" in {reading_of(unit, angles).unit}" if unit != "1" else ""
     return Problem(
         code=str(first["type"]),
-        message=f"{'.'.join(path) or 'body'}{shown_unit}: {sentence}",
+        message=f"{words}: {sentence}",
         quantity=name,
-        value=_plain(first.get("input")),
-        minimum=minimum if isinstance(minimum, int | float) else None,
-        maximum=maximum if isinstance(maximum, int | float) else None,
+        words=words,
+        path=path or None,
+        value=_plain(given),
+        minimum=minimum,
+        maximum=maximum,
         unit=unit,
     )
+
+
+def _number(bounds: Mapping[str, Any], *keys: str) -> float | None:
+    return next((bounds[key] for key in keys if isinstance(bounds.get(key), int | float)), None)
 
 
 def _plain(value: object) -> object:

@@ -136,7 +136,7 @@ def _checked(
     parameters: PlantParameters, choice: TuningChoice, bank: Bank | None, before: TuningInUse | None
 ) -> TuningInUse:
     choice = replace(choice, bank=0 if bank is None else bank.id)
-    require_within("b", choice.b, 0.0, 1.0, "1")
+    require_within("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
     if before is not None and all(
         getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
     ):

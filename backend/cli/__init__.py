@@ -9,11 +9,13 @@ import typer
 from pydantic import ValidationError
 
 from backend.cli import bank, database, doctor, experiment, identify, runs, serve, token
-from backend.cli.output import fail
+from backend.cli.output import ANGLES, angles, fail
+from backend.refusal import RefusedValueError
 
 app = typer.Typer(
     name="sinew",
-    help="Identify, tune and run antagonistic variable stiffness actuators. SI units throughout.",
+    help="Identify, tune and run antagonistic variable stiffness actuators. Plain numbers and JSON are in SI; an angle "
+    f"may be typed as 60deg, and is printed in degrees, or in radians where {ANGLES} is rad.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -41,7 +43,7 @@ def main() -> None:
     except Exception as error:
         if not isinstance(error, _expected()):
             raise
-        fail(str(error))
+        fail(error.sentence(angles()) if isinstance(error, RefusedValueError) else str(error))
 
 
 def _expected() -> tuple[type[Exception], ...]:

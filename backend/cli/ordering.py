@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from backend.cli.output import errors, fail, meter, out, print_json
+from backend.cli.output import angles, errors, fail, meter, out, print_json
 from backend.cli.place import database_of
 from backend.cli.run_tables import show_run
 from backend.settings import Settings
@@ -129,7 +129,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
             with meter(order.plan.program().duration_s, hidden=hidden) as progress:
                 outcome = asyncio.run(run_experiment(station, order, progress))
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
-            written = write_files(database, outcome.run.id, into) if into else ()
+            written = write_files(database, outcome.run.id, into, angles()) if into else ()
             document = metrics_document(load_source(database, outcome.run.id))
             return outcome, {**document, "files": [str(path) for path in written]}
 

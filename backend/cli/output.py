@@ -1,6 +1,7 @@
 """How commands speak: tables or JSON on standard output, progress and complaints on standard error."""
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,15 +13,32 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from backend.reading import Angles, in_words
+
 out = Console()
 errors = Console(stderr=True)
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
 
 
+ANGLES = "SINEW_ANGLES"
+"""Variable of the environment that says in which unit whoever types the commands reads angles."""
+
+
+def angles() -> Angles:
+    """Return the unit of angles in tables and refusals: degrees, unless the environment says rad."""
+    return Angles.RADIANS if os.environ.get(ANGLES) == Angles.RADIANS else Angles.DEGREES
+
+
 def fail(message: str, status: int = 1) -> None:
     """Print one line, whatever line breaks the message has, and end with ``status``."""
-    errors.print(f"sinew: {' '.join(message.split())}", style="red", highlight=False, soft_wrap=True, markup=False)
+    errors.print(
+        f"sinew: {in_words(' '.join(message.split()), angles())}",
+        style="red",
+        highlight=False,
+        soft_wrap=True,
+        markup=False,
+    )
     sys.exit(status)
 
 

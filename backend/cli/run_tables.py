@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from backend.cli.output import out, print_table
+from backend.cli.output import angles, out, print_table
+from backend.reading import in_words, read, reading_of
 
 _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
@@ -10,13 +11,13 @@ _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 def show_run(document: dict[str, Any]) -> None:
     """Print how a run ended and what came of it; ``document`` as ``metrics_document`` makes it."""
     end = ": ".join(filter(None, (document["end_state"], document["end_detail"])))
-    out.print(f"run {document['run']}, {document['kind']}: {end}", highlight=False, markup=False, style="bold")
+    _say(f"run {document['run']}, {document['kind']}: {end}", style="bold")
     _figures(document)
     _criteria(document)
     if document["identification"]:
-        out.print(document["identification"]["verdict"], highlight=False, markup=False)
+        _say(document["identification"]["verdict"])
     elif not document["metrics"]:
-        out.print(document["verdict"], highlight=False, markup=False)
+        _say(document["verdict"])
     for path in document.get("files", ()):
         out.print(f"wrote {path}", highlight=False, markup=False)
 
@@ -26,15 +27,32 @@ def show_settings(document: dict[str, Any]) -> None:
     from backend.experiments.used_settings import used_settings
 
     used = used_settings(document["settings"])
-    rows = [(item["meaning"], item["symbol"], item["value"], item["unit"]) for item in used]
+    rows = [
+        (
+            item["meaning"],
+            item["symbol"],
+            _setting(item["value"], item["unit"]),
+            reading_of(item["unit"], angles()).unit,
+        )
+        for item in used
+    ]
     if rows:
         print_table(("setting", "symbol", "value", "unit"), rows)
+
+
+def _setting(value: object, unit: str) -> object:
+    return read(value, unit, angles()) if isinstance(value, float) else value
 
 
 def _figures(document: dict[str, Any]) -> None:
     labels, units, missing = document["labels"], document["units"], document["not_measured"]
     rows = [
-        (labels[name], _figure(value), units[name], missing.get(name, "measured"))
+        (
+            labels[name],
+            _figure(value, units[name]),
+            reading_of(units[name], angles()).unit,
+            in_words(missing.get(name, "measured"), angles()),
+        )
         for name, value in document["metrics"].items()
     ]
     if rows:
@@ -46,17 +64,21 @@ def _criteria(document: dict[str, Any]) -> None:
     rows = [
         (
             item["title"],
-            _figure(item["figure"]),
-            f"{item['relation']} {item['bound']:g}",
-            item["unit"],
-            _JUDGED[item["passed"]] + (f": {item['reason']}" if item["reason"] else ""),
+            _figure(item["figure"], item["unit"]),
+            f"{item['relation']} {read(item['bound'], item['unit'], angles()):g}",
+            reading_of(item["unit"], angles()).unit,
+            in_words(_JUDGED[item["passed"]] + (f": {item['reason']}" if item["reason"] else ""), angles()),
         )
         for item in document["criteria"]
     ]
     if rows:
         print_table(("criterion", "value", "bound", "unit", "verdict"), rows)
-        out.print(document["verdict"], highlight=False, markup=False)
+        _say(document["verdict"])
 
 
-def _figure(value: float | None) -> float | str:
-    return "not measured" if value is None else value
+def _figure(value: float | None, unit: str) -> float | str:
+    return "not measured" if value is None else read(value, unit, angles())
+
+
+def _say(text: str, style: str = "") -> None:
+    out.print(in_words(text, angles()), highlight=False, markup=False, style=style)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.output import AsJson, fail, out, print_json, print_table
+from backend.cli.output import AsJson, angles, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, database_of, settings_with
 from backend.cli.run_tables import show_run, show_settings
 
@@ -99,7 +99,7 @@ def report(
     from backend.reports.files import write_files
 
     with database_of(settings_with(data=data)) as database:
-        for path in write_files(database, run, folder):
+        for path in write_files(database, run, folder, angles()):
             out.print(f"wrote {path}", highlight=False, markup=False)
 
 

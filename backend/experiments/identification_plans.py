@@ -36,7 +36,8 @@ class MotorIdentificationPlan:
 
     def __post_init__(self) -> None:
         if self.u_low >= self.u_high:
-            raise OutOfRangeError("u_low", self.u_low, None, self.u_high, "V", "keep it below u_high")
+            words, remedy = "smallest voltage step", "keep it below the largest"
+            raise OutOfRangeError("u_low", self.u_low, None, self.u_high, "V", remedy, words=words)
 
     def voltages(self) -> tuple[float, ...]:
         """Return the voltages [V] stepped to, both ways."""

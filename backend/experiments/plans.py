@@ -50,7 +50,8 @@ class TrackingPlan:
 
     def __post_init__(self) -> None:
         if self.S_low >= self.S_high:
-            raise OutOfRangeError("S_low", self.S_low, None, self.S_high, "N·m/rad", "keep it below S_high")
+            words, remedy = "lower level of the stiffness pulses", "keep it below the upper level"
+            raise OutOfRangeError("S_low", self.S_low, None, self.S_high, "N·m/rad", remedy, words=words)
 
     def program(self) -> Program:
         """Return the whole experiment as one program of steps."""
@@ -118,12 +119,13 @@ class ActuatorIdentificationPlan:
         levels = "".join("+" if chip else "-" for chip in register)
         excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)
         require_within(
-            "periods x (2^bits - 1) x chip_s",
+            "chip_s",
             excitation.duration_s,
             None,
             MAX_EXCITATION_S,
             "s",
             "take a shorter chip, fewer bits or fewer periods",
+            words="time of all chips together",
         )
         return excitation
 

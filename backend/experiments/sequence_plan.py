@@ -8,7 +8,7 @@ from backend.controllers.limits import STIFFNESS_RANGE
 from backend.experiments.phase import Phase
 from backend.experiments.settings import SettingError, text
 from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment, Shape
-from backend.refusal import require_within
+from backend.refusal import WORDS, Path, require_within
 
 Q_REF_MAX = 1.4
 """Largest joint reference of a plan [rad]; the loop has the last word for its plant."""
@@ -47,7 +47,8 @@ class SequencePlan:
         """Return the segments as a program. Raises SettingError, OutOfRangeError naming the segment."""
         segments = tuple(_segment(position, item) for position, item in enumerate(_listed(self.segments), start=1))
         duration = sum(segment.duration_s for segment in segments)
-        require_within("duration of all segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out")
+        words = "time of all segments together"
+        require_within("segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out", words=words)
         return Program(Law.CASCADE, segments)
 
     def phases(self) -> tuple[Phase, ...]:
@@ -59,19 +60,22 @@ def _listed(segments: str) -> list[Any]:
     try:
         items = json.loads(segments)
     except (ValueError, RecursionError) as error:
-        raise SettingError("segments", segments[:40], f"is not JSON: {error}") from None
+        raise SettingError("segments", segments[:40], f"it is not JSON: {error}") from None
     if not isinstance(items, list) or not 0 < len(items) <= MAX_SEGMENTS:
-        raise SettingError("segments", segments[:40], f"needs a list of 1 to {MAX_SEGMENTS} segments")
+        raise SettingError("segments", segments[:40], f"it needs a list of 1 to {MAX_SEGMENTS} segments")
     return items
 
 
 def _segment(position: int, item: Any) -> Segment:
-    label = f"segments[{position}]"
+    place, words = ("segments", position - 1), f"segment {position}"
     if not isinstance(item, dict) or not set(_NEEDED) <= set(item) <= set(_NAMES):
-        raise SettingError(label, item, f"needs {', '.join(_NEEDED)}; may have {', '.join(_NAMES[3:])}", legal=_NAMES)
+        reason = f"it needs {', '.join(_NEEDED)}; it may have {', '.join(_NAMES[3:])}"
+        raise SettingError("segments", item, reason, legal=_NAMES, words=words, path=place)
     shape = item.get("shape", Shape.STEP)
     if shape not in tuple(Shape):
-        raise SettingError(f"{label}.shape", shape, f"choose one of {', '.join(Shape)}", legal=tuple(Shape))
+        reason = f"choose one of {', '.join(Shape)}"
+        where: Path = (*place, "shape")
+        raise SettingError("shape", shape, reason, legal=tuple(Shape), words=f"{words}, shape", path=where)
     bounds = {
         "duration_s": (0.01, 600.0, "s"),
         "q_ref": (-Q_REF_MAX, Q_REF_MAX, "rad"),
@@ -82,9 +86,10 @@ def _segment(position: int, item: Any) -> Segment:
     numbers = {name: item[name] for name in bounds if name in item}
     for name, value in numbers.items():
         minimum, maximum, unit = bounds[name]
+        named, where = f"{words}, {WORDS[name]}", (*place, name)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise SettingError(f"{label}.{name}", value, f"needs a number in {unit}", unit=unit)
-        require_within(f"{label}.{name}", value, minimum, maximum, unit)
+            raise SettingError(name, value, "it needs a number", unit=unit, words=named, path=where)
+        require_within(name, value, minimum, maximum, unit, words=named, path=where)
     values = {name: float(value) for name, value in numbers.items()}
     values["duration_s"] = round(values["duration_s"], 3)  # whole milliseconds, as the loop plays them
     return Segment(**values, shape=Shape(shape))

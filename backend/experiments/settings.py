@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from backend.refusal import require_within
+from backend.reading import Angles, reading_of, typed
+from backend.refusal import Path, RefusedValueError, require_within
 
 Value = float | int | bool | str
 _KEY = "setting"
@@ -18,20 +19,33 @@ _WORDS = {"true": True, "yes": True, "false": False, "no": False}
 _T = TypeVar("_T")
 
 
-class SettingError(ValueError):
+class SettingError(RefusedValueError):
     """A setting that is not even of the right kind: unknown, no number, not among the choices.
 
     A number outside its bounds raises ``backend.refusal.OutOfRangeError`` instead.
     """
 
     def __init__(
-        self, quantity: str, value: object, reason: str, *, unit: str = "", legal: tuple[str, ...] = ()
+        self,
+        quantity: str,
+        value: object,
+        reason: str,
+        *,
+        unit: str = "",
+        legal: tuple[str, ...] = (),
+        words: str = "",
+        path: Path | None = None,
     ) -> None:
-        super().__init__(f"{quantity} = {repr(value)[:_SHOWN]} refused: {reason}")
-        self.quantity = quantity
         self.value = value
+        self.reason = reason
         self.unit = unit
         self.legal = legal
+        super().__init__(quantity, words=words, path=path)
+
+    def sentence(self, angles: Angles) -> str:
+        """Say it to somebody who reads angles in this unit; a number is wanted in it, where the quantity has one."""
+        wanted = f" in {reading_of(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
+        return f"{self.words}: {repr(self.value)[:_SHOWN]} is refused: {self.reason}{wanted}"
 
 
 @dataclass(frozen=True)
@@ -58,32 +72,34 @@ class Setting:
         """
         if self.kind == "choice":
             if value not in self.choices:
-                raise SettingError(self.name, value, f"choose one of {', '.join(self.choices)}", legal=self.choices)
+                raise self._refused(value, f"choose one of {', '.join(self.choices)}", self.choices)
             return str(value)
         if self.kind == "text":
             if not isinstance(value, str):
-                raise SettingError(self.name, value, "needs a text")
-            require_within(f"length of {self.name}", len(value), None, self.maximum, "1")
+                raise self._refused(value, "it needs a text")
+            require_within(self.name, len(value), None, self.maximum, "1", words=f"length of {self.symbol}")
             return value
         if self.kind == "boolean":
             truth = _WORDS.get(str(value).lower())
             if truth is None:
-                raise SettingError(self.name, value, "needs true or false", legal=("true", "false"))
+                raise self._refused(value, "it needs true or false", ("true", "false"))
             return truth
         number = self._number(value)
-        require_within(self.name, number, self.minimum, self.maximum, self.unit)
+        require_within(self.name, number, self.minimum, self.maximum, self.unit, words=self.meaning)
         if self.kind == "integer" and number != int(number):
-            raise SettingError(self.name, value, "needs a whole number", unit=self.unit)
+            raise self._refused(value, "it needs a whole number")
         return int(number) if self.kind == "integer" else number
 
     def _number(self, value: object) -> float:
-        wanted = "needs a number" if self.unit == "1" else f"needs a number in {self.unit}"
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise SettingError(self.name, value, wanted, unit=self.unit)
+            raise self._refused(value, "it needs a number")
         try:
-            return float(value)
+            return typed(value, self.unit) if isinstance(value, str) else float(value)
         except (ValueError, OverflowError):
-            raise SettingError(self.name, value, wanted, unit=self.unit) from None
+            raise self._refused(value, "it needs a number") from None
+
+    def _refused(self, value: object, reason: str, legal: tuple[str, ...] = ()) -> SettingError:
+        return SettingError(self.name, value, reason, unit=self.unit, legal=legal, words=self.meaning)
 
 
 def number(default: float, minimum: float, maximum: float, unit: str, symbol: str, meaning: str) -> Any:

@@ -120,7 +120,7 @@ def packets(command: Command, sequence: int) -> list[bytes]:
     if not isinstance(command, RunProgram) or len(command.program.segments) <= PART_SEGMENTS:
         return [encode(command, sequence)]
     segments = command.program.segments
-    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program")
+    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words="number of segments")
     starts = range(0, len(segments), PART_SEGMENTS)
     parts = [encode(ProgramPart(segments[start : start + PART_SEGMENTS]), sequence) for start in starts]
     rest = LongProgram(replace(command, program=replace(command.program, segments=())), len(segments))

@@ -137,7 +137,15 @@ class ModeMachine:
         elif program.law is Law.TENSION_SWEEP:
             motion = self._tension_sweep(program)
         else:
-            require_within("segments", len(program.segments), None, MAX_SEGMENTS, "1", "split the program")
+            require_within(
+                "segments",
+                len(program.segments),
+                None,
+                MAX_SEGMENTS,
+                "1",
+                "split the program",
+                words="number of segments",
+            )
             q_min, q_max, S_min, S_max = self.bounds.q_min, self.bounds.q_max, self.bounds.S_min, self.bounds.S_max
             for segment in program.segments:
                 # Most are good, and a thousand calls would take half a period.

@@ -41,7 +41,13 @@ def actuator_identification_report(source: Source) -> Report:
     if found is not None:
         sections += [
             Section(
-                "Models", (_models(found), _candidates(found), _comparison(found, tension_N), figures_table(metrics))
+                "Models",
+                (
+                    _models(found),
+                    _candidates(found),
+                    _comparison(found, tension_N),
+                    figures_table(metrics, source.angles),
+                ),
             ),
         ]
     sections.append(Section("How it was made", (settings_table(source), *_data(found))))
@@ -73,7 +79,7 @@ def _point(found: Identification | None) -> tuple[Fact, ...]:
     if found is None:
         return ()
     q, S = found.model["q_nominal"], found.model["S_nominal"]
-    return (Fact("Point", f"q = {shown(q)} rad, S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
+    return (Fact("Point", f"q = {q:.6g} rad, S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
 
 
 def _models(found: Identification) -> Table:
@@ -124,6 +130,7 @@ def _residuals(tests: Mapping[str, Any]) -> str:
 
 
 def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
+    angles = source.angles
     columns, start, period_s = source.columns, found.data["first_sample"], found.data["period_s"]
     channels = {key: found.model[key] for key in CHANNELS}
     models = {key: model_of(channel) for key, channel in channels.items()}
@@ -131,7 +138,7 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
     return (
         Figure(
             "record",
-            record_panels(columns, start, models, period_s, "record"),
+            record_panels(columns, start, models, period_s, "record", angles),
             "The record: (A) excitation on the held tension, (B) joint position and (C) joint stiffness, each with the "
             "identified model simulated from rest on the recorded input (dashed), (D) tendon tensions.",
         ),
@@ -143,7 +150,7 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
         ),
         Figure(
             "step",
-            step_panels(channels, "step"),
+            step_panels(channels, "step", angles),
             "Response of (A) G_q and (B) G_S to a step of θ_A,ref by 1 rad, and of their first-order reductions "
             "(dashed).",
         ),

@@ -1,8 +1,11 @@
 """Which report a run gets."""
 
+from dataclasses import replace
+
+from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
-from backend.reports.document import Report
+from backend.reports.document import Block, Figure, Paragraph, Report, Table
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
 from backend.reports.source import Source
@@ -21,4 +24,29 @@ _BUILDERS = {
 
 def build_report(source: Source) -> Report:
     """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
-    return _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
+    report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
+    return _told(report, source.angles)
+
+
+def _told(report: Report, angles: Angles) -> Report:
+    """Return the report with the angles in its prose as they are read; numbers of tables and axes are so already."""
+    return replace(
+        report,
+        verdict=in_words(report.verdict, angles),
+        facts=tuple(replace(fact, text=in_words(fact.text, angles)) for fact in report.facts),
+        sections=tuple(
+            replace(section, blocks=tuple(_told_block(block, angles) for block in section.blocks))
+            for section in report.sections
+        ),
+    )
+
+
+def _told_block(block: Block, angles: Angles) -> Block:
+    match block:
+        case Paragraph(text):
+            return Paragraph(in_words(text, angles))
+        case Table(caption, columns, rows):
+            told = tuple(tuple(in_words(cell, angles) for cell in row) for row in rows)
+            return Table(in_words(caption, angles), columns, told)
+        case Figure(name, svg, caption):
+            return Figure(name, svg, in_words(caption, angles))

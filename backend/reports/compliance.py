@@ -2,9 +2,21 @@
 
 import numpy as np
 
+from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.document import Figure, Paragraph, Report, Section
-from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.drawing import (
+    COLOURS,
+    INK,
+    LIMIT_GREY,
+    axis_label,
+    figure,
+    in_unit,
+    panel_letter,
+    thinned,
+    to_svg,
+    upper_legend,
+)
 from backend.reports.judgement import results_section, verdict
 from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
 from backend.reports.source import Source
@@ -49,7 +61,7 @@ def _figures(source: Source) -> Section:
     pushed_s = next(phase["start_s"] for phase in metrics["phases"] if phase["name"] == "pushes")
     r_j = source.run.parameters["geometry"]["r_j"]["value"]
     F_max = source.run.parameters["safety"]["F_max"]["value"]
-    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"] or 0.0, "forces")
+    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"] or 0.0, "forces", source.angles)
     return Section(
         "Figures",
         (
@@ -69,7 +81,7 @@ def _figures(source: Source) -> Section:
     )
 
 
-def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str) -> str:
+def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: Angles) -> str:
     """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
     t = columns["t"]
     measured = columns["F_A"] - columns["F_B"]
@@ -79,8 +91,8 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
     end = t.size - delay
     aligned = (measured[delay:] - measured[rest].mean()) - (expected[:end] - expected[rest].mean())
     with figure(3, height_in=4.4, sharex=True, height_ratios=(2, 3, 2)) as (drawn, axes):
-        axes[0].plot(*thinned(t, columns["q"]), color=COLOURS["q"], label="$q$")
-        axes[0].set_ylabel("q [rad]")
+        axes[0].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[0].set_ylabel(axis_label("q", "rad", angles))
         axes[1].plot(*thinned(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
         axes[1].plot(*thinned(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
         axes[1].set_ylabel("Force [N]")

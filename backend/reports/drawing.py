@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from backend.reading import Angles, reading_of
+
 Array = NDArray[np.float64]
 
 COLOURS = {
@@ -118,3 +120,13 @@ def limit_line(axes: Axes, value: float, label: str) -> None:
         fontsize=6.5,
         color=LIMIT_GREY,
     )
+
+
+def in_unit(values: NDArray[np.float64], unit: str, angles: Angles) -> NDArray[np.float64]:
+    """Return values in SI as they are read."""
+    return values * reading_of(unit, angles).factor
+
+
+def axis_label(symbol: str, unit: str, angles: Angles) -> str:
+    """Return what stands beside an axis: the symbol and the unit in which it is read."""
+    return f"{symbol} [{reading_of(unit, angles).unit}]"

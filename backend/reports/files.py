@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from backend.reading import Angles
 from backend.recording.columns import recorded_columns
 from backend.reports.build import build_report
 from backend.reports.exports import to_csv
@@ -14,12 +15,14 @@ from backend.reports.verdict import reason_of, verdict_of
 from backend.storage import Database
 
 
-def write_files(database: Database, run_id: int, folder: Path) -> tuple[Path, ...]:
+def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
     """Write report.html, report.pdf, data.csv and metrics.json; make the folder where it is missing.
+
+    ``angles`` is for the report; data and metrics are in SI.
 
     Raises UnknownRecordError, OSError.
     """
-    source = load_source(database, run_id)
+    source = load_source(database, run_id, angles)
     report = build_report(source)
     contents = {
         "report.html": to_html(report).encode(),

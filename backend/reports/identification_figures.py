@@ -1,6 +1,7 @@
 """Figures of an actuator identification: record and model, frequency and step responses, residual tests."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,16 @@ from scipy.signal import csd, detrend, step
 from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
+from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.drawing import (
     COLOURS,
     INK,
     LIMIT_GREY,
     TENSION_WIDTHS,
+    axis_label,
     figure,
+    in_unit,
     panel_letter,
     thinned,
     to_svg,
@@ -44,19 +48,24 @@ def model_of(channel: Channel) -> Model:
     return Model(channel["structure"], dict(channel["parameters"]))
 
 
-def record_panels(columns: Columns, start: int, models: Mapping[str, Model], period_s: float, name: str) -> str:
+def record_panels(
+    columns: Columns, start: int, models: Mapping[str, Model], period_s: float, name: str, angles: Angles
+) -> str:
     """Draw the excitation, both outputs with the models' simulation from rest, and the tensions."""
     begin = max(0, start - round(2.0 / period_s))
     shown = {key: column[begin:] for key, column in columns.items()}
     t = shown["t"] - columns["t"][start]
     with figure(4, height_in=4.9, sharex=True, height_ratios=(2, 3, 3, 2)) as (drawn, axes):
-        axes[0].plot(*thinned(t, shown["theta_A_ref"]), color=INK, linewidth=0.8)
-        axes[0].set_ylabel(r"$\theta_{A,ref}$ [rad]")
+        axes[0].plot(*thinned(t, in_unit(shown["theta_A_ref"], "rad", angles)), color=INK, linewidth=0.8)
+        axes[0].set_ylabel(axis_label(r"$\theta_{A,ref}$", "rad", angles))
         for row, (key, (output, label, unit)) in zip(axes[1:3], CHANNELS.items(), strict=True):
             simulated = simulated_from_rest(columns, start, output, models[key], period_s)
-            row.plot(*thinned(t, shown[output]), color=COLOURS[output], label="measured")
-            row.plot(*thinned(t[start - begin :], simulated), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
-            row.set_ylabel(f"{output} [{unit}]")
+            read = partial(in_unit, unit=unit, angles=angles)
+            row.plot(*thinned(t, read(shown[output])), color=COLOURS[output], label="measured")
+            row.plot(
+                *thinned(t[start - begin :], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label
+            )
+            row.set_ylabel(axis_label(output, unit, angles))
             upper_legend(row)
         for force, width in TENSION_WIDTHS.items():
             axes[3].plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=width, label=f"${force}$")
@@ -91,7 +100,7 @@ def bode_panels(columns: Columns, start: int, channels: Mapping[str, Channel], p
         return to_svg(drawn, name)
 
 
-def step_panels(channels: Mapping[str, Channel], name: str) -> str:
+def step_panels(channels: Mapping[str, Channel], name: str, angles: Angles) -> str:
     """Draw the response of both models and of their first-order reductions to a step of theta_A by 1 rad."""
     with figure(1, 2, height_in=2.1) as (drawn, axes):
         for panel, (key, (output, label, unit)), letter in zip(axes, CHANNELS.items(), "AB", strict=True):
@@ -99,9 +108,10 @@ def step_panels(channels: Mapping[str, Channel], name: str) -> str:
             t = np.linspace(0.0, 6.0 * first_order["T"], 400)
             _, y = step(([model.gain], model.denominator[::-1]), T=t)
             reduced = first_order["K"] * (1.0 - np.exp(-t / first_order["T"]))
-            panel.plot(t, y, color=COLOURS[output], label=label)
-            panel.plot(t, reduced, color=LIMIT_GREY, linestyle=_DASHES, label="first order")
-            panel.set(xlabel="t [s]", ylabel=f"{output} [{unit}]", xlim=(0.0, t[-1]))
+            read = partial(in_unit, unit=unit, angles=angles)
+            panel.plot(t, read(y), color=COLOURS[output], label=label)
+            panel.plot(t, read(reduced), color=LIMIT_GREY, linestyle=_DASHES, label="first order")
+            panel.set(xlabel="t [s]", ylabel=axis_label(output, unit, angles), xlim=(0.0, t[-1]))
             panel.legend(loc="lower right")
             panel_letter(panel, letter)
         return to_svg(drawn, name)

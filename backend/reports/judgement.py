@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from backend.identification.result import Grade
+from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
@@ -32,15 +33,23 @@ def measured(value: float | None, digits: int = 3) -> str:
     return NOT_MEASURED if value is None else shown(value, digits)
 
 
+def read_or_none(value: float | None, unit: str, angles: Angles) -> float | None:
+    """Return a figure in SI as it is read; none where none was measured."""
+    return None if value is None else read(value, unit, angles)
+
+
 def results_section(source: Source) -> tuple[Section, ...]:
     """Return criteria and figures; nothing for a run without a result."""
     if source.result is None:
         return ()
-    tables = (criteria_table(source.result.criteria), figures_table(source.result.metrics))
+    tables = (
+        criteria_table(source.result.criteria, source.angles),
+        figures_table(source.result.metrics, source.angles),
+    )
     return (Section("Results", tables if source.result.criteria else tables[1:]),)
 
 
-def criteria_table(criteria: list[dict[str, Any]]) -> Table:
+def criteria_table(criteria: list[dict[str, Any]], angles: Angles) -> Table:
     """Return each criterion with bound, figure and result."""
     columns = (
         Column("Criterion", number=False),
@@ -52,9 +61,9 @@ def criteria_table(criteria: list[dict[str, Any]]) -> Table:
     rows = tuple(
         (
             item["title"],
-            f"{item['relation']} {exact(item['bound'])}",
-            measured(item["figure"]),
-            item["unit"],
+            f"{item['relation']} {exact(read(item['bound'], item['unit'], angles))}",
+            measured(read_or_none(item["figure"], item["unit"], angles)),
+            reading_of(item["unit"], angles).unit,
             _with_reason(_WORDS[item["passed"]], reason_of(item, item["passed"])),
         )
         for item in criteria
@@ -62,7 +71,7 @@ def criteria_table(criteria: list[dict[str, Any]]) -> Table:
     return Table("Criteria.", columns, rows)
 
 
-def figures_table(metrics: Mapping[str, Any]) -> Table:
+def figures_table(metrics: Mapping[str, Any], angles: Angles) -> Table:
     """Return the figures of a result, each with unit and definition."""
     columns = (
         Column("Quantity", number=False),
@@ -74,8 +83,8 @@ def figures_table(metrics: Mapping[str, Any]) -> Table:
     rows = tuple(
         (
             item["label"],
-            measured(item["value"]),
-            shown_unit(item["unit"]),
+            measured(read_or_none(item["value"], item["unit"], angles)),
+            shown_unit(item["unit"], angles),
             _with_reason(item["definition"], reason_of(item, item["value"]), item["value"]),
         )
         for item in metrics["figures"]

@@ -7,8 +7,9 @@ import numpy as np
 
 from backend.identification.motor import grade_of
 from backend.identification.result import worst
+from backend.reading import Angles
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
-from backend.reports.drawing import COLOURS, INK, figure, panel_letter, to_svg
+from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
 from backend.reports.judgement import OUTCOMES, figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
@@ -35,10 +36,10 @@ def motor_identification_report(source: Source) -> Report:
     sections = []
     if found is not None:
         tables: list[Block] = [_estimates(found.model), _rule(found.model), *_refused(found.quality)]
-        sections.append(Section("Motors", (*tables, figures_table(metrics))))
+        sections.append(Section("Motors", (*tables, figures_table(metrics, source.angles))))
     sections.append(Section("How it was made", (settings_table(source), *_in_force(source))))
     if found is not None:
-        sections.append(Section("Figures", _figures(found.quality)))
+        sections.append(Section("Figures", _figures(found.quality, source.angles)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
         title="Motor identification",
@@ -129,31 +130,33 @@ def _in_force(source: Source) -> tuple[Paragraph, ...]:
     return (Paragraph(text),)
 
 
-def _figures(quality: Mapping[str, Any]) -> tuple[Block, ...]:
+def _figures(quality: Mapping[str, Any], angles: Angles) -> tuple[Block, ...]:
     return (
         Figure(
             "steps",
-            step_panels(quality, "steps"),
+            step_panels(quality, "steps", angles),
             "Turn of each motor after the steps as measured (coloured) and as the least-squares model says (dashed), "
-            "and (C, D) their difference in milliradians.",
+            "and (C, D) their difference.",
         ),
     )
 
 
-def step_panels(quality: Mapping[str, Any], name: str) -> str:
+def step_panels(quality: Mapping[str, Any], name: str, angles: Angles) -> str:
     """Draw every step of both motors, and what the model leaves over."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
         for column, side in enumerate(SIDES):
             turn, left = axes[0][column], axes[1][column]
             for item in quality[side]["steps"]:
                 t, measured, model = (np.array(item[key]) for key in ("t", "measured", "model"))
+                apart = in_unit(1e3 * (measured - model), "mrad", angles)
+                measured, model = (in_unit(turned, "rad", angles) for turned in (measured, model))
                 turn.plot(t, measured, color=COLOURS[f"u_{side}"], linewidth=1.0)
                 turn.plot(t, model, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
                 turn.annotate(f"{item['voltage']:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
-                left.plot(t, 1e3 * (measured - model), color=COLOURS[f"u_{side}"], linewidth=0.7)
+                left.plot(t, apart, color=COLOURS[f"u_{side}"], linewidth=0.7)
             turn.margins(x=0.12)
-            turn.set_ylabel(rf"turn of $\theta_{side}$ [rad]")
-            left.set(xlabel="t from the step [s]", ylabel="difference [mrad]")
+            turn.set_ylabel(axis_label(rf"turn of $\theta_{side}$", "rad", angles))
+            left.set(xlabel="t from the step [s]", ylabel=axis_label("difference", "mrad", angles))
             panel_letter(turn, "AB"[column])
             panel_letter(left, "CD"[column])
         return to_svg(drawn, name)

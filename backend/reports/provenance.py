@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
 from backend.storage.banks import BankEntry
@@ -73,7 +74,12 @@ def _lam_text(source: Source, name: str) -> str:
 def settings_table(source: Source) -> Table:
     """Return the settings of the plan and of the loop with their units, as the run stored them."""
     rows = tuple(
-        (str(item["meaning"]), str(item["symbol"]), _chosen(item["value"]), shown_unit(item["unit"]))
+        (
+            str(item["meaning"]),
+            str(item["symbol"]),
+            _chosen(item["value"], item["unit"], source.angles),
+            shown_unit(item["unit"], source.angles),
+        )
         for item in source.run.settings.get("declared", [])
     )
     titles = (
@@ -120,7 +126,12 @@ def _came_from(source: Source, entry: BankEntry) -> str:
 def parameter_section(source: Source) -> Section:
     """Return every number of the parameter set with unit and source."""
     rows = tuple(
-        (f"{section}.{entry}", _chosen(item["value"]), shown_unit(item["unit"]), str(item["source"]))
+        (
+            f"{section}.{entry}",
+            _chosen(item["value"], item["unit"], source.angles),
+            shown_unit(item["unit"], source.angles),
+            str(item["source"]),
+        )
         for section, entries in source.run.parameters.items()
         for entry, item in entries.items()
     )
@@ -134,14 +145,16 @@ def parameter_section(source: Source) -> Section:
     return Section("Plant parameters", (Table(caption, columns, rows),))
 
 
-def _chosen(value: Any) -> str:
+def _chosen(value: Any, unit: str, angles: Angles) -> str:
     if isinstance(value, list):
-        return "; ".join(_chosen(item) for item in value)
+        return "; ".join(_chosen(item, unit, angles) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return exact(value) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return exact(read(value, unit, angles))
+    return str(value)
 
 
-def shown_unit(unit: str) -> str:
+def shown_unit(unit: str, angles: Angles) -> str:
     """Return a unit as it is printed; counts have none."""
-    return "" if unit == "1" else unit
+    return "" if unit == "1" else reading_of(unit, angles).unit

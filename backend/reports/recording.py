@@ -2,12 +2,19 @@
 
 import json
 from dataclasses import replace
-from math import degrees
 from typing import Any
 
+from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Figure, Report, Section, Table, exact
 from backend.reports.judgement import results_section, verdict
-from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.provenance import (
+    facts,
+    lineage,
+    parameter_section,
+    settings_table,
+    subtitle,
+    tuning_facts,
+)
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel, tracking_panels
 from backend.storage.runs import RunKind
@@ -47,15 +54,15 @@ def _made(source: Source) -> tuple[Table, ...]:
         return (settings_table(source),)
     others = [item for item in settings["declared"] if item.get("name") != "segments"]
     rest = replace(source, run=replace(source.run, settings={**settings, "declared": others}))
-    return _segments_table(json.loads(sequence)), settings_table(rest)
+    return _segments_table(json.loads(sequence), source.angles), settings_table(rest)
 
 
-def _segments_table(segments: list[dict[str, Any]]) -> Table:
+def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
     columns = (
         Column("Segment"),
         Column("Shape", number=False),
         Column("Length", "s"),
-        Column("q_ref", "deg"),
+        Column("q_ref", reading_of("rad", angles).unit),
         Column("S_ref", "N·m/rad"),
         Column("Push", "N"),
         Column("Period", "s"),
@@ -65,7 +72,7 @@ def _segments_table(segments: list[dict[str, Any]]) -> Table:
             str(number),
             str(segment.get("shape", "step")),
             exact(segment["duration_s"]),
-            exact(degrees(segment["q_ref"])),
+            exact(read(segment["q_ref"], "rad", angles)),
             exact(segment["S_ref"]),
             exact(segment.get("F_push", 0.0)),
             exact(segment["period_s"]) if segment.get("shape") == "sine" and "period_s" in segment else "",
@@ -78,7 +85,7 @@ def _segments_table(segments: list[dict[str, Any]]) -> Table:
 def _figures(source: Source) -> Section:
     columns, parameters = source.columns, source.run.parameters
     u_max, F_max = parameters["motor"]["u_max"]["value"], parameters["safety"]["F_max"]["value"]
-    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "panels", u_max)
+    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "panels", u_max, source.angles)
     caption = "(A) joint position, (B) joint stiffness, (C) motor voltages. References dashed."
     tensions = "Tendon tensions as the load cells show them."
     return Section(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from backend.reading import Angles
 from backend.recording.columns import Columns, drawn_columns, recorded_columns
 from backend.storage import Database, banks, identifications, results, runs
 from backend.storage.banks import Bank
@@ -16,7 +17,8 @@ class Source:
     """A run with all that its report says.
 
     ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
-    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by.
+    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by. All numbers are
+    in SI; ``angles`` says how whoever asked for the report reads angles.
     """
 
     run: Run
@@ -25,9 +27,10 @@ class Source:
     bank: Bank | None
     identification: Identification | None = None
     runs_of: Mapping[int, int | None] = field(default_factory=dict)
+    angles: Angles = Angles.DEGREES
 
 
-def load_source(database: Database, run_id: int) -> Source:
+def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES) -> Source:
     """Gather what is stored of a run: its newest result and identification, the bank it used, its samples.
 
     Raises UnknownRecordError.
@@ -40,4 +43,4 @@ def load_source(database: Database, run_id: int) -> Source:
         runs_of = identifications.runs_of(session)
     by_hand = run.kind == RunKind.SESSION
     columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
-    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of)
+    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles)

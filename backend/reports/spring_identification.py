@@ -31,7 +31,7 @@ def spring_identification_report(source: Source) -> Report:
     sections = []
     if found is not None:
         tables = tuple(_fits(side, found.model[side]) for side in SIDES)
-        sections.append(Section("Springs", (*tables, *_reasons(found.model), figures_table(metrics))))
+        sections.append(Section("Springs", (*tables, *_reasons(found.model), figures_table(metrics, source.angles))))
     sections.append(Section("How it was made", (settings_table(source), *_data(source))))
     if found is not None:
         sections.append(Section("Figures", _figures(found.quality, found.model)))

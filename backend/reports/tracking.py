@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, shown
-from backend.reports.judgement import NOT_MEASURED, measured, results_section, verdict
+from backend.reports.drawing import axis_label
+from backend.reports.judgement import NOT_MEASURED, measured, read_or_none, results_section, verdict
 from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
 from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
@@ -42,7 +44,7 @@ def tracking_report(source: Source) -> Report:
     if source.columns["t"].size:
         sections.append(_figures(source, metrics))
     if metrics.get("steps"):
-        sections.append(Section("Steps", _steps(metrics["steps"])))
+        sections.append(Section("Steps", _steps(metrics["steps"], source.angles)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
         title="Tracking experiment",
@@ -66,7 +68,7 @@ def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
     blocks = [
         Figure(
             "separate",
-            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max),
+            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max, source.angles),
             "Position and stiffness moved one after the other: (A) joint position, (B) joint stiffness, (C) motor "
             "voltages. References dashed. Compare figure 7A–C of the paper.",
         )
@@ -75,7 +77,7 @@ def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
         blocks.append(
             Figure(
                 "together",
-                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max),
+                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max, source.angles),
                 "Position and stiffness moved at once: (D) joint position, (E) joint stiffness, (F) motor voltages. "
                 "Compare figure 7D–F of the paper.",
             )
@@ -101,7 +103,7 @@ def _constant(column: Any) -> float | None:
     return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
 
 
-def _steps(steps: list[dict[str, Any]]) -> tuple[Table, ...]:
+def _steps(steps: list[dict[str, Any]], angles: Angles) -> tuple[Table, ...]:
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
         Column("Phase", number=False),
@@ -121,26 +123,26 @@ def _steps(steps: list[dict[str, Any]]) -> tuple[Table, ...]:
         rows.append(
             (
                 step["phase"],
-                f"{signal} [{units[signal]}]",
-                shown(step["before"]),
-                shown(step["after"]),
+                axis_label(signal, units[signal], angles),
+                shown(read(step["before"], units[signal], angles)),
+                shown(read(step["after"], units[signal], angles)),
                 measured(step["rise_s"]),
                 measured(step["reach_s"]),
                 measured(step["settling_s"]),
                 measured(step["overshoot_percent"], 2),
-                measured(step["steady_error"], 2),
-                _deviation(step, units[other]),
+                measured(read_or_none(step["steady_error"], units[signal], angles), 2),
+                _deviation(step, units[other], angles),
             )
         )
     every = Table("Every step that was played to its end.", columns, tuple(rows))
     return (every, *_reasons(steps))
 
 
-def _deviation(step: dict[str, Any], unit: str) -> str:
+def _deviation(step: dict[str, Any], unit: str, angles: Angles) -> str:
     if not step["alone"]:
         return "both step"
     value = step["cross_coupling"]
-    return NOT_MEASURED if value is None else f"{shown(value, 2)} {unit}"
+    return NOT_MEASURED if value is None else f"{shown(read(value, unit, angles), 2)} {reading_of(unit, angles).unit}"
 
 
 def _reasons(steps: list[dict[str, Any]]) -> tuple[Table, ...]:

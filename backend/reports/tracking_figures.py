@@ -7,12 +7,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from backend.reading import Angles
 from backend.reports.drawing import (
     COLOURS,
     INK,
     LIMIT_GREY,
     TENSION_WIDTHS,
+    axis_label,
     figure,
+    in_unit,
     limit_line,
     panel_letter,
     thinned,
@@ -23,16 +26,19 @@ from backend.reports.drawing import (
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-_LABELS = {"q": "q [rad]", "S": "S [N·m/rad]", "F": "Tension [N]", "u": "Voltage [V]"}
+_UNITS = {"q": "rad", "S": "N·m/rad"}
+_LABELS = {"F": "Tension [N]", "u": "Voltage [V]"}
 _NAMES = {"q": "$q$", "S": "$S$", "F_A": "$F_A$", "F_B": "$F_B$", "u_A": "$u_A$", "u_B": "$u_B$"}
 
 
-def tracking_panels(columns: Columns, start_s: float, end_s: float, letters: str, name: str, u_max: float) -> str:
+def tracking_panels(
+    columns: Columns, start_s: float, end_s: float, letters: str, name: str, u_max: float, angles: Angles
+) -> str:
     """Draw q, S and the motor voltages between two times, one below the other (figure 7, A-C or D-F)."""
     part = _between(columns, start_s, end_s)
     with figure(3, height_in=4.25, sharex=True, height_ratios=(3, 3, 2)) as (drawn, axes):
         for row, signal in zip(axes[:2], ("q", "S"), strict=True):
-            _tracked(row, part, signal)
+            _tracked(row, part, signal, angles)
         _voltages(axes[2], part, u_max)
         for row, letter in zip(axes, letters, strict=True):
             panel_letter(row, letter)
@@ -77,11 +83,11 @@ def step_panels(
         return to_svg(drawn, name)
 
 
-def _tracked(axes: Axes, part: Columns, signal: str) -> None:
-    t, colour = part["t"], COLOURS[signal]
-    axes.plot(*thinned(t, part[signal]), color=colour, label=_NAMES[signal])
+def _tracked(axes: Axes, part: Columns, signal: str, angles: Angles) -> None:
+    t, colour, unit = part["t"], COLOURS[signal], _UNITS[signal]
+    axes.plot(*thinned(t, in_unit(part[signal], unit, angles)), color=colour, label=_NAMES[signal])
     axes.plot(
-        *thinned(t, part[f"{signal}_ref"]),
+        *thinned(t, in_unit(part[f"{signal}_ref"], unit, angles)),
         color=colour,
         linewidth=0.8,
         linestyle=(0, (4, 2)),
@@ -89,7 +95,7 @@ def _tracked(axes: Axes, part: Columns, signal: str) -> None:
         drawstyle="steps-post",
         label=f"{_NAMES[signal][:-1]}_{{ref}}$",
     )
-    axes.set_ylabel(_LABELS[signal])
+    axes.set_ylabel(axis_label(signal, unit, angles))
     axes.margins(y=0.08)
     upper_legend(axes)
 

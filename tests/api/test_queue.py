@@ -54,7 +54,8 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
 def test_what_could_not_be_started_is_refused_when_it_is_added(off: httpx.Client) -> None:
     refused = add(off, '[{"duration_s": 1, "q_ref": 9, "S_ref": 10}]')
     assert refused.status_code == 422
-    assert "q_ref" in str(problem(refused)["message"])
+    assert str(problem(refused)["message"]).startswith("segment 1, position reference: 515.662 deg is outside ")
+    assert problem(refused)["path"] == ["segments", 0, "q_ref"]
     assert off.get("/api/experiments/queue").json()["items"] == []
     assert off.post("/api/experiments/queue/run").status_code == 409
     assert off.delete("/api/experiments/queue/9999").status_code == 404

@@ -60,7 +60,7 @@ def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
 
 
 def test_settings_are_checked_against_each_other() -> None:
-    with pytest.raises(OutOfRangeError, match="below S_high"):
+    with pytest.raises(OutOfRangeError, match="below the upper level"):
         from_values(TrackingPlan, {"S_low": 12, "S_high": 11})
     with pytest.raises(OutOfRangeError, match="shorter chip"):
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
@@ -121,7 +121,8 @@ def test_own_sequences_are_checked_segment_by_segment() -> None:
     good = {"duration_s": 600, "q_ref": 0, "S_ref": 10}
     with pytest.raises(OutOfRangeError) as refused:
         sequence(good, {**good, "S_ref": 20})
-    assert refused.value.quantity == "segments[2].S_ref"
+    assert (refused.value.quantity, refused.value.path) == ("S_ref", ("segments", 1, "S_ref"))
+    assert str(refused.value).startswith("segment 2, stiffness reference: 20 N·m/rad is outside 8 to 15 N·m/rad; ")
     assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
     for segment, complaint in (
         ({**good, "q_ref": "left"}, "needs a number in rad"),

@@ -167,7 +167,7 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> No
 def test_files_for_a_folder_say_the_same_as_the_report(
     tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("backend.reports.files.load_source", lambda _database, _run_id: tracking_source)
+    monkeypatch.setattr("backend.reports.files.load_source", lambda *_: tracking_source)
     monkeypatch.setattr("backend.reports.files.recorded_columns", lambda *_: (tracking_source.columns, 0))
     paths = write_files(cast("Database", None), 12, tmp_path / "out")
     assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]

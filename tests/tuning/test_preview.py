@@ -42,11 +42,11 @@ def test_preview_shows_less_robustness_for_a_faster_loop(previewer: Previewer) -
 def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:
     lam_q_min, lam_S_min = previewer.safe_range()
     previewer.require_safe(Lambdas(lam_q=lam_q_min, lam_S=lam_S_min))
-    with pytest.raises(OutOfRangeError, match="lam_q"):
+    with pytest.raises(OutOfRangeError, match="λ_q"):
         previewer.require_safe(Lambdas(lam_q=lam_q_min - 0.01))
-    with pytest.raises(OutOfRangeError, match="lam_S"):
+    with pytest.raises(OutOfRangeError, match="λ_S"):
         previewer.require_safe(Lambdas(lam_S=3.01))
-    with pytest.raises(OutOfRangeError, match="lam_q"):
+    with pytest.raises(OutOfRangeError, match="λ_q"):
         previewer.require_safe(Lambdas(lam_q=float("nan")))
 
 
@@ -116,7 +116,7 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
     """With L/R = 20 ms the loop at 0.0854 s peaks above 1.7: it is refused, and the offer begins where 1.7 is met."""
     ideal = load_parameters("ideal")
     slow = replace(ideal, motor=replace(ideal.motor, tau_e=0.02))
-    with pytest.raises(OutOfRangeError, match=r"lam_motor = 0\.0854 s .* at least 0\.1205"):
+    with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.1205\d* to"):
         Previewer(slow)
     motor = motor_model(slow, "A")
     low, _ = motor_range(motor)

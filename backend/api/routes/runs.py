@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
 
+from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
 from backend.api.library import Excerpt
 from backend.api.schemas.base import Finite
@@ -122,16 +123,16 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
 
 
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
-async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
     """Return the report of a run as one self-contained page."""
-    report = await service.downloads.report_html(id)
+    report = await service.downloads.report_html(id, angles)
     return Response(report, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
 
 
 @router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
-async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
     """Return the report of a run as PDF."""
-    return download(await service.downloads.report_pdf(id), PDF, f"sinew-run-{id}.pdf")
+    return download(await service.downloads.report_pdf(id, angles), PDF, f"sinew-run-{id}.pdf")
 
 
 @router.get(

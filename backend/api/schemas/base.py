@@ -19,6 +19,9 @@ ANY_SIZE = {"ge": -HUGE, "le": HUGE}
 UNITS: dict[str, str] = {}
 """Unit of each quantity by its name, for refusals; a name has one unit everywhere."""
 
+MEANINGS: dict[str, str] = {}
+"""What each quantity is in the operator's words, by its name; of what can be asked for rather than what is told."""
+
 
 class Schema(BaseModel):
     """A body that refuses unknown fields and numbers that are not finite."""
@@ -30,7 +33,9 @@ class Schema(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         for name, field in cls.model_fields.items():
             if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
-                UNITS[name] = str(field.json_schema_extra["unit"])
+                unit = UNITS[name] = str(field.json_schema_extra["unit"])
+                if field.metadata and field.description:
+                    MEANINGS[name] = field.description.removesuffix(f" [{unit}]")
 
 
 def quantity(unit: str, meaning: str, **constraints: Any) -> Any:
@@ -39,11 +44,15 @@ def quantity(unit: str, meaning: str, **constraints: Any) -> Any:
 
 
 class Problem(Schema):
-    """Why a request was refused, and what would be accepted."""
+    """Why a request was refused, and what would be accepted. Numbers are in SI."""
 
     code: str
-    message: str
-    quantity: str | None = None
+    message: str = Field(description="the whole of it in words, angles as the person who asked reads them")
+    quantity: str | None = Field(default=None, description="name of the refused value in the interface")
+    words: str | None = Field(default=None, description="the same in the operator's words")
+    path: list[str | int] | None = Field(
+        default=None, description="where the value stands in what was asked for: names, and places in lists from 0"
+    )
     value: Any = None
     minimum: float | None = None
     maximum: float | None = None

@@ -3111,15 +3111,31 @@ export interface components {
         };
         /**
          * Problem
-         * @description Why a request was refused, and what would be accepted.
+         * @description Why a request was refused, and what would be accepted. Numbers are in SI.
          */
         Problem: {
             /** Code */
             code: string;
-            /** Message */
+            /**
+             * Message
+             * @description the whole of it in words, angles as the person who asked reads them
+             */
             message: string;
-            /** Quantity */
+            /**
+             * Quantity
+             * @description name of the refused value in the interface
+             */
             quantity?: string | null;
+            /**
+             * Words
+             * @description the same in the operator's words
+             */
+            words?: string | null;
+            /**
+             * Path
+             * @description where the value stands in what was asked for: names, and places in lists from 0
+             */
+            path?: (string | number)[] | null;
             /** Value */
             value?: unknown;
             /** Minimum */
@@ -11753,7 +11769,10 @@ export interface operations {
     };
     get_report_html: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description unit in which angles are printed; what the person prefers if left out */
+                angles?: components["schemas"]["Angles"] | null;
+            };
             header?: never;
             path: {
                 /** @description identifier in the database */
@@ -11866,7 +11885,10 @@ export interface operations {
     };
     get_report_pdf: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description unit in which angles are printed; what the person prefers if left out */
+                angles?: components["schemas"]["Angles"] | null;
+            };
             header?: never;
             path: {
                 /** @description identifier in the database */

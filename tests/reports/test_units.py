@@ -1,0 +1,128 @@
+"""Every text of a report and every axis is in the unit of who asked for it, converted here a second time."""
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure as Drawn
+
+from backend.reading import Angles
+from backend.reports.build import build_report
+from backend.reports.document import Figure, Paragraph, Report, Table
+from backend.reports.source import Source
+
+DEG, RAD = Angles.DEGREES, Angles.RADIANS
+NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
+BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
+"""A radian that is not part of a gain (N·m/rad, rad/(V·s), rad/rad, "per rad") or of an angular frequency."""
+
+TRIP = "q = 1.602 rad; the bound is 1.571 rad to either side"
+
+
+def tripped(source: Source) -> Source:
+    return replace(source, run=replace(source.run, end_state="tripped", end_detail=TRIP))
+
+
+def texts(report: Report) -> Iterator[str]:
+    yield from (report.title, report.subtitle, report.verdict, report.footer)
+    yield from (f"{fact.label}: {fact.text}" for fact in report.facts)
+    for section in report.sections:
+        for block in section.blocks:
+            match block:
+                case Paragraph(text):
+                    yield text
+                case Figure(_, _, caption):
+                    yield caption
+                case Table(caption, columns, rows):
+                    yield caption
+                    yield from (f"{column.title} [{column.unit}]" for column in columns)
+                    yield from (cell for row in rows for cell in row)
+
+
+def significant(number: str) -> int:
+    digits = re.sub(r"\D", "", number).lstrip("0")
+    return len(digits.rstrip("0") if "." not in number else digits)
+
+
+def table(report: Report, caption: str) -> list[dict[str, str]]:
+    found = next(
+        block
+        for section in report.sections
+        for block in section.blocks
+        if isinstance(block, Table) and block.caption.startswith(caption)
+    )
+    titles = [f"{column.title} [{column.unit}]" if column.unit else column.title for column in found.columns]
+    return [dict(zip(titles, row, strict=True)) for row in found.rows]
+
+
+@pytest.fixture
+def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What stands beside the value axes of everything that is drawn from here on."""
+    seen: list[str] = []
+    saved = Drawn.savefig
+
+    def looked_at(self: Drawn, *args: Any, **how: Any) -> None:
+        seen.extend(axis.get_ylabel() for axis in self.axes)
+        saved(self, *args, **how)
+
+    monkeypatch.setattr(Drawn, "savefig", looked_at)
+    return seen
+
+
+@pytest.mark.parametrize("angles", [DEG, RAD])
+def test_no_text_of_a_report_has_another_unit_or_digits_that_nobody_reads(
+    tracking_source: Source, angles: Angles, axes: list[str]
+) -> None:
+    report = build_report(replace(tripped(tracking_source), angles=angles))
+    for text in (*texts(report), *axes):
+        bare = text.replace("N·m/rad per rad", "")
+        if angles is DEG:
+            assert not BARE_RADIAN.search(bare), text
+        else:
+            assert not re.search(r"\bdeg\b", bare), text
+        for number in NUMBER.findall(text):
+            assert significant(number) <= 6, text
+    assert f"q [{angles}]" in axes
+    assert "S [N·m/rad]" in axes
+
+
+def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Source) -> None:
+    """What is printed in degrees is a full turn's share of what is printed in radians."""
+    degrees, radians = (build_report(replace(tripped(tracking_source), angles=angles)) for angles in (DEG, RAD))
+    metrics = table(degrees, "Metrics")
+    assert [row["Unit"] for row in metrics if row["Quantity"] == "RMSE of q"] == ["deg"]
+    assert tracking_source.result is not None
+    stored = {item["label"]: item for item in tracking_source.result.metrics["figures"]}
+    for row, plain in zip(metrics, table(radians, "Metrics"), strict=True):
+        value, unit = stored[row["Quantity"]]["value"], stored[row["Quantity"]]["unit"]
+        assert row["Unit"] == ("deg" if unit == "rad" else "" if unit == "1" else unit)
+        if unit == "rad" and value is not None:
+            assert float(row["Value"]) == pytest.approx(360.0 * value / (2.0 * math.pi), rel=5e-3)
+            assert float(plain["Value"]) == pytest.approx(value, rel=5e-3)
+        else:
+            assert row["Value"] == plain["Value"]
+    amplitude = table(degrees, "Settings")[0]
+    assert (amplitude["Value"], amplitude["Unit"]) == ("60", "deg")
+    first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
+    assert (first["Step"], first["to"]) == ("q [deg]", "60.0")
+    assert any("q = 91.79 deg; the bound is 90.01 deg" in fact.text for fact in degrees.facts)
+    assert any(TRIP in fact.text for fact in radians.facts)
+
+
+def test_segments_are_a_table_and_not_json(tracking_source: Source) -> None:
+    segments = [
+        {"duration_s": 4, "q_ref": math.pi / 3, "S_ref": 10},
+        {"duration_s": 8, "q_ref": -math.pi / 6, "S_ref": 12, "shape": "sine", "period_s": 4},
+    ]
+    declared = {"name": "segments", "meaning": "list", "symbol": "segments", "unit": "1", "value": json.dumps(segments)}
+    settings = {**tracking_source.run.settings, "declared": [declared]}
+    run = replace(tracking_source.run, kind="sequence", settings=settings)
+    report = build_report(replace(tracking_source, run=run, result=None))
+    rows = table(report, "Segments")
+    assert [row["q_ref [deg]"] for row in rows] == ["60", "−30"]
+    assert [row["Shape"] for row in rows] == ["step", "sine"]
+    assert not any("{" in text for text in texts(report))

@@ -1,0 +1,69 @@
+"""What a refused number is answered with, in the operator's words and unit."""
+
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backend.experiments.plans import TrackingPlan
+from backend.experiments.sequence_plan import SequencePlan
+from backend.experiments.settings import SettingError, from_values
+from backend.reading import Angles
+from backend.refusal import OutOfRangeError, bound_text, require_within
+
+DEG, RAD = Angles.DEGREES, Angles.RADIANS
+
+
+def said(refused: OutOfRangeError | SettingError, angles: Angles = DEG) -> str:
+    return refused.sentence(angles)
+
+
+def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
+    """Typed 120 degrees in the third segment: its place, the quantity and the bounds as the operator reads them."""
+    segments = [{"duration_s": 4, "q_ref": math.radians(angle), "S_ref": 10} for angle in (0, 30, 120)]
+    with pytest.raises(OutOfRangeError) as refused:
+        SequencePlan(str(segments).replace("'", '"'))
+    assert refused.value.path == ("segments", 2, "q_ref")
+    assert said(refused.value) == (
+        "segment 3, position reference: 120 deg is outside -80.2141 to 80.2141 deg; choose a value between the two"
+    ).replace("80.2141", "80.214")
+    assert said(refused.value, RAD).startswith("segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; ")
+    assert str(refused.value) == said(refused.value, RAD)
+
+
+def test_a_setting_is_named_as_its_form_labels_it() -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        from_values(TrackingPlan, {"q_amplitude": 2.0})
+    assert said(refused.value).startswith("joint position steps between ±q_max: 114.592 deg is outside 0.572958 to ")
+    with pytest.raises(SettingError) as odd:
+        from_values(TrackingPlan, {"q_amplitude": "wide"})
+    assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in deg"
+    assert said(odd.value, RAD).endswith("it needs a number in rad")
+
+
+@pytest.mark.parametrize(
+    ("minimum", "maximum", "sentence"),
+    [
+        (1.0, None, "tension: 0.5 N is less than 1 N; choose 1 N at least"),
+        (None, 0.25, "tension: 0.5 N is more than 0.25 N; choose 0.25 N at most"),
+        (1.0, 2.0, "tension: 0.5 N is outside 1 to 2 N; choose a value between the two"),
+    ],
+)
+def test_one_bound_or_two(minimum: float | None, maximum: float | None, sentence: str) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        require_within("tension_N", 0.5, minimum, maximum, "N")
+    assert said(refused.value) == sentence
+
+
+@given(st.floats(min_value=-4.0, max_value=4.0).filter(lambda bound: abs(bound) > 1e-6))
+def test_a_bound_that_is_read_and_typed_is_accepted(bound: float) -> None:
+    """Bounds are rounded towards the inside: who types what the refusal offers is not refused again."""
+    for angles, back in ((DEG, math.radians), (RAD, float)):
+        least, most = (float(bound_text(bound, "rad", angles, upper=upper)) for upper in (False, True))
+        assert back(most) <= bound + 1e-12 * abs(bound)
+        assert back(least) >= bound - 1e-12 * abs(bound)
+        assert abs(back(most) - bound) <= 2e-5 * abs(bound)
+        texts = [bound_text(bound, "rad", angles, upper=upper) for upper in (False, True)]
+        assert all(len(re.sub(r"e.*|\D", "", text).lstrip("0")) <= 6 for text in texts)
