@@ -76,6 +76,7 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
     page = operator.page
     page.get_by_role("checkbox", name=f"Use {run.lower()}", exact=True).check()
     page.get_by_role("textbox", name="Bank name", exact=True).fill("bench")
+    expect(page.get_by_role("button", name="Build bank", exact=True)).to_be_in_viewport(ratio=1)
     operator.press("Build bank")
     expect(page.get_by_role("link", name="bench v1", exact=True)).to_be_visible()
     operator.go("Banks")

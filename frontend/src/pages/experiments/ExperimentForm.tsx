@@ -73,40 +73,42 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
           <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
         </div>
       </details>
-      <div className={page.actions}>
-        <OperatorsOnly>
-          <Button
-            type="submit"
-            size="sm"
-            aria-label={`Start ${kind.title.toLowerCase()}`}
-            aria-disabled={reason !== null}
-            data-disabled={reason !== null || undefined}
-            loading={start.isPending}
-          >
-            Start
-          </Button>
+      <div className={page.decide}>
+        <div className={page.actions}>
+          <OperatorsOnly>
+            <Button
+              type="submit"
+              size="sm"
+              aria-label={`Start ${kind.title.toLowerCase()}`}
+              aria-disabled={reason !== null}
+              data-disabled={reason !== null || undefined}
+              loading={start.isPending}
+            >
+              Start
+            </Button>
+            <Button
+              size="sm"
+              variant="default"
+              disabled={order === null}
+              loading={queue.isPending}
+              onClick={() => order && queue.mutate({ do: "add", ...order })}
+            >
+              Add to queue
+            </Button>
+          </OperatorsOnly>
           <Button
             size="sm"
             variant="default"
             disabled={order === null}
-            loading={queue.isPending}
-            onClick={() => order && queue.mutate({ do: "add", ...order })}
+            loading={dryRun.isPending}
+            title="Play it on a simulator of its own, faster than real time; nothing moves"
+            onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
           >
-            Add to queue
+            Dry run
           </Button>
-        </OperatorsOnly>
-        <Button
-          size="sm"
-          variant="default"
-          disabled={order === null}
-          loading={dryRun.isPending}
-          title="Play it on a simulator of its own, faster than real time; nothing moves"
-          onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
-        >
-          Dry run
-        </Button>
+        </div>
+        <Refusal error={problem === null ? failure : null} about={changed} text={reason} />
       </div>
-      <Refusal error={problem === null ? failure : null} about={changed} text={reason} />
     </form>
   );
 }

@@ -7,6 +7,7 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useBuildBank } from "../../service/commands";
 import page from "../Page.module.css";
+import styles from "./Identify.module.css";
 
 export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; onBuilt: () => void }) {
   const [name, setName] = useState("");
@@ -20,7 +21,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
   }
 
   return (
-    <Card title="Bank from runs">
+    <Card title="Bank from runs" className={runs.length > 0 ? styles.builder : undefined}>
       <form className={page.fields} aria-label="Bank from runs" onSubmit={submit}>
         <span className={page.dim}>
           {runs.length === 0

@@ -128,16 +128,18 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
         <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
       )}
       <PredictionView prediction={prediction.data} problem={asked.problem ?? prediction.error?.message} />
-      <Button
-        type="submit"
-        size="sm"
-        aria-disabled={reason !== null}
-        data-disabled={reason !== null || undefined}
-        loading={start.isPending}
-      >
-        Start identification
-      </Button>
-      <Refusal error={start.error} about={[changed, tensions]} text={reason} />
+      <div className={page.decide}>
+        <Button
+          type="submit"
+          size="sm"
+          aria-disabled={reason !== null}
+          data-disabled={reason !== null || undefined}
+          loading={start.isPending}
+        >
+          Start identification
+        </Button>
+        <Refusal error={start.error} about={[changed, tensions]} text={reason} />
+      </div>
     </form>
   );
 }

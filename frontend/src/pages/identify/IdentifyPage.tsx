@@ -49,7 +49,6 @@ export default function IdentifyPage() {
               }}
               onTable={setTable}
             />
-            <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
           </OperatorsOnly>
         </div>
         <div className={styles.column}>
@@ -62,6 +61,9 @@ export default function IdentifyPage() {
             onChoose={choose}
           />
           <SpringTableList tables={tables.data ?? []} selected={tableId} onSelect={setTable} />
+          <OperatorsOnly>
+            <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />
+          </OperatorsOnly>
         </div>
       </div>
     </div>

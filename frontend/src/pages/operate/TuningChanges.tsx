@@ -67,71 +67,73 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
           ))}
         </tbody>
       </table>
-      {trial === null ? (
-        <div className={styles.actions}>
-          <Button
-            variant="default"
-            size="compact-xs"
-            disabled={!changed || busy}
-            title={saved?.who ? `Saved by ${saved.who}` : "The method's defaults: nothing was saved yet"}
-            onClick={() =>
-              saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
-            }
-          >
-            Revert to saved
-          </Button>
-          <Button
-            variant="default"
-            size="compact-xs"
-            disabled={!changed || busy}
-            onClick={() => save.mutate()}
-          >
-            Save
-          </Button>
-          <Switch
-            size="xs"
-            label="Stage changes"
-            checked={staged.staging}
-            onChange={(event) => staged.turn(event.currentTarget.checked)}
-          />
-        </div>
-      ) : (
-        <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
-      )}
-      {staged.staging && trial === null && (
-        <div className={styles.actions}>
-          <Button
-            size="compact-xs"
-            disabled={!something || busy}
-            onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
-          >
-            Apply
-          </Button>
-          <Button
-            variant="default"
-            size="compact-xs"
-            disabled={!something || busy || typeof seconds !== "number"}
-            onClick={() =>
-              typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
-            }
-          >
-            Try for
-          </Button>
-          <NumberField
-            aria-label="Length of the trial [s]"
-            size="xs"
-            w={54}
-            value={seconds}
-            onChange={setSeconds}
-            styles={{ input: { height: 22, minHeight: 22 } }}
-          />
-          <span>s</span>
-          <Button variant="default" size="compact-xs" disabled={!something} onClick={staged.discard}>
-            Discard
-          </Button>
-        </div>
-      )}
-      <Refusal error={failure} about={PARTS.map(([name]) => tuning[name])} />
+      <div className={styles.decide}>
+        {trial === null ? (
+          <div className={styles.actions}>
+            <Button
+              variant="default"
+              size="compact-xs"
+              disabled={!changed || busy}
+              title={saved?.who ? `Saved by ${saved.who}` : "The method's defaults: nothing was saved yet"}
+              onClick={() =>
+                saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
+              }
+            >
+              Revert to saved
+            </Button>
+            <Button
+              variant="default"
+              size="compact-xs"
+              disabled={!changed || busy}
+              onClick={() => save.mutate()}
+            >
+              Save
+            </Button>
+            <Switch
+              size="xs"
+              label="Stage changes"
+              checked={staged.staging}
+              onChange={(event) => staged.turn(event.currentTarget.checked)}
+            />
+          </div>
+        ) : (
+          <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
+        )}
+        {staged.staging && trial === null && (
+          <div className={styles.actions}>
+            <Button
+              size="compact-xs"
+              disabled={!something || busy}
+              onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
+            >
+              Apply
+            </Button>
+            <Button
+              variant="default"
+              size="compact-xs"
+              disabled={!something || busy || typeof seconds !== "number"}
+              onClick={() =>
+                typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
+              }
+            >
+              Try for
+            </Button>
+            <NumberField
+              aria-label="Length of the trial [s]"
+              size="xs"
+              w={54}
+              value={seconds}
+              onChange={setSeconds}
+              styles={{ input: { height: 22, minHeight: 22 } }}
+            />
+            <span>s</span>
+            <Button variant="default" size="compact-xs" disabled={!something} onClick={staged.discard}>
+              Discard
+            </Button>
+          </div>
+        )}
+        <Refusal error={failure} about={PARTS.map(([name]) => tuning[name])} />
+      </div>
     </section>
   );
 }

@@ -1,0 +1,64 @@
+"""At 1440x900 the button that decides a form is in sight with the longest form open, and covers none of its fields."""
+
+import re
+
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.layout import covered
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+FIELDS = "main form input:not([type=hidden], [type=file]), main form select, main form summary"
+IN_SIGHT = """
+button => {
+    const { left, top, right, bottom } = button.getBoundingClientRect();
+    const hit = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+    return top >= 0 && left >= 0 && bottom <= innerHeight && right <= innerWidth && button.contains(hit);
+}
+"""
+TO_THE_TOP = "document.querySelectorAll('main, main *').forEach(one => one.scrollTop > 0 && one.scrollTo(0, 0))"
+
+
+def test_start_and_queue_are_in_sight_on_each_experiment_form(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Experiments")
+    kinds = page.get_by_role("combobox", name="Kind of experiment")
+    for kind in ("tracking", "compliance", "sequence"):
+        kinds.select_option(kind)
+        form = page.locator("main form").first
+        form.locator("summary").click()
+        for _ in range(10 if kind == "sequence" else 0):
+            form.get_by_role("button", name="Add segment").click()
+        names = (re.compile("^Start "), "Add to queue", "Dry run")
+        _in_sight(page, *(form.get_by_role("button", name=name) for name in names))
+
+
+def test_start_is_in_sight_on_each_identification_form(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Identify")
+    for kind in ("Actuator", "Motors", "Springs"):
+        page.get_by_role("radiogroup", name="What to identify").get_by_text(kind, exact=True).click()
+        _in_sight(page, page.get_by_role("button", name="Start identification"))
+
+
+def test_what_changes_the_tuning_or_the_banks_is_in_sight(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Operate")
+    expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    page.get_by_role("switch", name="Stage changes").check()
+    changes = page.get_by_role("region", name="Changes of the tuning")
+    names = ("Apply", "Try for", "Discard", "Revert to saved", "Save")
+    _in_sight(page, *(changes.get_by_role("button", name=name, exact=True) for name in names))
+    assert covered(page, "main section[aria-label=Tuning] :is(button, input:not([type=hidden]), [role=slider])") == []
+    page.get_by_role("switch", name="Stage changes").uncheck()
+    operator.go("Banks")
+    _in_sight(page, page.get_by_role("button", name="Import bank"))
+
+
+def _in_sight(page: Page, *buttons: Locator) -> None:
+    page.evaluate(TO_THE_TOP)
+    for button in buttons:
+        assert button.evaluate(IN_SIGHT), button
+    assert covered(page, FIELDS) == []
