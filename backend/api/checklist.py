@@ -85,7 +85,7 @@ def _bank(
             detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
             return _step("bank", StepState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
-        return _step("bank", StepState.OUTDATED, f"{title} is built but not in use: activate it", at=bank)
+        return _step("bank", StepState.MISSING, f"{title} is built but not in use: activate it", at=bank)
     return _step("bank", StepState.DONE, f"{title} in use", at=bank)
 
 
