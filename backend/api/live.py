@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import chain
 from typing import Protocol
 
@@ -221,13 +222,16 @@ async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
 
 
 async def _receive(websocket: WebSocket, client: Client, heard: Callable[[Ping], None]) -> None:
-    while True:
-        try:
-            ping = Ping.model_validate_json(await websocket.receive_text())
-        except (ValidationError, KeyError):
-            await websocket.close(1008, "only pings are understood here")
-            return
-        except (RuntimeError, WebSocketDisconnect):
-            return
-        heard(ping)
-        client.offer_text(Pong(id=ping.id).model_dump_json())
+    with suppress(RuntimeError, WebSocketDisconnect):  # the page has left, if need be before it is told why
+        while (ping := await _ping(websocket)) is not None:
+            heard(ping)
+            client.offer_text(Pong(id=ping.id).model_dump_json())
+        await websocket.close(1008, "only pings are understood here")
+
+
+async def _ping(websocket: WebSocket) -> Ping | None:
+    """Return the next ping; None for anything else."""
+    try:
+        return Ping.model_validate_json(await websocket.receive_text())
+    except (ValidationError, KeyError):
+        return None

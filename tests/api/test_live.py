@@ -1,8 +1,11 @@
 """The live stream on a ring that the test fills: what each client gets, whatever others do."""
 
 import asyncio
+import logging
 
 import numpy as np
+import pytest
+from fastapi import WebSocketDisconnect
 
 from backend import wire
 from backend.api.live import QUEUE_FRAMES, Client, LiveStream
@@ -43,6 +46,16 @@ class Watcher:
     @property
     def ticks(self) -> list[int]:
         return [tick for f in self.frames for tick in range(f.first_tick, f.first_tick + f.columns.shape[1])]
+
+
+class Babbler(Watcher):
+    """Says something that is no ping, and has left before it is told so."""
+
+    async def receive_text(self) -> str:
+        return "ping?"
+
+    async def close(self, _code: int, _reason: str) -> None:
+        raise WebSocketDisconnect(1006)
 
 
 def stream_on(ring: Ring) -> LiveStream:
@@ -130,6 +143,11 @@ def test_marks_reach_those_who_come_later() -> None:
         await serving
 
     asyncio.run(session())
+
+
+def test_who_talks_nonsense_and_leaves_is_no_failure_of_the_stream(caplog: pytest.LogCaptureFixture) -> None:
+    asyncio.run(stream_on(Ring.create(1024)).serve(Babbler()))
+    assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
 def test_a_new_loop_begins_a_new_time_axis() -> None:

@@ -40,15 +40,22 @@ def test_requests_in_one_go_are_answered_in_turn(target: Target) -> None:
     assert [int(status) for status in STATUS.findall(answer)] == [200] * 41
 
 
-def exchange(target: Target, requests: list[bytes]) -> list[bytes]:
-    """Send each on a connection of its own, all at once; return what came back until it fell silent or was closed."""
+def exchange(target: Target, requests: list[bytes], answered_within_s: float = 0.0) -> list[bytes]:
+    """Send each on a connection of its own, all at once; return what came back until it fell silent or was closed.
+
+    Those that must have an answer are listened to until they have one, ``answered_within_s`` at most.
+    """
     connections = [target.connect() for _ in requests]
     answers = dict.fromkeys(connections, b"")
     try:
         for connection, request in zip(connections, requests, strict=True):
             _send(connection, request)
-        waiting, until = set(connections), time.monotonic() + LISTEN_S
-        while waiting and (left := until - time.monotonic()) > 0:
+        waiting, began = set(connections), time.monotonic()
+        while waiting:
+            silent = any(not answers[connection] for connection in waiting)
+            left = (max(LISTEN_S, answered_within_s) if silent else LISTEN_S) - (time.monotonic() - began)
+            if left <= 0:
+                break
             for connection in select.select(waiting, [], [], left)[0]:
                 if part := _receive(connection):
                     answers[connection] += part

@@ -17,6 +17,7 @@ from tests.fuzz.test_raw_http import STATUS, exchange
 
 MESSAGES = 50 * EXAMPLES
 IN_A_ROW = 10
+ANSWERED_WITHIN_S = 30.0
 VISER = Subprotocol(f"viser-v{viser.__version__}")
 SUBPROTOCOLS = {"/api/live": None, "/scene": [VISER], "/replay": [VISER]}
 
@@ -79,6 +80,8 @@ def test_frames(target: Target, path: str) -> None:
     opening = junk.upgrade(path, host, target.authorization("viewer") | offered)
     for _ in range(max(1, EXAMPLES // 2)):
         frames = [b"".join(junk.frame(dice) for _ in range(dice.randint(1, 5))) for _ in range(IN_A_ROW)]
-        for sent, answer in zip(frames, exchange(target, [opening + frame for frame in frames]), strict=True):
+        for sent, answer in zip(
+            frames, exchange(target, [opening + frame for frame in frames], ANSWERED_WITHIN_S), strict=True
+        ):
             assert answer.startswith(b"HTTP/1.1 101 "), (sent, answer[:2000])
             target.answers[f"frames to {path}", 101] += 1
