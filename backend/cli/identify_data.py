@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 MOTOR = "motor"
-STRUCTURES = "first, third, lags2 .. lags6, order:1 .. order:4; motor: angle from voltage, with dry friction"
+STRUCTURES = (
+    "first, third, lags2 .. lags6, order:1 .. order:4, each also with a dead time as in first+delay;"
+    " motor: angle from voltage, with dead time and dry friction"
+)
 
 
 def data(
@@ -140,20 +143,24 @@ def _method(name: str) -> Any:
 
 def _show_motor(record: "Record", resolution: float | None, *, as_json: bool) -> None:
     from backend.experiments.result import json_ready
-    from backend.identification.motor_record import identify_motor_record
+    from backend.identification.motor_record import NAMES, identify_motor_record
 
     found = identify_motor_record(record, resolution)
-    names = ("K_m", "T_m", "u_c")
-    parameters = {name: getattr(found, name) for name in names}
-    std_errors = dict(zip(names, found.std_errors, strict=True))
     if as_json:
-        rest = {"fit_percent": found.fit_percent, "grade": found.verdict.grade, "verdict": found.verdict.sentence}
-        method = "least squares on angle"
-        print_json(json_ready({"parameters": parameters, "std_errors": std_errors, "method": method, **rest}))
+        print_json(json_ready(found.summary()))
         return
-    units = {"K_m": "rad/(V·s)", "T_m": "s", "u_c": "V"}
-    rows = [(f"{name} [{units[name]}]", value, std_errors[name] or None) for name, value in parameters.items()]
+    units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s"), strict=True))
+    rows = [
+        (f"{name} [{units[name]}]", value, std or "left out: 0 at the 1 % level")
+        for (name, value), std in zip(found.parameters.items(), found.std_errors, strict=True)
+    ]
     print_table(("parameter", "value", "standard error"), rows)
+    results = [
+        ("method", found.method),
+        ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
+        *_tests(found.whiteness, found.input_correlation),
+    ]
+    print_table(("", "result"), results)
     out.print(found.verdict.sentence, highlight=False, markup=False)
 
 
@@ -166,14 +173,23 @@ def _show(found: "Estimate") -> None:
     rows = [
         ("method", found.method),
         ("gain K", f"{reduced.K:.4g} ± {_measured(reduced.K_std, '.2g')}"),
-        ("sum of lags T [s]", f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}"),
+        (
+            "sum of lags" + (" and dead time" if found.model.dead_time else "") + " T [s]",
+            f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}",
+        ),
         *_friction(found),
         ("fit on unseen data [%]", _measured(found.fit_percent, ".2f")),
-        ("residuals", _tested(tests.whiteness, "white", "coloured")),
-        ("residuals and input", _tested(tests.input_correlation, "independent", "correlated")),
+        *_tests(tests.whiteness, tests.input_correlation),
     ]
     print_table(("", "result"), rows)
     out.print(found.verdict.sentence, highlight=False, markup=False)
+
+
+def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -> list[tuple[str, str]]:
+    return [
+        ("residuals", _tested(whiteness, "white", "coloured")),
+        ("residuals and input", _tested(input_correlation, "independent", "correlated")),
+    ]
 
 
 def _tested(test: "CorrelationTest", good: str, bad: str) -> str:

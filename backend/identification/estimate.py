@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backend.identification.errors import IdentificationError
+from backend.identification.errors import IdentificationError, NotConvergedError
 from backend.identification.fit import Fit, Method, fit, refit
 from backend.identification.frequency import check_frequency_response
 from backend.identification.friction import dry_friction
@@ -12,7 +12,7 @@ from backend.identification.linearisation import Evaluation, Problem
 from backend.identification.record import Record, Signal, coarse_resolution
 from backend.identification.reduction import reduce_to_first_order
 from backend.identification.result import Estimate, Model, Residuals
-from backend.identification.structures import structure
+from backend.identification.structures import Structure, structure
 from backend.identification.validation import Evidence, information_criteria, judge
 
 _TRAINING_PART = 2.0 / 3.0
@@ -31,7 +31,17 @@ def estimate(
     ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
     the output's sensor, found from the record where its values are few. Raises IdentificationError.
     """
-    shape = structure(structure_name)
+    try:
+        return _estimate(record, structure(structure_name), method, gain_geometry, y_resolution)
+    except np.linalg.LinAlgError:
+        raise NotConvergedError(
+            f"{structure_name}: the record does not determine it; try a simpler structure"
+        ) from None
+
+
+def _estimate(
+    record: Record, shape: Structure, method: Method, gain_geometry: float | None, y_resolution: float | None
+) -> Estimate:
     found = fit(record, shape, method)
     model = Model(shape.name, dict(zip(shape.names, found.parameters.tolist(), strict=True)))
     covariance = found.covariance
@@ -47,7 +57,7 @@ def estimate(
     )
     fit_percent, fit_all_percent = _held_out_fit(found), _simulated_fit(found.problem, found.parameters)
     std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
-    friction = dry_friction(record, Evaluation(found.problem.unweighted, found.parameters).error)
+    friction = dry_friction(record, Evaluation(found.problem.unweighted, found.parameters).error, model.dead_time)
     y_resolution = y_resolution or coarse_resolution(record.y)
     gain_error = None if gain_geometry is None else 100.0 * (model.gain / gain_geometry - 1.0)
     counts = None if y_resolution is None else float(np.ptp(record.y)) / y_resolution
@@ -75,7 +85,7 @@ def estimate(
 
 def _simulated_fit(problem: Problem, parameters: Signal) -> float:
     """Fit of the simulation with the nuisance terms of this record."""
-    y = problem.record.y
+    y = problem.record.y[problem.first :]
     error = Evaluation(problem.unweighted, parameters).cost
     return 100.0 * (1.0 - error / float(np.linalg.norm(y - np.mean(y))))
 
@@ -87,7 +97,7 @@ def _held_out_fit(found: Fit) -> float:
     try:
         trained = refit(found, record.part(0, split)).parameters
         return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained)
-    except IdentificationError:
+    except (IdentificationError, np.linalg.LinAlgError):
         return float("nan")
 
 

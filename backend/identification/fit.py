@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from backend.identification.arx import fit_arx
-from backend.identification.errors import NotConvergedError, UnstableModelError
+from backend.identification.errors import NotConvergedError, StructureError, UnstableModelError
 from backend.identification.excitation import NoiseFreeInput, noise_free_input
 from backend.identification.linearisation import WHITE, Evaluation, Problem, difference
 from backend.identification.noise import fit_autoregression
@@ -24,6 +24,7 @@ _NOISE_ROUNDS = 6
 _NOISE_SETTLED = 0.05
 _STARTS_TRIED = 3
 _CLOSE = 1.1
+_STEEPEST = 100.0
 
 
 class Method(StrEnum):
@@ -88,11 +89,12 @@ class Fit:
 
     @cached_property
     def prediction_errors(self) -> Signal:
-        """The same without the low-pass, shape (n,): what is tested, and what models of one record are compared by."""
-        if not self.problem.low_pass:
-            return self.residuals
-        plain = Evaluation(replace(self.problem, low_pass=0.0), self.parameters)
-        return plain.without_nuisance(plain.error[:, np.newaxis])[:, 0]
+        """The same without the low-pass, from ``first`` on: what is tested and what models are compared by."""
+        residuals = self.residuals
+        if self.problem.low_pass:
+            plain = Evaluation(replace(self.problem, low_pass=0.0), self.parameters)
+            residuals = plain.without_nuisance(plain.error[:, np.newaxis])[:, 0]
+        return residuals[self.problem.first :]
 
     @cached_property
     def covariance(self) -> Signal:
@@ -103,6 +105,11 @@ class Fit:
         if self.drive is not None:
             clean = self.drive(self.parameters)
             instruments = self.solution.without_nuisance(self.solution.instruments(clean))
+        if self.problem.structure.delayed:
+            # A response that a hundred-thousandth of a parameter turns over has no derivative: nothing is measured.
+            y = self.problem.record.y
+            if np.max(np.linalg.norm(sensitivities[:, 1:], axis=0)) > _STEEPEST * np.linalg.norm(y - np.mean(y)):
+                return np.full((self.parameters.size, self.parameters.size), np.nan)
         scale = np.concatenate(([1.0], self.parameters[1:]))
         return np.asarray(sandwich(instruments, sensitivities, self.residuals) * np.outer(scale, scale))
 
@@ -110,8 +117,8 @@ class Fit:
         """Test whether the residuals still depend on the input, over five times the sum of lags."""
         record = self.problem.record
         u = record.u if self.drive is None else self.drive(self.parameters)
-        whitened = replace(self.problem, low_pass=0.0).whiten(u)
-        sum_of_lags = float(self.problem.structure.denominator(self.parameters)[1])
+        whitened = replace(self.problem, low_pass=0.0, first=0).whiten(u)[self.problem.first :]
+        sum_of_lags = self.problem.structure.sum_of_lags(self.parameters)
         return input_correlation(self.prediction_errors, whitened, record.period_s, sum_of_lags)
 
     def whiteness(self) -> CorrelationTest:
@@ -120,8 +127,10 @@ class Fit:
 
 
 def fit(record: Record, structure: Structure, method: Method) -> Fit:
-    """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError."""
+    """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError, StructureError."""
     problem = Problem(record, structure, WHITE)
+    if structure.delayed:
+        _check_dead_time(structure, record, method)
     if method is Method.ARX:
         return _arx(problem)
     drive = None if method in (Method.OUTPUT_ERROR, Method.LOW_FREQUENCY) else noise_free_input(problem)
@@ -143,6 +152,13 @@ def fit(record: Record, structure: Structure, method: Method) -> Fit:
     if coloured.input_correlation().passed:
         return coloured
     return first if first.input_correlation().passed else _low_frequency(first)
+
+
+def _check_dead_time(structure: Structure, record: Record, method: Method) -> None:
+    """Refuse what is not there: ARX and the closed-loop form by the controller know no dead time."""
+    if method is Method.ARX or record.controller is not None:
+        instead = "another method" if method is Method.ARX else "--setpoint in place of --controller"
+        raise StructureError(f"{structure.name} has a dead time, which cannot be found in this way: use {instead}")
 
 
 def refit(found: Fit, record: Record) -> Evaluation:
@@ -195,7 +211,9 @@ def _unwhitened(found: Fit) -> Fit:
 
 def _from_starts(problem: Problem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
     """Solve from quick starting values, and from thorough ones where the residuals still follow the input."""
-    found = _first_converged(problem, quick_starts(problem, *further), FINE if drive is None else COARSE)
+    starts = quick_starts(problem, *further)
+    problem = _with_room(problem, starts[:_STARTS_TRIED])
+    found = _first_converged(problem, starts, FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not _explains(Fit(found, drive))):
         # A start that simulates about as well as the solution before it was improved lies in a better valley.
         bound = np.inf if found is None else _CLOSE * found.cost
@@ -213,13 +231,31 @@ def _explains(found: Fit) -> bool:
     return found.whiteness().passed or found.input_correlation().passed
 
 
+def _with_room(problem: Problem, starts: list[Signal]) -> Problem:
+    """Leave out samples that may come from inputs before the record.
+
+    They are as many as the dead time may become: twice what it starts from, and half of the lags, which may hide it.
+    """
+    shape, period_s = problem.structure, problem.record.period_s
+    if not shape.delayed or problem.first:
+        return problem
+    longest = max(2.0 * shape.dead_time(start) + 0.5 * shape.sum_of_lags(start) for start in starts)
+    return replace(problem, first=min(problem.record.u.size // 4, int(longest / period_s) + 2))
+
+
 def _first_converged(problem: Problem, starts: list[Signal], tolerance: float) -> Evaluation | None:
+    """Take the first start that leads anywhere; with a dead time, whose valleys are many, the best of them."""
+    best = None
     for start in starts[:_STARTS_TRIED]:
         try:
-            return fit_output_error(problem, start, tolerance)
+            found = fit_output_error(problem, start, tolerance)
         except (NotConvergedError, UnstableModelError):
             continue
-    return None
+        if best is None or found.cost < best.cost:
+            best = found
+        if not problem.structure.delayed:
+            break
+    return best
 
 
 def _solve(problem: Problem, drive: NoiseFreeInput | None, start: Signal) -> Fit:

@@ -5,9 +5,10 @@
 A linear model of such a record takes the friction for damping: gain and lag come out too small, by half where the
 friction takes a third of the input, with standard errors that know nothing of it and, in a little noise, with residuals
 that show nothing of it. So this model is tried on every record of something that moves both ways. Between samples u is
-held, and the speed is exact, zero crossings included.
+held, and the speed is exact, zero crossings included. Where the linear model has a dead time, so has this one.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,7 +35,7 @@ _FRICTIONS = (0.05, 0.2, 0.4, 0.7, 1.0)
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """Parameters K, T, u_c, their covariance, shape (3, 3), and what the model leaves over, shape (n,)."""
+    """Parameters K, T, u_c, t_d, the covariance of the first three, and what the model leaves over, shape (n,)."""
 
     parameters: Signal
     covariance: Signal
@@ -47,15 +48,16 @@ def both_ways(speed: Signal) -> bool:
     return min(float(np.mean(speed > size)), float(np.mean(speed < -size))) > _MOVING_SHARE
 
 
-def dry_friction(record: Record, linear_error: Signal) -> DryFriction | None:
+def dry_friction(record: Record, linear_error: Signal, dead_time_s: float = 0.0) -> DryFriction | None:
     """Dry friction in a record of a speed; None where the record could not show any.
 
-    ``linear_error``, shape (n,), is what the linear model's simulation leaves over.
+    ``linear_error``, shape (n,), is what the linear model's simulation leaves over, ``dead_time_s`` what that model
+    has, 0 where its structure has none.
     """
     if not both_ways(record.y):
         return None
     try:
-        fitted = fit_friction(record)
+        fitted = fit_friction(record, dead_time_s)
     except (NotConvergedError, np.linalg.LinAlgError):
         return None
     u_c, std = float(fitted.parameters[2]), np.sqrt(np.abs(np.diag(fitted.covariance)))
@@ -66,21 +68,24 @@ def dry_friction(record: Record, linear_error: Signal) -> DryFriction | None:
     if told and not explains:
         return None
     fit = 100.0 * (1.0 - np.linalg.norm(fitted.residuals) / np.linalg.norm(record.y - np.mean(record.y)))
-    K, T, _ = (float(value) for value in fitted.parameters)
-    return DryFriction(bool(told), K, T, u_c, float(std[0]), float(std[1]), float(std[2]), float(fit))
+    K, T, _, t_d = (float(value) for value in fitted.parameters)
+    return DryFriction(bool(told), K, T, u_c, float(std[0]), float(std[1]), float(std[2]), float(fit), t_d)
 
 
-def fit_friction(record: Record) -> FrictionFit:
-    """Least squares on the simulation of a speed. Raises NotConvergedError."""
+def fit_friction(record: Record, dead_time_s: float = 0.0) -> FrictionFit:
+    """Least squares on the simulation of a speed. Raises NotConvergedError.
+
+    A dead time to start from is fitted as well, from shorter ones too: a linear model takes friction for dead time.
+    """
     scale_u, scale_y = float(np.sqrt(np.mean(record.u**2))), float(np.sqrt(np.mean(record.y**2)))
     u, y, period_s = record.u / scale_u, record.y / scale_y, record.period_s
 
     def residuals(z: Signal) -> Signal:
-        return np.asarray(y - moving(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4])[0])
+        late = period_s * z[5] if z.size > 5 else 0.0
+        return np.asarray(y - moving(u, period_s, z[0], float(np.exp(z[1])), z[2], z[3], z[4], late)[0])
 
-    found = least_squares(
-        residuals, _start(u, y, period_s), jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS
-    )
+    start = _start(u, y, period_s, dead_time_s)
+    found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
     if not np.all(np.isfinite(found.x)):
         raise NotConvergedError("no motor with dry friction describes the record")
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
@@ -90,7 +95,8 @@ def fit_friction(record: Record) -> FrictionFit:
     covariance = sandwich(sensitivities[:, moves], sensitivities[:, moves], found.fun)[:3, :3]
     T = float(np.exp(found.x[1]))
     unit = np.array([scale_y / scale_u, T, scale_u])
-    parameters = np.array([found.x[0] * unit[0], T, found.x[2] * unit[2]])
+    t_d = period_s * float(found.x[5]) if found.x.size > 5 else 0.0
+    parameters = np.array([found.x[0] * unit[0], T, found.x[2] * unit[2], t_d])
     return FrictionFit(parameters, covariance * np.outer(unit, unit), np.asarray(found.fun * scale_y))
 
 
@@ -104,43 +110,51 @@ def differences(residuals: Callable[[Signal], Signal]) -> Callable[[Signal], Sig
     return jacobian
 
 
-def _start(u: Signal, y: Signal, period_s: float) -> Signal:
-    """K, ln T, u_c, u_0 and first speed over a grid of lags and frictions; w grows with K, which is fitted."""
+def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
+    """K, ln T, u_c, u_0, first speed and dead time, where there is one, in samples, over a grid; K is fitted."""
     best, lowest = np.zeros(5), np.inf
-    for T in np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS):
-        for u_c in _FRICTIONS:
-            speed = moving(u, period_s, 1.0, float(T), u_c, 0.0, 0.0)[0]
-            size = float(speed @ speed)
-            K = float(speed @ y) / size if size > 0.0 else 0.0
-            error = float(np.linalg.norm(y - K * speed))
-            if error < lowest:
-                best, lowest = np.array([K, np.log(T), u_c, 0.0, y[0]]), error
-    return best
+    lags = np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS)
+    dead_times = (0.0, 0.5 * dead_time_s, dead_time_s) if dead_time_s else (0.0,)
+    for T, u_c, t_d in itertools.product(lags.tolist(), _FRICTIONS, dead_times):
+        speed = moving(u, period_s, 1.0, T, u_c, 0.0, 0.0, t_d)[0]
+        size = float(speed @ speed)
+        K = float(speed @ y) / size if size > 0.0 else 0.0
+        error = float(np.linalg.norm(y - K * speed))
+        if error < lowest:
+            best, lowest = np.array([K, np.log(T), u_c, 0.0, y[0], t_d / period_s]), error
+    return best if dead_time_s else best[:5]
 
 
 @numba.njit(cache=True)
-def moving(u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float) -> Signal:
-    """Speed and turn since the first sample, shape (2, n); exact for an input that is held between samples."""
+def moving(
+    u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float, dead_time_s: float = 0.0
+) -> Signal:
+    """Speed and turn since the first sample, shape (2, n); exact for an input that is held between samples.
+
+    A dead time need not be whole samples. The input before and after the record counts as its first and last value.
+    """
     w, turned = initial, 0.0
     motion = np.empty((2, u.size))
+    whole = int(np.floor(dead_time_s / period_s))
+    part = dead_time_s - whole * period_s
     for k in range(u.size):
         motion[0, k], motion[1, k] = w, turned
-        left = period_s
-        drive = u[k] - u_0
-        while left > 0.0:
-            sign = np.sign(w) if w != 0.0 else np.sign(K * drive)
-            if w == 0.0 and abs(drive) <= u_c:
-                break
-            # Friction opposes the motion, whatever the sign of K.
-            final = K * drive - abs(K) * u_c * sign
-            reached = final + (w - final) * np.exp(-left / T)
-            if w != 0.0 and reached * w < 0.0:
-                until = T * np.log((w - final) / -final)
-                turned += final * until + w * T  # the lag's part is T (w - 0)
-                left -= until
-                w = 0.0
-            else:
-                turned += final * left + (w - reached) * T
-                w = reached
-                left = 0.0
+        for late, left in ((1, part), (0, period_s - part)):
+            drive = u[min(max(k - whole - late, 0), u.size - 1)] - u_0
+            while left > 0.0:
+                sign = np.sign(w) if w != 0.0 else np.sign(K * drive)
+                if w == 0.0 and abs(drive) <= u_c:
+                    break
+                # Friction opposes the motion, whatever the sign of K.
+                final = K * drive - abs(K) * u_c * sign
+                reached = final + (w - final) * np.exp(-left / T)
+                if w != 0.0 and reached * w < 0.0:
+                    until = T * np.log((w - final) / -final)
+                    turned += final * until + w * T  # the lag's part is T (w - 0)
+                    left -= until
+                    w = 0.0
+                else:
+                    turned += final * left + (w - reached) * T
+                    w = reached
+                    left = 0.0
     return motion

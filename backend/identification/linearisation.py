@@ -3,8 +3,10 @@
     y(t) = G(s; parameters) u(t) + initial state + offset + ramp + noise
 
 The terms after the first are nuisance: they enter linearly and are eliminated by orthogonal projection, so that cut
-records, sensor offsets and slow drifts do not bias the parameters. Steps are taken in coordinates z in which the gain
-is itself and every other parameter is its logarithm, which keeps them positive and of one size.
+records, sensor offsets and slow drifts do not bias the parameters. Behind a dead time the first samples come from
+inputs before the record: they are left out, and what those inputs did is in the initial state. Steps are taken in
+coordinates z in which the gain is itself and every other parameter is its logarithm, which keeps them positive and of
+one size.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +16,7 @@ from typing import cast
 import numpy as np
 from scipy.signal import lfilter
 
+from backend.identification.errors import UnstableModelError
 from backend.identification.record import Record, Signal
 from backend.identification.response import free_responses, simulate
 from backend.identification.structures import Structure
@@ -28,19 +31,21 @@ class Problem:
     """A record, a structure and the polynomial that whitens the noise (1, d_1 .. in powers of z^-1).
 
     ``low_pass`` is the pole of a filter 1/(1 - low_pass z^-1) on both signals besides, which weights errors at low
-    frequency; 0 for none. Filters of sampled signals leave the model between them as it is.
+    frequency; 0 for none. Filters of sampled signals leave the model between them as it is. The samples before
+    ``first`` do not count; that is how long a dead time may become.
     """
 
     record: Record
     structure: Structure
     whitening: Signal
     low_pass: float = 0.0
+    first: int = 0
 
     def simulated(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
         """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
         state = None if initial is None else initial / parameters[0]
-        poles = self.structure.poles(parameters)
-        return np.asarray(parameters[0] * simulate(poles, self.record.period_s, u, state))
+        poles, dead_time_s = self.structure.poles(parameters), self.structure.dead_time(parameters)
+        return np.asarray(parameters[0] * simulate(poles, self.record.period_s, u, state, dead_time_s))
 
     def nuisance(self, parameters: Signal) -> Signal:
         """Free responses, offset and ramp, whitened; shape (n, order + 2)."""
@@ -62,10 +67,10 @@ class Problem:
         return columns / _STEP
 
     def whiten(self, signal: Signal) -> Signal:
-        """Pass a signal or columns of signals through the whitening polynomial and the low-pass."""
-        if self.whitening.size == 1 and not self.low_pass:
-            return signal
-        return np.asarray(lfilter(self.whitening, [1.0, -self.low_pass], signal, axis=0))
+        """Pass a signal or columns of signals through the whitening polynomial and the low-pass; 0 before ``first``."""
+        if self.whitening.size > 1 or self.low_pass:
+            signal = np.asarray(lfilter(self.whitening, [1.0, -self.low_pass], signal, axis=0))
+        return np.concatenate((np.zeros_like(signal[: self.first]), signal[self.first :])) if self.first else signal
 
     @property
     def unweighted(self) -> "Problem":
@@ -83,6 +88,9 @@ class Evaluation:
     def __init__(self, problem: Problem, parameters: Signal) -> None:
         self.problem = problem
         self.parameters = parameters
+        dead_time_s = problem.structure.dead_time(parameters)
+        if not dead_time_s <= problem.first * problem.record.period_s:
+            raise UnstableModelError(f"a dead time of {dead_time_s:.3g} s is longer than what is looked for")
         self._from_rest = problem.whiten(problem.simulated(parameters, problem.record.u))
         self.error = problem.whiten(problem.record.y) - self._from_rest
         columns = problem.nuisance(parameters)

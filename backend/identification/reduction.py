@@ -8,14 +8,14 @@ from backend.identification.structures import structure
 
 
 def reduce_to_first_order(model: Model, covariance: Signal) -> FirstOrder:
-    """K is the static gain and T the sum of lags, with standard errors from ``covariance`` (p, p)."""
+    """K is the static gain and T the sum of lags and dead time, with standard errors from ``covariance`` (p, p)."""
     shape, parameters = structure(model.structure), model.vector
     gradient = np.zeros(parameters.size)
     for i in range(1, parameters.size):
         step = 1e-6 * parameters[i]
         up, down = parameters.copy(), parameters.copy()
         up[i], down[i] = up[i] + step, down[i] - step
-        gradient[i] = (shape.denominator(up)[1] - shape.denominator(down)[1]) / (2.0 * step)
+        gradient[i] = (shape.sum_of_lags(up) - shape.sum_of_lags(down)) / (2.0 * step)
     return FirstOrder(
         K=model.gain,
         T=model.sum_of_lags,

@@ -67,32 +67,49 @@ def sections(poles: Poles, period_s: float) -> Signal:
     return np.array(rows)
 
 
-def moving_average(poles: Poles, period_s: float) -> Signal:
-    """Numerator of the sampled system, ascending powers of z^-1 from z^-1 on, sum 1, shape (n,)."""
+def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
+    """Numerator, sum 1, of the sampled system: ascending powers of z^-1, shape (n,).
+
+    It gives the output a ``part``, 0 < part <= 1, of a sample time after the newest input; a whole sample time after it
+    there are as many taps as poles, and at less one more.
+    """
     A, B, C = state_space(poles)
     order = B.size
-    joint = np.zeros((order + 1, order + 1))
-    joint[:order, :order], joint[:order, order] = A * period_s, B * period_s
-    transition = expm(joint)
-    step, x = transition[:order, :order], transition[:order, order]
-    impulse = np.empty(order)
-    for k in range(order):
-        impulse[k] = C @ x
+    step, x = _held(A, B, period_s)
+    seen, first = _held(A, B, part * period_s)
+    impulse = np.empty(order + 1)
+    impulse[0] = C @ first
+    for k in range(1, order + 1):
+        impulse[k] = C @ seen @ x
         x = step @ x
-    taps = np.convolve(np.real(np.poly(np.exp(poles * period_s))), impulse)[:order]
+    taps = np.convolve(np.real(np.poly(np.exp(poles * period_s))), impulse)[: order + (part < 1.0)]
     return np.asarray(taps / taps.sum())
 
 
-def simulate(poles: Poles, period_s: float, u: Signal, initial: Signal | None = None) -> Signal:
+def _held(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
+    """Transition of the state, shape (n, n), and what an input that is held so long adds to it, shape (n,)."""
+    order = B.size
+    joint = np.zeros((order + 1, order + 1))
+    joint[:order, :order], joint[:order, order] = A * time_s, B * time_s
+    transition = expm(joint)
+    return transition[:order, :order], transition[:order, order]
+
+
+def simulate(
+    poles: Poles, period_s: float, u: Signal, initial: Signal | None = None, dead_time_s: float = 0.0
+) -> Signal:
     """Response of the system with these poles and static gain 1; shape of ``u``.
 
-    The output at sample k has seen the input up to sample k - 1. ``initial``, shape (order,), are coordinates of the
+    Without dead time the output at sample k has seen the input up to sample k - 1. With one, whole samples or not, the
+    input before the record counts as 0. ``initial``, shape (order,), are coordinates of the
     state before the first sample in the basis of :func:`free_responses`; without it the system is at rest.
     Raises UnstableModelError.
     """
     check_stable(poles, period_s)
-    taps = np.concatenate(([0.0], moving_average(poles, period_s)))
-    driven = lfilter(taps, [1.0], u)
+    whole, part = divmod(dead_time_s / period_s, 1.0)
+    late = min(int(whole) + 1, u.size)
+    driven = np.zeros(u.size)
+    driven[late:] = lfilter(moving_average(poles, period_s, 1.0 - part), [1.0], u[: u.size - late])
     if initial is not None:
         driven[: poles.size] += initial @ _impulses(poles.size)
     return np.asarray(sosfilt(sections(poles, period_s), driven))

@@ -14,7 +14,7 @@ Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
 @dataclass(frozen=True)
 class Model:
-    """A transfer function b0 / (a_N s^N + ... + a_1 s + 1), as named parameters of a structure."""
+    """A transfer function b0 e^(-t_d s) / (a_N s^N + ... + a_1 s + 1), as named parameters of a structure."""
 
     structure: str
     parameters: dict[str, float]
@@ -41,17 +41,23 @@ class Model:
 
     @property
     def sum_of_lags(self) -> float:
-        """T [s]: minus the slope of the phase at zero frequency, which for these structures is a_1."""
-        return float(self.denominator[1])
+        """T [s]: minus the slope of the phase at zero frequency, which for these structures is a_1 + t_d."""
+        return structure(self.structure).sum_of_lags(self.vector)
+
+    @property
+    def dead_time(self) -> float:
+        """t_d [s], 0 for structures without."""
+        return structure(self.structure).dead_time(self.vector)
 
     def response(self, omega: Signal) -> Complex:
         """Frequency response at ``omega`` [rad/s], same shape."""
-        return np.asarray(self.gain / np.polyval(self.denominator[::-1], 1j * np.asarray(omega)))
+        s = 1j * np.asarray(omega)
+        return np.asarray(self.gain * np.exp(-self.dead_time * s) / np.polyval(self.denominator[::-1], s))
 
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """K/(T s + 1) with the gain and the low-frequency phase of a larger model; T is its sum of lags [s]."""
+    """K/(T s + 1) with gain and low-frequency phase of a larger model; T [s] is its sum of lags and dead time."""
 
     K: float
     T: float
@@ -64,7 +70,8 @@ class DryFriction:
     """A motor with dry friction, fitted to the record: K [unit of y / unit of u], T [s], u_c [unit of u].
 
     ``found`` says whether the friction is there; where it is not, the standard errors say how far what it could be
-    leaves K and T open. ``fit_percent`` is that of its simulation on the whole record.
+    leaves K and T open. ``fit_percent`` is that of its simulation on the whole record. ``t_d`` [s] is its dead time, 0
+    beside a linear model without one.
     """
 
     found: bool
@@ -75,10 +82,11 @@ class DryFriction:
     T_std: float
     u_c_std: float
     fit_percent: float
+    t_d: float = 0.0
 
     def off_percent(self, K: float, T: float) -> tuple[float, float]:
-        """How far a linear gain and lag are from these, in per cent."""
-        return 100.0 * (K / self.K - 1.0), 100.0 * (T / self.T - 1.0)
+        """How far a linear gain and sum of lags and dead time are from these, in per cent."""
+        return 100.0 * (K / self.K - 1.0), 100.0 * (T / (self.T + self.t_d) - 1.0)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,16 @@
 """Starting values: cheap candidates of several kinds, ranked by how well they simulate the record."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 from scipy.signal import lfilter
 
-from backend.identification.errors import NoStartError, UnstableModelError
+from backend.identification.errors import NoStartError, RecordError, UnstableModelError
 from backend.identification.linearisation import Problem, triangle
-from backend.identification.record import Signal
+from backend.identification.record import Record, Signal
 from backend.identification.response import Poles, simulate
-from backend.identification.structures import Structure, structure
+from backend.identification.structures import Kind, Structure, structure
 
 _CUT_OFFS = 6
 _LAGS = 10
@@ -15,6 +18,9 @@ _FEW_LAGS = 4
 _EQUATIONS = 4000
 _FAST_PAIRS = 6
 _DAMPINGS = (0.3, 1.0)
+_LONGEST_DEAD_TIME = 0.1
+_DEAD_TIMES = 14
+_NEAR = 0.8
 
 
 def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
@@ -23,11 +29,18 @@ def quick_starts(problem: Problem, *further: Signal) -> list[Signal]:
     Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter
     estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
-    if problem.structure.kind == "lags":
-        among = [*further, *_equal_lags(problem, problem.structure, _LAGS)]
+
+    def found(plain: Problem) -> list[tuple[float, Signal]]:
+        if plain.structure.kind is Kind.LAGS:
+            return _ranked(plain, [*further, *_equal_lags(plain, plain.structure, _LAGS)])
+        few = _equal_lags(plain, plain.structure, _FEW_LAGS)
+        return _ranked(plain, [*further, *few, *_state_variable_filter(plain)])
+
+    if problem.structure.delayed:  # further ones have their dead time already
+        ranked = [*_ranked(problem, list(further)), *_over_dead_times(problem, lambda plain: found(plain)[:1])]
+        ranked = _apart(sorted(ranked, key=lambda pair: pair[0]))
     else:
-        among = [*further, *_equal_lags(problem, problem.structure, _FEW_LAGS), *_state_variable_filter(problem)]
-    ranked = _ranked(problem, among)
+        ranked = found(problem)
     if not ranked:
         raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
     return [parameters for _, parameters in ranked]
@@ -38,7 +51,43 @@ def thorough_starts(problem: Problem) -> list[tuple[float, Signal]]:
 
     They are the best single lag with faster poles behind it.
     """
-    return [] if problem.structure.kind == "lags" else _ranked(problem, _lag_and_faster_poles(problem))
+    if problem.structure.kind is Kind.LAGS:
+        return []
+    if problem.structure.delayed:
+        return _over_dead_times(problem, thorough_starts)
+    return _ranked(problem, _lag_and_faster_poles(problem))
+
+
+def _over_dead_times(
+    problem: Problem, starts: Callable[[Problem], list[tuple[float, Signal]]]
+) -> list[tuple[float, Signal]]:
+    """Collect the starts of the undelayed structure behind each of a grid of dead times, from half a sample on."""
+    record, found = problem.record, []
+    for samples in dead_times(record):
+        late = round(samples)
+        held = np.concatenate((np.full(late, record.u[0]), record.u[: record.u.size - late]))
+        try:
+            plain = replace(problem, record=replace(record, u=held), structure=problem.structure.undelayed, first=0)
+            behind = starts(plain)
+        except (RecordError, NoStartError):
+            continue
+        found += [(error, np.append(parameters, samples * record.period_s)) for error, parameters in behind]
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _apart(ranked: list[tuple[float, Signal]]) -> list[tuple[float, Signal]]:
+    """Leave out starts whose dead time is near that of a better one, and lead where that leads."""
+    kept: list[tuple[float, Signal]] = []
+    for error, start in ranked:
+        if all(abs(np.log(start[-1] / other[-1])) > _NEAR for _, other in kept):
+            kept.append((error, start))
+    return kept
+
+
+def dead_times(record: Record) -> list[float]:
+    """Dead times to start from [samples], half a sample to a tenth of the record."""
+    grid = np.geomspace(1.0, max(2.0, _LONGEST_DEAD_TIME * record.u.size), _DEAD_TIMES)
+    return [0.5, *np.unique(np.round(grid)).tolist()]
 
 
 def dominant_lag(problem: Problem) -> float:

@@ -142,7 +142,8 @@ def _friction(evidence: Evidence) -> Iterator[Finding]:
     yield (
         grade,
         f"dry (Coulomb) friction takes {friction.u_c:.3g} of the input: with it the record says"
-        f" K = {friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s, from which"
+        f" K = {friction.K:.4g} ± {friction.K_std:.2g} and T = {friction.T:.4g} ± {friction.T_std:.2g} s"
+        f"{f' behind a dead time of {friction.t_d:.3g} s' if friction.t_d else ''}, from which"
         f" this linear model is {K_off:+.1f} % and {T_off:+.1f} % off",
     )
 

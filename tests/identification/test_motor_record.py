@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from backend.cli import main
 from backend.identification.errors import RecordError
@@ -17,10 +18,13 @@ from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, voltages
 COUNT_RAD = 2.0 * np.pi / 8000
 
 
-def worst_error(found: MotorRecord, u_c: float) -> float:
-    """Largest error of K_m, T_m and u_c in standard errors; of a u_c that was left out, none."""
-    values = zip((found.K_m, found.T_m, found.u_c), (K_M, T_M, u_c), found.std_errors, strict=True)
-    return max(abs(value - truth) / std for value, truth, std in values if std > 0.0)
+TRUTHS = ("K_m", "T_m", "u_c", "t_d")
+
+
+def worst_error(found: MotorRecord, u_c: float, delay_s: float) -> float:
+    """Largest error in standard errors; friction and dead time that were left out have to be 0."""
+    values = zip(found.parameters.values(), (K_M, T_M, u_c, delay_s), found.std_errors, strict=True)
+    return max(abs(value - truth) / std if std > 0.0 else np.inf * (value != truth) for value, truth, std in values)
 
 
 def angles(u: np.ndarray, u_c: float, delay_s: float = 0.0) -> np.ndarray:
@@ -28,22 +32,77 @@ def angles(u: np.ndarray, u_c: float, delay_s: float = 0.0) -> np.ndarray:
     return COUNT_RAD * np.round((motor(u, u_c, delay_s)[1] + noise) / COUNT_RAD)
 
 
-@pytest.mark.parametrize("u_c", [0.0, 0.3, 2.0])
-@pytest.mark.parametrize("kind", ["binary", "levels", "sines"])
-def test_gain_lag_and_friction_come_back_from_voltage_and_angle(kind: str, u_c: float) -> None:
-    u = voltages(kind)
-    found = identify_motor_record(Record(PERIOD_S, u, angles(u, u_c)), COUNT_RAD)
-    assert worst_error(found, u_c) < 4.0
+@pytest.mark.parametrize(
+    ("kind", "u_c", "delay_s"),
+    [
+        ("binary", 0.0, 0.0),
+        ("binary", 0.3, 0.0373),
+        ("binary", 2.0, 0.05),
+        ("levels", 0.0, 0.004),
+        ("levels", 0.3, 0.0),
+        ("levels", 2.0, 0.0006),
+        ("sines", 0.0, 0.2),
+        ("sines", 0.3, 0.012),
+        ("sines", 2.0, 0.0),
+    ],
+)
+def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
+    kind: str, u_c: float, delay_s: float
+) -> None:
+    u = voltages(kind, 12_000 if kind == "sines" else 6000)
+    found = identify_motor_record(Record(PERIOD_S, u, angles(u, u_c, delay_s)), COUNT_RAD)
+    assert worst_error(found, u_c, delay_s) < 4.0
     assert (found.u_c > 0.0) is (u_c > 0.0)
+    assert (found.t_d > 0.0) is (delay_s > 0.0)
     assert found.verdict.grade is Grade.USABLE
     assert ("dry friction takes" in found.verdict.sentence) is (u_c > 0.0)
+    assert (f"dead time of {1e3 * found.t_d:.3g} ms" in found.verdict.sentence) is (delay_s > 0.0)
 
 
-def test_a_dead_time_is_not_usable_without_a_word() -> None:
-    u = voltages("binary")
-    found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, delay_s=0.05)), COUNT_RAD)
+@pytest.mark.parametrize("seed", range(3))
+def test_equation_17_of_scipy_comes_back_in_noise(seed: int) -> None:
+    """Free of friction, on a grid ten times finer, dead time of 13.7 samples, white noise, a record cut in motion."""
+    u, finer = voltages("levels", 5000, seed), 10
+    t = np.arange(finer * u.size) * PERIOD_S / finer
+    late = np.concatenate((np.zeros(137), np.repeat(u, finer)[:-137]))
+    theta = lsim(([K_M], [T_M, 1.0, 0.0]), late, t, interp=False)[1][::finer]
+    y = theta + 0.005 * np.std(theta) * np.random.default_rng(seed).standard_normal(u.size)
+    found = identify_motor_record(Record(PERIOD_S, u[700:], y[700:]))
+    assert worst_error(found, 0.0, 0.0137) < 4.0
+    assert found.whiteness.passed
+    assert found.input_correlation.passed
+    assert found.verdict.grade is Grade.USABLE
+
+
+@pytest.mark.parametrize("u_c", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> None:
+    u = np.where(np.arange(6000) < 500, 0.0, 4.0)
+    noise = 0.5 * np.random.default_rng(seed).standard_normal(u.size)
+    y = COUNT_RAD * np.round(motor(u, u_c)[1] / COUNT_RAD + noise)
+    found = identify_motor_record(Record(PERIOD_S, u, y), COUNT_RAD)
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert (
+        "does not tell the friction from gain and lag: drive the motor with several voltages" in found.verdict.sentence
+    )
+    assert np.isnan(found.spread_percent)
+
+
+@pytest.mark.parametrize("scale", [0.02, 0.005, 0.002])
+def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_known(scale: float) -> None:
+    u = scale * voltages("binary", 6000)
+    found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, 0.05)), COUNT_RAD)
+    assert worst_error(found, 0.0, 0.05) < 4.0
+    assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
+    assert (found.verdict.grade is Grade.USABLE) is (found.fit_percent >= 80.0 and found.spread_percent <= 3.0)
+
+
+def test_friction_that_is_not_the_same_both_ways_is_told() -> None:
+    u = voltages("levels", 6000)
+    y = np.cumsum(motor(u, 0.3)[0] * (1.0 + 0.1 * (motor(u, 0.3)[0] > 0.0))) * PERIOD_S
+    found = identify_motor_record(Record(PERIOD_S, u, COUNT_RAD * np.round(y / COUNT_RAD)), COUNT_RAD)
     assert found.verdict.grade is not Grade.USABLE
-    assert "not white" in found.verdict.sentence
+    assert "the residuals are not white" in found.verdict.sentence
 
 
 def test_an_angle_that_hardly_moves_is_refused() -> None:
@@ -56,7 +115,7 @@ def test_the_command_line_identifies_a_motor_from_a_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     u = voltages("levels")
-    table = np.column_stack((1e3 * PERIOD_S * np.arange(u.size), u, angles(u, 0.3)))
+    table = np.column_stack((1e3 * PERIOD_S * np.arange(u.size), u, angles(u, 0.3, 0.0373)))
     np.savetxt(tmp_path / "motor.csv", table, delimiter=",", header="t_ms,u,theta", comments="", fmt="%.9g")
     words = ["--input", "u", "--output", "theta", "--structure", "motor", "--resolution", repr(COUNT_RAD)]
     monkeypatch.setattr(sys, "argv", ["sinew", "identify", "data", str(tmp_path / "motor.csv"), *words, "--json"])
@@ -64,6 +123,6 @@ def test_the_command_line_identifies_a_motor_from_a_file(
         main()
     assert not ended.value.code
     printed = json.loads(capsys.readouterr().out)
-    for name, truth in (("K_m", K_M), ("T_m", T_M), ("u_c", 0.3)):
+    for name, truth in zip(TRUTHS, (K_M, T_M, 0.3, 0.0373), strict=True):
         assert abs(printed["parameters"][name] - truth) < 4.0 * printed["std_errors"][name]
     assert printed["grade"] == "usable"
