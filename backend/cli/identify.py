@@ -88,7 +88,8 @@ def actuator(
 ) -> None:
     """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
 
-    Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s].
+    Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s],
+    estimator (default or arx, the paper's).
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
     from backend.experiments.plans import ActuatorIdentificationPlan

@@ -12,6 +12,7 @@ from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.result import Document, json_ready
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator, joint_method
 from backend.identification.candidates import Candidates
+from backend.identification.fit import Method
 from backend.identification.result import Estimate, Grade
 from backend.loop.program import Excitation
 from backend.storage.identifications import NewIdentification
@@ -49,7 +50,9 @@ def excitation_start(columns: Columns, excitation: Excitation) -> int:
     return start
 
 
-def identify(columns: Columns, excitation: Excitation, parameters: PlantParameters) -> ActuatorIdentification:
+def identify(
+    columns: Columns, excitation: Excitation, parameters: PlantParameters, method: Method = Method.DEFAULT
+) -> ActuatorIdentification:
     """Estimate G_q and G_S from theta_A_ref, q and S of a completed run. Raises NoSamplesError, ValueError."""
     geometry, sensors = parameters.geometry, parameters.sensors
     q_counts, theta_counts = _COUNTS_WHERE_EXACT
@@ -61,7 +64,7 @@ def identify(columns: Columns, excitation: Excitation, parameters: PlantParamete
         round(sensors.joint_counts) or q_counts,
         round(sensors.motor_counts) or theta_counts,
     )
-    return identify_actuator(columns, T_s, known, excitation_start(columns, excitation))
+    return identify_actuator(columns, T_s, known, excitation_start(columns, excitation), method=method)
 
 
 def figures_of(columns: Columns, excitation: Excitation, estimate: ActuatorIdentification) -> IdentificationFigures:

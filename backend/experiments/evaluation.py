@@ -13,6 +13,7 @@ from backend.experiments.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
 from backend.experiments.sequence_plan import SequencePlan
+from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification, NewIdentification
@@ -107,7 +108,8 @@ def _estimated(
             return stretched, spring_identification.to_store(run, plan, springs, parameters, __version__)
         case ActuatorIdentificationPlan():
             excitation = plan.excitation()
-            estimate = actuator_identification.identify(columns, excitation, parameters)
+            method = Method(plan.estimator)
+            estimate = actuator_identification.identify(columns, excitation, parameters, method)
             moved = actuator_identification.figures_of(columns, excitation, estimate)
             return moved, actuator_identification.to_store(run, plan, columns, estimate, __version__)
 

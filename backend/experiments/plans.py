@@ -16,6 +16,7 @@ from backend.experiments.identification_plans import MotorIdentificationPlan, Sp
 from backend.experiments.phase import Phase
 from backend.experiments.sequence_plan import Q_REF_MAX, SequencePlan
 from backend.experiments.settings import choice, integer, number
+from backend.identification.fit import Method
 from backend.loop.program import Excitation, Law, Program, Segment
 from backend.loop.tracking import BASELINES
 from backend.refusal import OutOfRangeError, require_within
@@ -108,6 +109,12 @@ class ActuatorIdentificationPlan:
     bits: int = integer(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
     periods: int = integer(2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation")
     settle_s: float = number(8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts")
+    estimator: str = choice(
+        Method.DEFAULT,
+        (Method.DEFAULT, Method.ARX),
+        "estimator",
+        "what makes the models from the record; arx is the paper's, of first order",
+    )
 
     def program(self) -> Program:
         """Return the force hold with its excitation."""

@@ -17,6 +17,9 @@ from backend.identification.result import Estimate, Verdict, worst
 STRUCTURES = ("order:4", "lags4", "third", "first")
 """What is tried for G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""
 
+ARX_STRUCTURES = ("first",)
+"""What is tried by ARX: of third order at 1 ms the rounding of single precision already changes its standard errors."""
+
 _REST_S = 0.5
 
 
@@ -90,26 +93,30 @@ def identify_actuator(
     period_s: float,
     geometry: ActuatorGeometry,
     start: int,
-    structures: Sequence[str] = STRUCTURES,
+    structures: Sequence[str] | None = None,
+    method: Method = Method.DEFAULT,
 ) -> ActuatorIdentification:
     """Identify theta_A_ref -> q and theta_A_ref -> S from the samples of one run.
 
     ``samples`` holds the columns theta_A_ref, q and S, shape (n,) each; ``start`` is the index at which the
-    excitation begins, the samples before it show the point at rest. Raises RecordError, StructureError and
-    NotConvergedError.
+    excitation begins, the samples before it show the point at rest. Structures that are not given are those of the
+    method. Raises RecordError, StructureError and NotConvergedError.
     """
+    structures = structures or (ARX_STRUCTURES if method is Method.ARX else STRUCTURES)
     u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
     rest = slice(max(0, start - int(_REST_S / period_s)), max(start, 1))
     q_record, S_record = Record(period_s, u[start:], q[start:]), Record(period_s, u[start:], S[start:])
     q_candidates = rank(
         q_record,
         structures,
+        method,
         gain_geometry=geometry.gain_q,
         y_resolution=geometry.q_resolution,
     )
     S_candidates = rank(
         S_record,
         structures,
+        method,
         gain_geometry=geometry.gain_S,
         y_resolution=geometry.S_resolution,
     )

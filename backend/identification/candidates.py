@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.identification.errors import NoStartError, NotConvergedError
+from backend.identification.errors import NoStartError, NotContinuousError, NotConvergedError
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method
 from backend.identification.record import Record
@@ -44,7 +44,7 @@ def rank(
     for name in structures:
         try:
             found.append(estimate(record, name, method, gain_geometry=gain_geometry, y_resolution=y_resolution))
-        except (NotConvergedError, NoStartError) as error:
+        except (NotConvergedError, NoStartError, NotContinuousError) as error:
             failed[name] = str(error)
     if not found:
         raise NotConvergedError("; ".join(failed.values()))

@@ -249,6 +249,8 @@ def again_command(found: Identification, key: str) -> str:
     data, quality = found.data, found.quality[key]
     known = {"--gain": quality["gain_geometry"], "--resolution": quality.get("y_resolution")}
     words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
+    if "estimator" in found.options:  # earlier versions had one only
+        words.append(f"--method {found.options['estimator']}")
     return (
         f"sinew identify data data.csv --input theta_A_ref --output {CHANNELS[key][0]} --period {data['period_s']:g}"
         f" --skip {data['first_sample']} --structure {found.model[key]['structure']} {' '.join(words)}"

@@ -13,6 +13,8 @@ import pytest
 from backend.cli import main
 from backend.experiments.actuator_identification import identify, to_store
 from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification.actuator import ActuatorIdentification
+from backend.identification.fit import Method
 from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
 from backend.reports.document import Paragraph, Report
@@ -63,14 +65,26 @@ def record() -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def found(record: dict[str, np.ndarray]) -> Identification:
-    plan = ActuatorIdentificationPlan()
+    return stored(record, ActuatorIdentificationPlan())
+
+
+@pytest.fixture(scope="module")
+def by_arx(record: dict[str, np.ndarray]) -> Identification:
+    return stored(record, ActuatorIdentificationPlan(estimator=Method.ARX))
+
+
+def stored(record: dict[str, np.ndarray], plan: ActuatorIdentificationPlan) -> Identification:
     run = replace(source_of(samples(PLAN)).run, id=12)
-    new = to_store(run, plan, record, identify(record, plan.excitation(), load_parameters("lab")), "0.1.0")
+    new = to_store(run, plan, record, _identified(record, plan), "0.1.0")
     document = json.loads(json.dumps({name: getattr(new, name) for name in ("data", "options", "model", "quality")}))
     return Identification(
         id=5, kind=new.kind, run_id=12, method=new.method, usable=new.usable, verdict=new.verdict, who=new.who,
         software=new.software, created_at=BEGAN, **document,
     )  # fmt: skip
+
+
+def _identified(record: dict[str, np.ndarray], plan: ActuatorIdentificationPlan) -> ActuatorIdentification:
+    return identify(record, plan.excitation(), load_parameters("lab"), Method(plan.estimator))
 
 
 def report_of(found: Identification, record: dict[str, np.ndarray]) -> Report:
@@ -103,15 +117,32 @@ def test_a_report_of_what_was_stored_before_names_both_too(
     assert f"Method: {found.method}." in words_of(report_of(old, record))
 
 
+def test_the_papers_arx_names_itself_in_model_estimate_report_and_bank(
+    by_arx: Identification, record: dict[str, np.ndarray]
+) -> None:
+    """A bank says of each entry what its identification was estimated by."""
+    named = "ARX with low-pass prefilter"
+    assert by_arx.method == named
+    for key in CHANNELS:
+        assert by_arx.model[key]["method"] == named
+        assert by_arx.model[key]["structure"] == "first"
+        assert by_arx.model[key]["first_order"]["K"] == by_arx.quality[key]["arx"]["K"]
+    assert by_arx.options["estimator"] == "arx"
+    assert f"Method: {named}." in words_of(report_of(by_arx, record))
+
+
+@pytest.mark.parametrize("estimator", ["found", "by_arx"])
 @pytest.mark.parametrize("key", CHANNELS)
 def test_the_data_file_gives_the_same_estimate_by_the_command_in_the_report(
     key: str,
-    found: Identification,
+    estimator: str,
+    request: pytest.FixtureRequest,
     record: dict[str, np.ndarray],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    found: Identification = request.getfixturevalue(estimator)
     command = again_command(found, key)
     assert command in words_of(report_of(found, record))
     (tmp_path / "data.csv").write_bytes(to_csv(record))

@@ -10,6 +10,7 @@ from backend.api.schemas.experiment import Metric, SettingValue, SettingView
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.experiments.settings import describe
+from backend.identification.fit import Method
 from backend.identification.result import Grade
 
 
@@ -37,6 +38,7 @@ class ActuatorRequest(Schema):
     bits: int = _declared(ActuatorIdentificationPlan, "bits")
     periods: int = _declared(ActuatorIdentificationPlan, "periods")
     settle_s: float = _declared(ActuatorIdentificationPlan, "settle_s")
+    estimator: Literal[Method.DEFAULT, Method.ARX] = _declared(ActuatorIdentificationPlan, "estimator")
 
 
 class MotorRequest(Schema):

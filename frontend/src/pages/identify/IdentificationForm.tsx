@@ -1,6 +1,6 @@
 /** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
 
-import { Button, SegmentedControl, TextInput } from "@mantine/core";
+import { Button, NativeSelect, SegmentedControl, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
@@ -33,6 +33,7 @@ const LABELS: Record<string, string> = {
   bits: "Register bits",
   periods: "Periods",
   settle_s: "Settling",
+  estimator: "Estimator",
   u_low: "Smallest step",
   u_high: "Largest step",
   levels: "Voltages",
@@ -112,17 +113,30 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
       <div className={styles.grid}>
         {kind.settings
           .filter((setting) => setting.name !== "tension_N")
-          .map((setting) => (
-            <NumberField
-              key={setting.name}
-              name={setting.name}
-              label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
-              description={describe(setting, originOf(setting, changed, angles), angles)}
-              unit={setting.unit}
-              value={values[setting.name] ?? ""}
-              onChange={(value) => set(setting.name, value)}
-            />
-          ))}
+          .map((setting) =>
+            setting.choices ? (
+              <NativeSelect
+                key={setting.name}
+                name={setting.name}
+                label={LABELS[setting.name] ?? setting.meaning}
+                description={describe(setting, originOf(setting, changed, angles), angles)}
+                inputWrapperOrder={["label", "input", "description", "error"]}
+                data={[...setting.choices]}
+                value={String(values[setting.name] ?? "")}
+                onChange={(event) => set(setting.name, event.currentTarget.value)}
+              />
+            ) : (
+              <NumberField
+                key={setting.name}
+                name={setting.name}
+                label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
+                description={describe(setting, originOf(setting, changed, angles), angles)}
+                unit={setting.unit}
+                value={values[setting.name] ?? ""}
+                onChange={(value) => set(setting.name, value)}
+              />
+            ),
+          )}
       </div>
       {state !== null && (
         <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>

@@ -26,6 +26,24 @@ describe("requestOf", () => {
     ]);
   });
 
+  it("sends a word that is chosen, the default where none is", () => {
+    const estimator = {
+      name: "estimator",
+      meaning: "estimator",
+      unit: "1",
+      default: "default",
+      choices: ["default", "arx"],
+    };
+    const kind = { ...ACTUATOR, settings: [...ACTUATOR.settings, estimator] };
+    expect(requestOf(kind, valuesOf(kind, {}), "").request).toMatchObject({ estimator: "default" });
+    const arx = { estimator: "arx" };
+    expect(requestOf(kind, valuesOf(kind, arx), "").request).toMatchObject(arx);
+    expect([originOf(estimator, {}, "deg"), originOf(estimator, arx, "deg")]).toEqual([
+      "default",
+      "default: default",
+    ]);
+  });
+
   it("leaves out the one tension that is not in use", () => {
     expect(requestOf(ACTUATOR, valuesOf(ACTUATOR, { tension_N: "" }), "10 20").request).toEqual({
       kind: "actuator",

@@ -19,7 +19,7 @@ const MAX_TENSIONS = 8;
 export function valuesOf(kind: IdentificationKind, changed: Values): Values {
   const values = kind.settings.map((setting) => [
     setting.name,
-    changed[setting.name] ?? Number(setting.default),
+    changed[setting.name] ?? (setting.choices ? String(setting.default) : Number(setting.default)),
   ]);
   return Object.fromEntries(values);
 }
@@ -28,6 +28,7 @@ export function valuesOf(kind: IdentificationKind, changed: Values): Values {
 export function originOf(setting: Setting, changed: Values, angles: Angles): string {
   const value = changed[setting.name];
   if (value === undefined || value === setting.default) return "default";
+  if (setting.choices) return `default: ${setting.default}`;
   return `default: ${boxText(Number(setting.default), setting.unit, angles)}`;
 }
 
@@ -36,7 +37,8 @@ export function requestOf(kind: IdentificationKind, values: Values, tensions: st
   const list = tensions.split(/[,;\s]+/).filter((word) => word !== "");
   // one tension is not in use while there are several
   const used = Object.entries(values).filter(([name]) => list.length === 0 || name !== "tension_N");
-  const odd = used.find(([, value]) => typeof value !== "number");
+  const chosen = kind.settings.filter((setting) => setting.choices).map((setting) => setting.name);
+  const odd = used.find(([name, value]) => typeof value !== "number" && !chosen.includes(name));
   if (odd !== undefined) return { request: null, problem: `${odd[0]}: ${notANumber(String(odd[1]))}.` };
   const numbers = list.map(numberIn).filter((number) => number !== null);
   if (numbers.length < list.length) {
