@@ -15,7 +15,14 @@ from backend.api.kept_tuning import KeptTuning
 from backend.api.picture import Picture
 from backend.api.schemas.live import MarkKind
 from backend.api.schemas.state import State
-from backend.api.schemas.tuning import RobustTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import (
+    MotorPreview,
+    RobustTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
 from backend.api.trial import Trial
 from backend.api.tuning_in_use import TuningInUse
 from backend.experiments.tuning_choice import TuningChoice
@@ -118,6 +125,10 @@ class Retuning:
     async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
         """Predict what λ would do at the active entry of the bank."""
         return await asyncio.to_thread(self._picture.tuning.preview, lam_q, lam_S, round(self._picture.entry))
+
+    async def motor(self, lam_motor: float) -> MotorPreview:
+        """Tell how robust the motor loops are at a λ."""
+        return await asyncio.to_thread(self._picture.tuning.motor, lam_motor)
 
     async def robust(self, M_s: float) -> RobustTuning:
         """Find the λ of each loop for a wanted M_s."""

@@ -26,6 +26,7 @@ from backend.tuning import preview
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.preview import Previewer
+from backend.tuning.robustness import Robustness
 from plant.parameters import PlantParameters
 
 DEFAULTS = TuningChoice()
@@ -88,19 +89,17 @@ class TuningInUse:
     def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
         """Predict what both outer loops would do at these λ."""
         predicted = self.previewer.preview(replace(self.lambdas, lam_q=lam_q, lam_S=lam_S), entry)
-        motor = predicted.motor
         return TuningPreview(
-            motor=MotorPreview(
-                M_s=motor.M_s,
-                gain_margin=_finite(motor.gain_margin),
-                gain_reduction_margin=motor.gain_reduction or None,
-                phase_margin_deg=_finite(degrees(motor.phase_margin)),
-            ),
+            motor=_motor(predicted.motor),
             position=_loop(lam_q, predicted.position),
             stiffness=_loop(lam_S, predicted.stiffness),
             u_peak_V=predicted.peak_voltage,
             F_min_N=predicted.least_tension,
         )
+
+    def motor(self, lam_motor: float) -> MotorPreview:
+        """Return how robust the motor loops are at this λ. Raises OutOfRangeError for one that is not offered."""
+        return _motor(self.previewer.motor_at(lam_motor))
 
     def robust(self, M_s: float) -> RobustTuning:
         """Return λ of the three loops for a wanted M_s."""
@@ -111,6 +110,15 @@ class TuningInUse:
             for name, lam in self.previewer.lambdas_for(M_s).items()
         }
         return RobustTuning(M_s=M_s, **found)
+
+
+def _motor(robustness: Robustness) -> MotorPreview:
+    return MotorPreview(
+        M_s=robustness.M_s,
+        gain_margin=_finite(robustness.gain_margin),
+        gain_reduction_margin=robustness.gain_reduction or None,
+        phase_margin_deg=_finite(degrees(robustness.phase_margin)),
+    )
 
 
 def initial(parameters: PlantParameters, choice: TuningChoice = DEFAULTS, bank: Bank | None = None) -> TuningInUse:

@@ -94,8 +94,7 @@ class Previewer:
         self._q = [OuterProcess(model[0, 0]) for model in models]
         self._S = [OuterProcess(model[1, 1]) for model in models]
         self._lam_motor, self._b = lam_motor, b
-        loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
-        self._motor_robustness = max(loops, key=lambda loop: loop.M_s)
+        self._motor_robustness = self.motor_at(lam_motor)
         self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
 
     def safe_range(self) -> tuple[float, float]:
@@ -106,6 +105,12 @@ class Previewer:
         """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""
         ranges = [motor_range(known) for known in self._motors]
         return max(low for low, _ in ranges), min(high for _, high in ranges)
+
+    def motor_at(self, lam_motor: float) -> Robustness:
+        """Robustness of the less robust of the two motor loops. Raises OutOfRangeError for a λ that is not offered."""
+        require_within("lam_motor", lam_motor, *self.motor_range(), "s")
+        loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
+        return max(loops, key=lambda loop: loop.M_s)
 
     def require_safe(self, lambdas: Lambdas) -> None:
         """Raise OutOfRangeError unless both λ lie in the offered range."""

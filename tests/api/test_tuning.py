@@ -1,11 +1,16 @@
 """Trials that end by themselves, what is saved for a bank, and the printed formula beside the right one."""
 
+import math
 import time
 from collections.abc import Iterator
 
 import httpx
 import pytest
 
+from backend.tuning.gains import motor_loops
+from backend.tuning.models import motor_model
+from backend.tuning.motor_loop import motor_robustness
+from plant.parameters import load_parameters
 from tests.api.conftest import problem, wait_for
 
 START = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "interpolate": False}
@@ -111,3 +116,22 @@ def test_preferences_belong_to_a_person_and_are_checked(operator: httpx.Client, 
     assert viewer.get("/api/preferences").json() == liked
     assert operator.get("/api/preferences").json()["colours"] != liked["colours"]
     assert viewer.put("/api/preferences", json={"colours": {"q": "red"}}).status_code == 422
+
+
+@pytest.mark.parametrize("lam_motor", [0.05, 0.0854, 0.15])
+def test_the_motor_loop_can_be_asked_for_at_any_lambda_that_is_offered(off: httpx.Client, lam_motor: float) -> None:
+    """What the form of an experiment shows beside λ_motor is what the sampled loop gives."""
+    told = off.get("/api/tuning/motor", params={"lam_motor": lam_motor}).raise_for_status().json()
+    parameters = load_parameters("ideal")
+    expected = motor_robustness(motor_model(parameters, "A"), motor_loops(parameters, lam_motor).A)
+    assert told["M_s"] == pytest.approx(expected.M_s, rel=1e-6)
+    assert told["gain_margin"] == pytest.approx(expected.gain_margin, rel=1e-6)
+    assert told["phase_margin_deg"] == pytest.approx(math.degrees(expected.phase_margin), rel=1e-6)
+    assert (told["gain_reduction_margin"] or 0.0) == pytest.approx(expected.gain_reduction, rel=1e-6)
+
+
+def test_margins_of_a_motor_loop_that_is_not_offered_are_refused_with_the_range(off: httpx.Client) -> None:
+    refused = off.get("/api/tuning/motor", params={"lam_motor": 0.01})
+    assert refused.status_code == 422
+    assert problem(refused)["quantity"] == "lam_motor"
+    assert problem(refused)["minimum"] == pytest.approx(0.05)

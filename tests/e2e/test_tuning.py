@@ -1,10 +1,15 @@
 """λ at the page: staged edits, a trial that outlives its page, saving and going back, links that break."""
 
+import math
 import re
 
 import pytest
 from playwright.sync_api import Browser, Locator, WebSocketRoute, expect
 
+from backend.tuning.gains import motor_loops
+from backend.tuning.models import motor_model
+from backend.tuning.motor_loop import motor_robustness
+from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
@@ -55,6 +60,29 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
     page.get_by_role("switch", name="Stage changes").uncheck()
     page.get_by_role("button", name="Revert to saved", exact=True).click()
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "–"])
+
+
+def test_the_lam_motor_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:
+    """As computed of the sampled loop: at the λ in force on Operate, at the one typed in the form of an experiment."""
+    page = tuning.page
+    expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
+    tuning.go("Experiments")
+    form = page.get_by_role("form").first
+    form.get_by_text("Settings of the loop").click()
+    margins = form.get_by_role("status", name="Motor loop")
+    expect(margins).to_contain_text(shown(0.0854))
+    form.locator("[name=lam_motor]").fill("0.05")
+    expect(margins).to_contain_text(shown(0.05))
+
+
+def shown(lam_motor: float) -> str:
+    """M_s and margins of the less robust motor of the set that the tests run, as the page should write them."""
+    parameters, gains = load_parameters("lab"), motor_loops(load_parameters("lab"), lam_motor)
+    loops = [motor_robustness(motor_model(parameters, side), law) for side, law in (("A", gains.A), ("B", gains.B))]
+    worst = max(loops, key=lambda loop: loop.M_s)
+    gain = f"×{worst.gain_reduction:.3f} to" if worst.gain_reduction else "up to"
+    phase = math.degrees(worst.phase_margin)
+    return f"M_s {worst.M_s:.3f}, gain {gain} ×{worst.gain_margin:.1f}, phase margin {phase:.0f}°"
 
 
 def test_a_trial_reverts_although_its_page_is_gone(tuning: Operator, browser: Browser, service: Service) -> None:

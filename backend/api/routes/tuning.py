@@ -8,7 +8,15 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.errors import ApiError
 from backend.api.schemas.base import Finite
 from backend.api.schemas.state import State
-from backend.api.schemas.tuning import RobustTuning, SavedTuning, TrialRequest, TuningPreview, TuningRequest, TuningView
+from backend.api.schemas.tuning import (
+    MotorPreview,
+    RobustTuning,
+    SavedTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
 from backend.api.service import InControl, ServiceInUse
 
 LAM_PREVIEW_MIN = 0.05
@@ -77,6 +85,16 @@ async def preview_tuning(
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
     return await service.bench.retuning.preview(lam_q, lam_S)
+
+
+@router.get("/motor")
+async def motor_margins(
+    service: ServiceInUse,
+    _person: SignedIn,
+    lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
+) -> MotorPreview:
+    """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
+    return await service.bench.retuning.motor(lam_motor)
 
 
 @router.get("/robust")

@@ -92,7 +92,7 @@ class LoopPreview(Schema):
 
 
 class MotorPreview(Schema):
-    """How robust the motor loops are at the λ_motor in force, as sampled and with L/R: the less robust of the two."""
+    """How robust the motor loops are at a λ_motor, as sampled and with L/R: the less robust of the two."""
 
     M_s: float = Field(description="maximum of the sensitivity function")
     gain_margin: float | None = Field(

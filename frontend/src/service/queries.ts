@@ -34,6 +34,16 @@ export function previewQuery(lam_q: number, lam_S: number, tuning: string) {
   });
 }
 
+/** M_s and margins of the motor loops at a λ_motor; `tuning` as for the preview. */
+export function motorMarginsQuery(lam_motor: number, tuning: string) {
+  return queryOptions({
+    queryKey: ["tuning", "motor", lam_motor, tuning],
+    queryFn: () => answered(api.GET("/api/tuning/motor", { params: { query: { lam_motor } } })),
+    staleTime: 60_000,
+    retry: false,
+  });
+}
+
 /** What was saved for a bank; `bank` is null while the gains come from geometry. */
 export function savedTuningQuery(bank: number | null) {
   return queryOptions({

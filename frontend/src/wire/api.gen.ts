@@ -460,6 +460,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/tuning/motor": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Motor Margins
+         * @description Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused.
+         */
+        get: operations["motor_margins"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/tuning/robust": {
         parameters: {
             query?: never;
@@ -1346,6 +1366,13 @@ export interface components {
              * @default 8
              */
             settle_s: number;
+            /**
+             * Estimator
+             * @description what makes the models from the record; arx is the paper's, of first order [1]
+             * @default default
+             * @enum {string}
+             */
+            estimator: "default" | "arx";
         };
         /**
          * Angles
@@ -2044,7 +2071,7 @@ export interface components {
         Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead" | "service_ended";
         /**
          * FaultKind
-         * @description A fault with its words, and what brings it about while the joint moves.
+         * @description A fault with its words, and what brings it about while the joint moves (null: press STOP).
          */
         FaultKind: {
             code: components["schemas"]["Fault"];
@@ -2052,13 +2079,7 @@ export interface components {
             message: string;
             /** Remedy */
             remedy: string;
-            /** @description what to break; null where there is nothing to be broken */
             injection: components["schemas"]["Injection"] | null;
-            /**
-             * By Hand
-             * @description what a person does instead; empty where something can be broken
-             */
-            by_hand: string;
         };
         /**
          * FaultList
@@ -2779,7 +2800,7 @@ export interface components {
         };
         /**
          * MotorPreview
-         * @description How robust the motor loops are at the λ_motor in force, as sampled and with L/R: the less robust of the two.
+         * @description How robust the motor loops are at a λ_motor, as sampled and with L/R: the less robust of the two.
          */
         MotorPreview: {
             /**
@@ -7348,6 +7369,119 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["TuningPreview"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    motor_margins: {
+        parameters: {
+            query: {
+                /** @description λ of the motor loops [s] */
+                lam_motor: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MotorPreview"];
                 };
             };
             /** @description the body cannot be parsed */

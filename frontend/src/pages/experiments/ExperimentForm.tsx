@@ -3,13 +3,14 @@
 import { Button, NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
+import { MotorMargins } from "../../components/MotorMargins";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
 import { useAngles } from "../../service/angles";
 import { useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
-import { banksQuery } from "../../service/queries";
+import { banksQuery, tuningKey } from "../../service/queries";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
@@ -70,6 +71,13 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
         <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
         <div className={page.fields} style={{ paddingTop: 8 }}>
           {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
+          {state !== null && typeof values.lam_motor === "number" && (
+            <MotorMargins
+              className={page.dim}
+              lam_motor={values.lam_motor}
+              tuning={tuningKey(state.tuning)}
+            />
+          )}
           <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
         </div>
       </details>

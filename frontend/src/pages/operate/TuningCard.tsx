@@ -5,6 +5,7 @@ import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Card } from "../../components/Card";
+import { MotorMargins } from "../../components/MotorMargins";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { told } from "../../samples/quantity";
@@ -69,6 +70,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         />
       ))}
       <StepForecast preview={preview.data} u_max={u_max} />
+      <MotorMargins className={styles.forecast} lam_motor={tuning.lam_motor} tuning={tuningKey(tuning)} />
       <Checkbox
         size="xs"
         label="Compare with the printed formula (E1)"

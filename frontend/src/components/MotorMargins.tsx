@@ -1,0 +1,22 @@
+/** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
+
+import { useQuery } from "@tanstack/react-query";
+import { motorMarginsQuery } from "../service/queries";
+import { marginsText } from "./motorMargins";
+
+interface MotorMarginsProps {
+  readonly lam_motor: number;
+  /** The rest of the tuning in force: another bank may have other motors. */
+  readonly tuning: string;
+  readonly className?: string | undefined;
+}
+
+export function MotorMargins({ lam_motor, tuning, className }: MotorMarginsProps) {
+  const { data, error } = useQuery(motorMarginsQuery(lam_motor, tuning));
+  const words = error?.message ?? (data === undefined ? "…" : marginsText(data));
+  return (
+    <output className={className} aria-label="Motor loop">
+      Motor loop at λ_motor {lam_motor} s: {words}
+    </output>
+  );
+}
