@@ -32,6 +32,7 @@ _IN_DEGREES = {
     "rad": Reading("deg", 180.0 / math.pi),
     "rad/s": Reading("deg/s", 180.0 / math.pi),
     "mrad": Reading("deg", 0.18 / math.pi),
+    "rad·s": Reading("deg·s", 180.0 / math.pi),
 }
 
 _NUMBER = r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?"

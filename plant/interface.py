@@ -26,6 +26,16 @@ class Measurement(NamedTuple):
     safety_trip: float
 
 
+class ShaftLoad(NamedTuple):
+    """Torques [N·m] that load the gearbox outlets besides the tendons, the way a tendon pulls; never below 0."""
+
+    load_A: float
+    load_B: float
+
+
+NO_LOAD = ShaftLoad(0.0, 0.0)
+
+
 class MotorCommand(NamedTuple):
     """Voltages at the two analog outputs [V], each within ±10 V."""
 
@@ -45,11 +55,13 @@ class Plant(Protocol):
 
     A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
-    sample is due (a hardware clock), False where the loop keeps the time. ``unattended_max_s`` [s] is how long it may
+    sample is due (a hardware clock), False where the loop keeps the time. ``loads_shafts`` tells whether ``load`` is
+    there. ``unattended_max_s`` [s] is how long it may
     be left without a write while it is under control: the simulator waits, a rig moves on.
     """
 
     paces_loop: bool
+    loads_shafts: bool
     unattended_max_s: float
 
     def open(self) -> None:
@@ -66,6 +78,10 @@ class Plant(Protocol):
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N], tangential at r_j, positive towards +q. PlantError where nothing can push."""
+        ...
+
+    def load(self, load: ShaftLoad) -> None:
+        """Load the motors' shafts. PlantError where nothing can load them to order (a rig)."""
         ...
 
     def inject(self, broken: "Broken | None") -> None:

@@ -6,7 +6,7 @@ from plant.breakage import Breakage, Broken, BrokenPart
 from plant.card import Card
 from plant.compiled import compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
-from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
+from plant.interface import NO_LOAD, ZERO_VOLTS, Measurement, MotorCommand, PlantError, ShaftLoad, T_s
 from plant.parameters import PlantParameters
 from plant.safety import SafetyBounds, exceeded
 from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
@@ -17,12 +17,18 @@ _NOISE_BLOCK = 4096
 
 @compiled
 def actuate(
-    plant: Dynamics, sensors: SensorModel, u_max: float, x: PlantState, command: MotorCommand, F_push: float
+    plant: Dynamics,
+    sensors: SensorModel,
+    u_max: float,
+    x: PlantState,
+    command: MotorCommand,
+    F_push: float,
+    load: ShaftLoad = NO_LOAD,
 ) -> PlantState:
-    """State one period later, under the command as the converter puts it out and a push F_push [N] at r_j."""
+    """State one period later, under the command as the converter puts it out, a push F_push [N] at r_j and a load."""
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
-    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS)
+    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load)
 
 
 class Simulator:
@@ -32,6 +38,7 @@ class Simulator:
     """
 
     paces_loop = False
+    loads_shafts = True
     unattended_max_s = 0.4
 
     def __init__(
@@ -48,6 +55,7 @@ class Simulator:
         self._line = np.zeros((2, DELAY_SLOTS))
         self._tick = 0
         self._F_push = 0.0
+        self._load = NO_LOAD
         self._tripped = False
         self._card = card
         self._broken: BrokenPart | None = None
@@ -58,7 +66,7 @@ class Simulator:
         The card's watchdog is tried and its drives come on. Raises PlantError where the watchdog fails.
         """
         sense(self._plant, self._sensors, self.x, self._line.copy(), 0, 0.0, 0.0, 0.0, 0.0)
-        actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0)
+        actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0, NO_LOAD)
         exceeded(self._plant, self._bounds, self.x)
         if self._card is not None:
             self._card.arm()
@@ -79,7 +87,7 @@ class Simulator:
             self._broken.delay_write()
         cut = self._tripped or (self._card is not None and not self._card.drives)
         driven = ZERO_VOLTS if cut else command
-        self.x = actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push)
+        self.x = actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push, self._load)
         self._tripped = self._tripped or exceeded(self._plant, self._bounds, self.x)
         self._tick += 1
         if self._card is not None:
@@ -88,6 +96,14 @@ class Simulator:
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
         self._F_push = float(F_push)
+
+    def load(self, load: ShaftLoad) -> None:
+        """Load the motors' shafts from the next period on. Raises PlantError for a load that would pull backwards."""
+        if not all(torque >= 0.0 for torque in load):
+            raise PlantError(
+                f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
+            )
+        self._load = ShaftLoad(float(load.load_A), float(load.load_B))
 
     def inject(self, broken: Broken | None) -> None:
         """Break something from the next reading on; None mends it."""

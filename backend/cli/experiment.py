@@ -19,7 +19,7 @@ OutFolder = Annotated[
 
 
 def experiment(
-    name: Annotated[str, typer.Argument(help="Which experiment: tracking, compliance or sequence.")],
+    name: Annotated[str, typer.Argument(help="Which experiment: tracking, compliance, robustness or sequence.")],
     values: SetWords = None,
     controller: Annotated[
         str | None,
@@ -33,6 +33,7 @@ def experiment(
     """Run an experiment headless on the simulator, faster than real time; stored like one from the browser.
 
     Settings of tracking: q_amplitude, q_hold [rad], S_hold, S_low, S_high [N·m/rad], q_duration_s, S_duration_s [s].
+    Settings of robustness: load_Nm [N·m], q_ref [rad], S_ref [N·m/rad], hold_s [s].
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, TrackingPlan
+from backend.experiments.robustness_plan import RobustnessPlan
 from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError
 
@@ -13,7 +14,7 @@ from backend.experiments.settings import SettingError
 class Entry:
     """An experiment with the words that present it."""
 
-    plan: type[TrackingPlan] | type[CompliancePlan] | type[SequencePlan]
+    plan: type[TrackingPlan] | type[CompliancePlan] | type[RobustnessPlan] | type[SequencePlan]
     title: str
     description: str
 
@@ -30,6 +31,12 @@ EXPERIMENTS: dict[str, Entry] = {
         "Compliance under pushes",
         "Experiment 2 of the paper (figure 8): pushes on the joint with the position loop open; the measured force "
         "against the one that stiffness and geometry expect.",
+    ),
+    RobustnessPlan.kind: Entry(
+        RobustnessPlan,
+        "Robustness under a load",
+        "The paper's disturbance: 0.375 N·m at the gearbox shaft, 50 N more on the reel, on and off at one motor after "
+        "the other. On the simulator; a rig that cannot load its shafts to order refuses it.",
     ),
     SequencePlan.kind: Entry(
         SequencePlan,

@@ -12,6 +12,8 @@ from backend.experiments.identification_plans import MotorIdentificationPlan, Sp
 from backend.experiments.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
 from backend.experiments.result import Document, criteria_documents, figure_documents, tracking_document
+from backend.experiments.robustness import robustness_criteria, robustness_figures
+from backend.experiments.robustness_plan import RobustnessPlan
 from backend.experiments.sequence_plan import SequencePlan
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
@@ -45,7 +47,9 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
                 metrics, estimate, problem = _identified(columns, parameters, plan, run)
             case CompliancePlan():
                 metrics, criteria = _complied(columns, parameters, plan, run, missed)
-            case _:
+            case RobustnessPlan():
+                metrics, criteria = _loaded(columns, parameters, plan, run, missed)
+            case TrackingPlan() | SequencePlan():
                 metrics, criteria = _tracked(columns, parameters, plan, run, missed)
     except NoSamplesError as error:
         with database.session() as session:
@@ -77,6 +81,16 @@ def _complied(
     figures = compliance_figures(columns, parameters.geometry.r_j)
     early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
     criteria = compliance_criteria(figures, unseen(missed, early))
+    return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
+
+
+def _loaded(
+    columns: Columns, parameters: PlantParameters, plan: RobustnessPlan, run: Run, missed: int
+) -> tuple[Document, list[Document]]:
+    document = _outline(columns, plan, run)
+    figures = robustness_figures(columns, plan.phases(), parameters.sensors.motor_step)
+    early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
+    criteria = robustness_criteria(figures, parameters.motor.u_max, unseen(missed, early))
     return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
 
 

@@ -14,6 +14,7 @@ from backend.controllers.limits import STIFFNESS_RANGE
 from backend.experiments.compliance_plan import CompliancePlan
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.phase import Phase
+from backend.experiments.robustness_plan import RobustnessPlan
 from backend.experiments.sequence_plan import Q_REF_MAX, SequencePlan
 from backend.experiments.settings import choice, integer, number
 from backend.identification.fit import Method
@@ -148,7 +149,7 @@ class ActuatorIdentificationPlan:
 IdentificationPlan = ActuatorIdentificationPlan | MotorIdentificationPlan | SpringIdentificationPlan
 """Plans whose runs give models."""
 
-Plan = TrackingPlan | CompliancePlan | SequencePlan | IdentificationPlan
+Plan = TrackingPlan | CompliancePlan | RobustnessPlan | SequencePlan | IdentificationPlan
 """Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""
 
 

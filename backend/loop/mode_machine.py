@@ -2,6 +2,7 @@
 
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 
 from backend.controllers import motors
@@ -28,7 +29,7 @@ from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
 from backend.tuning.models import Lambdas
-from plant.interface import Measurement, Plant, PlantError
+from plant.interface import NO_LOAD, Measurement, Plant, PlantError
 from plant.parameters import PlantParameters
 from plant.spring import elongation
 
@@ -83,6 +84,7 @@ class ModeMachine:
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
         self.zeroed = False
+        self.load = NO_LOAD
         self._reached_told = False
 
     @property
@@ -137,15 +139,12 @@ class ModeMachine:
         elif program.law is Law.TENSION_SWEEP:
             motion = self._tension_sweep(program)
         else:
-            require_within(
-                "segments",
-                len(program.segments),
-                None,
-                MAX_SEGMENTS,
-                "1",
-                "split the program",
-                words="number of segments",
-            )
+            count = len(program.segments)
+            require_within("segments", count, None, MAX_SEGMENTS, "1", "split the program", words="number of segments")
+            if program.loads_shafts and not self._plant.loads_shafts:
+                raise RefusedError(
+                    "this rig cannot load its motors' shafts by itself: play it on a simulator (dry run)"
+                )
             q_min, q_max, S_min, S_max = self.bounds.q_min, self.bounds.q_max, self.bounds.S_min, self.bounds.S_max
             for segment in program.segments:
                 # Most are good, and a thousand calls would take half a period.
@@ -257,11 +256,12 @@ class ModeMachine:
         self._reached_told = False
 
     def _release_push(self) -> None:
-        # A rig cannot push by itself: there is nothing to release then.
-        try:
+        # A rig can neither push nor load by itself: there is nothing to release then.
+        with suppress(PlantError):
             self._plant.push(0.0)
-        except PlantError:
-            return
+        if self.load != NO_LOAD:
+            self.load = NO_LOAD
+            self._plant.load(NO_LOAD)
 
     def _wound(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""

@@ -4,15 +4,16 @@ import math
 from typing import NamedTuple
 
 from backend.loop.program import Excitation, Segment, Shape
-from plant.interface import T_s
+from plant.interface import NO_LOAD, ShaftLoad, T_s
 
 
 class Target(NamedTuple):
-    """What a program asks for in one tick: q_ref [rad], S_ref [N·m/rad], F_push [N]."""
+    """What a program asks for in one tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m]."""
 
     q_ref: float
     S_ref: float
     F_push: float
+    load: ShaftLoad = NO_LOAD
 
 
 class SegmentPlayer:
@@ -48,6 +49,7 @@ class SegmentPlayer:
             start.q_ref + share * (segment.q_ref - start.q_ref),
             start.S_ref + share * (segment.S_ref - start.S_ref),
             start.F_push + share * (segment.F_push - start.F_push),
+            ShaftLoad(segment.load_A, segment.load_B),
         )
 
 

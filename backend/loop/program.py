@@ -55,7 +55,8 @@ class Segment:
     """One stretch of a program.
 
     ``STEP`` jumps to the values at once and holds them; ``RAMP`` moves linearly and arrives at the end;
-    ``SINE`` oscillates around the previous values with the difference as amplitude and ``period_s``.
+    ``SINE`` oscillates around the previous values with the difference as amplitude and ``period_s``. ``load_A`` and
+    ``load_B`` [N·m] load the motors' shafts, for the whole of the segment whatever its shape.
     """
 
     duration_s: float
@@ -64,6 +65,8 @@ class Segment:
     F_push: float = 0.0
     shape: Shape = Shape.STEP
     period_s: float = 1.0
+    load_A: float = 0.0
+    load_B: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,11 @@ class Program:
     excitation: Excitation | None = None
     steps: tuple[VoltageStep, ...] = ()
     legs: tuple[TensionLeg, ...] = ()
+
+    @property
+    def loads_shafts(self) -> bool:
+        """Whether it loads the motors' shafts anywhere."""
+        return any(segment.load_A or segment.load_B for segment in self.segments)
 
     @property
     def duration_s(self) -> float:

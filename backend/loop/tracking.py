@@ -40,7 +40,7 @@ class Tracking:
             target = self._player.step()
             self.done = target is None
             self.target = target or self.target
-        q_ref, S_ref, _ = self.target
+        q_ref, S_ref = self.target.q_ref, self.target.S_ref
         y, self._state = cascade.step(tuning, self._state, q_ref, S_ref, self._position_loop, m)
         self._carry = Carry(self._state.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
         return _decision(y, self.target, pushes=self._player is not None)

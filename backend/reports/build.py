@@ -8,6 +8,7 @@ from backend.reports.compliance import compliance_report
 from backend.reports.document import Block, Figure, Paragraph, Report, Table
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
+from backend.reports.robustness import robustness_report
 from backend.reports.source import Source
 from backend.reports.spring_identification import spring_identification_report
 from backend.reports.tracking import tracking_report
@@ -16,6 +17,7 @@ from backend.storage.runs import RunKind
 _BUILDERS = {
     RunKind.TRACKING: tracking_report,
     RunKind.COMPLIANCE: compliance_report,
+    RunKind.ROBUSTNESS: robustness_report,
     RunKind.ACTUATOR_IDENTIFICATION: actuator_identification_report,
     RunKind.MOTOR_IDENTIFICATION: motor_identification_report,
     RunKind.SPRING_IDENTIFICATION: spring_identification_report,

@@ -21,6 +21,7 @@ class RunKind(StrEnum):
     ACTUATOR_IDENTIFICATION = "actuator_identification"
     TRACKING = "tracking"
     COMPLIANCE = "compliance"
+    ROBUSTNESS = "robustness"
     SEQUENCE = "sequence"
 
 

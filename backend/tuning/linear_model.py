@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from backend.controllers import decoupler, i_pd, motors
 from backend.controllers.decoupler import Decoupler
 from plant.dynamics import PlantState, derivative
+from plant.interface import NO_LOAD
 from plant.parameters import PlantParameters
 from plant.spring import tension
 
@@ -54,7 +55,7 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> contro
     u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
     def rate(x: NDArray[np.float64], u_A: float, u_B: float) -> NDArray[np.float64]:
-        return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0))
+        return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0, NO_LOAD))
 
     A = np.column_stack(
         [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(8)]

@@ -30,11 +30,6 @@ const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
-/** A page of its own, or one about the thing with a number; what is no number is no address. */
-function numbered(page: string): RegExp {
-  return new RegExp(`^/${page}(?:/(?<id>\\d+))?$`);
-}
-
 export function App() {
   const session = useQuery(sessionQuery);
   const signedOut = session.error instanceof RequestError && session.error.status === 401;
@@ -85,10 +80,10 @@ function Shell() {
             <Suspense>
               <Switch>
                 <Route path="/operate" component={OperatePage} />
-                <Route path={numbered("identify")} component={IdentifyPage} />
-                <Route path={numbered("banks")} component={BanksPage} />
-                <Route path={numbered("experiments")} component={ExperimentsPage} />
-                <Route path={/^\/runs(?:\/(?<id>\d+)(?:\/(?<other>\d+))?)?$/} component={RunsPage} />
+                <Route path="/identify/:id?" component={IdentifyPage} />
+                <Route path="/banks/:id?" component={BanksPage} />
+                <Route path="/experiments/:id?" component={ExperimentsPage} />
+                <Route path="/runs/:id?/:other?" component={RunsPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />
                 <Route>

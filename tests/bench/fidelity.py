@@ -22,7 +22,7 @@ from backend.identification.published import TABLE_1
 from backend.identification.record import Record
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
-from tests.bench.fidelity_experiments import figure_7_rows, figure_8_rows
+from tests.bench.fidelity_experiments import figure_7_rows, figure_8_rows, robustness_rows
 from tests.bench.fidelity_runs import Array, Bench, first_order_output_error, newtons_per_count, unloaded_steps
 
 POSITIONS = 4
@@ -152,6 +152,10 @@ def tables(parameters: PlantParameters) -> dict[str, str]:
         "figure 7": _markdown(["what the paper's text says", "here"], figure_7_rows(parameters)),
         "figure 8": _markdown(
             ["pushes", "raw [N]", "aligned [N]", "offset at rest [N]", "rms of dF/dt [N/s]"], figure_8_rows(parameters)
+        ),
+        "robustness": _markdown(
+            ["", "load", "motors A, B off by [rad]", "back within [s]", "joint off by [rad]", "tensions [N]"],
+            robustness_rows(parameters, load_parameters("ideal")),
         ),
     }
 

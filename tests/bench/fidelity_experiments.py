@@ -14,6 +14,8 @@ from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.metrics import Overall, tracking_metrics
 from backend.experiments.plans import TrackingPlan
+from backend.experiments.robustness import robustness_figures
+from backend.experiments.robustness_plan import PAPER_LOAD_NM, RobustnessPlan
 from backend.experiments.runner import Order, run_experiment
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import open_database
@@ -25,7 +27,7 @@ _SMOOTHED = 20
 """Ticks over which the expected force is averaged before its rate is taken: encoder counts are no pushes."""
 
 
-def played(parameters: PlantParameters, plan: TrackingPlan | CompliancePlan) -> Columns:
+def played(parameters: PlantParameters, plan: TrackingPlan | CompliancePlan | RobustnessPlan) -> Columns:
     """Play an experiment headless with the default tuning and seed 0; its recorded columns."""
     with tempfile.TemporaryDirectory() as folder:
         database = open_database(Path(folder))
@@ -79,3 +81,19 @@ def pushed_row(name: str, parameters: PlantParameters, plan: CompliancePlan) -> 
     smooth = np.convolve(expected[pushed:], np.full(_SMOOTHED, 1.0 / _SMOOTHED), "valid")
     rate = float(np.sqrt(np.mean(np.gradient(smooth, T_s) ** 2)))
     return [name, f"{figures.rmse_raw_N:.3f}", f"{figures.rmse_aligned_N:.3f}", f"{rest:.3f}", f"{rate:.1f}"]
+
+
+def robustness_rows(parameters: PlantParameters, ideal: PlantParameters) -> Iterator[list[str]]:
+    yield ["paper", f"{PAPER_LOAD_NM} N·m", "", "", "", ""]
+    yield loaded_row("here, `ideal`", ideal, RobustnessPlan())
+    yield loaded_row("here, `lab`", parameters, RobustnessPlan())
+
+
+def loaded_row(name: str, parameters: PlantParameters, plan: RobustnessPlan) -> list[str]:
+    """One row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
+    found = robustness_figures(played(parameters, plan), plan.phases(), parameters.sensors.motor_step)
+    back = f"{found.back_s:.2f}" if found.back_s is not None else found.reasons["back_s"]
+    return [
+        name, f"{plan.load_Nm} N·m", f"{found.deviation_A_rad:.4f}, {found.deviation_B_rad:.4f}", back,
+        f"{found.deviation_q:.4f}", f"{found.min_tension_N:.1f} to {found.max_tension_N:.1f}",
+    ]  # fmt: skip

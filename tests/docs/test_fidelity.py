@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from backend.experiments.compliance_plan import CompliancePlan
+from backend.experiments.robustness_plan import RobustnessPlan
 from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.fidelity import default_plan, gain_rows, motor_rows
-from tests.bench.fidelity_experiments import pushed_row
+from tests.bench.fidelity_experiments import loaded_row, pushed_row
 from tests.bench.fidelity_runs import Bench
 
 PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
@@ -73,6 +74,13 @@ def test_what_the_page_says_of_the_delay_follows_from_its_own_table() -> None:
     hand, steps, delay = rate["hand, as shipped"], rate["steps of ±10 and ±20 N"], 0.012
     assert f"12 ms at {hand} N/s are {delay * hand:.2f} N, at {steps} N/s {delay * steps:.2f} N" in PAGE
     assert f"makes 2.239 N at {2.239 / delay:.0f} N/s" in PAGE
+
+
+def test_robustness_on_the_page_is_that_of_the_code() -> None:
+    name = "here, `ideal`"
+    on_page = next(row for row in written("robustness") if row[0] == name)
+    computed = loaded_row(name, load_parameters("ideal"), RobustnessPlan())
+    assert numbers(computed) == pytest.approx(numbers(on_page), abs=2e-3)
 
 
 def test_published_columns_are_table_1() -> None:

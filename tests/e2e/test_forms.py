@@ -54,11 +54,12 @@ CHANGED: Values = {
 }
 """Every field of a form at another value than what is in force or usual."""
 
-EXPERIMENTS = ("tracking", "compliance", "sequence")
+EXPERIMENTS = ("tracking", "compliance", "robustness", "sequence")
 IDENTIFICATIONS = ("actuator", "motor", "spring")
 SHORT: dict[str, Values] = {
     "tracking": {"q_duration_s": 0.5, "S_duration_s": 0.5},
     "compliance": {"profile": "steps", "hold_s": 0.5},
+    "robustness": {"hold_s": 1.0},
     "sequence": {},
     "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 1.0},
     "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 0.5},

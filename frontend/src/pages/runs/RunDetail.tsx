@@ -22,7 +22,7 @@ import { RunCharts } from "./RunCharts";
 import { RunResult } from "./RunResult";
 import { SettingsCard } from "./SettingsCard";
 
-const WITH_REPORT = new Set(["tracking", "compliance"]);
+const WITH_REPORT = new Set(["tracking", "compliance", "robustness"]);
 
 export function RunDetail({ id, other }: { id: number; other: number | undefined }) {
   const { data, error } = useQuery(runQuery(id));

@@ -22,6 +22,7 @@ const KINDS = [
   { value: "spring_identification", label: "spring identification" },
   { value: "tracking", label: "tracking" },
   { value: "compliance", label: "compliance" },
+  { value: "robustness", label: "robustness" },
   { value: "sequence", label: "own sequence" },
 ];
 

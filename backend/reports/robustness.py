@@ -1,0 +1,76 @@
+"""The report of a robustness run: how far a load at the gearbox shaft turns a motor away, and for how long."""
+
+from backend.reading import Angles
+from backend.recording.columns import Columns
+from backend.reports.document import Figure, Paragraph, Report, Section
+from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.judgement import results_section, verdict
+from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.source import Source
+from backend.reports.tracking_figures import tension_panel
+
+_NOTES = (
+    "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "
+    "looks for λ_motor; it prints the load and the chosen M_s = 1.4, no response.",
+    "The load pulls the way the tendon does. The simulator applies it at the shaft, in one step, beside the tendon's "
+    "own force; joint and stiffness loops stay closed, so that both motor references answer as well.",
+    "The integral of the error is what the integral part of the motor loop had to add: τ_load/(K_t k_i), but for "
+    "friction and for the little that the references move.",
+)
+
+
+def robustness_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    outcome, sentence = verdict(source)
+    sections = [*results_section(source), Section("How it was made", (settings_table(source), *lineage(source)))]
+    if source.result is not None:
+        sections.append(_figures(source))
+    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
+    return Report(
+        title="Robustness under a load",
+        subtitle=subtitle(source),
+        outcome=outcome,
+        verdict=sentence,
+        facts=(*facts(source), *tuning_facts(source)),
+        sections=tuple(sections),
+        footer=f"Sinew {source.run.software} · robustness experiment · run {source.run.id}",
+        date=source.run.started_at,
+    )
+
+
+def _figures(source: Source) -> Section:
+    F_max = source.run.parameters["safety"]["F_max"]["value"]
+    return Section(
+        "Figures",
+        (
+            Figure(
+                "errors",
+                error_panels(source.columns, "errors", source.angles),
+                "Loads on and off: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+            ),
+            Figure(
+                "tension",
+                tension_panel(source.columns, F_max, "tension"),
+                "Tendon tensions as the load cells show them.",
+            ),
+        ),
+    )
+
+
+def error_panels(columns: Columns, name: str, angles: Angles) -> str:
+    """Draw errors of the motor loops, joint position and voltages over time."""
+    t = columns["t"]
+    with figure(3, height_in=4.4, sharex=True, height_ratios=(3, 2, 2)) as (drawn, axes):
+        for side in "AB":
+            error = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"]
+            axes[0].plot(*thinned(t, in_unit(error, "rad", angles)), color=COLOURS[f"u_{side}"], label=f"motor {side}")
+            axes[2].plot(*thinned(t, columns[f"u_{side}"]), color=COLOURS[f"u_{side}"], label=f"$u_{side}$")
+        axes[1].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[0].set_ylabel(axis_label("error", "rad", angles))
+        axes[1].set_ylabel(axis_label("q", "rad", angles))
+        axes[2].set_ylabel("u [V]")
+        axes[2].set(xlabel="t [s]", xlim=(t[0], t[-1]))
+        for panel, letter in zip(axes, "ABC", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)

@@ -1,0 +1,165 @@
+"""The paper's load of 0.375 N·m: what comes out is what the linear loop says; what was not measured passes nothing."""
+
+import asyncio
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from backend.experiments.catalogue import EXPERIMENTS
+from backend.experiments.headless_station import headless_station
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.metrics import NoSamplesError
+from backend.experiments.robustness import (
+    MAX_BACK_S,
+    Columns,
+    robustness_criteria,
+    robustness_figures,
+)
+from backend.experiments.robustness_plan import LEAD_IN_S, RobustnessPlan
+from backend.experiments.runner import Order, run_experiment
+from backend.loop.commands import Accepted, Refused, RunProgram
+from backend.reports.build import build_report
+from backend.reports.document import Table
+from backend.reports.source import Source, load_source
+from backend.storage import open_database
+from backend.tuning.gains import motor_loops
+from plant.interface import T_s
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+from tests.loop.bench_top import BenchTop
+
+PLAN = RobustnessPlan(hold_s=2.5)
+COUNT_RAD = 2.0 * np.pi / 8000
+
+
+@pytest.fixture(scope="module")
+def ideal() -> PlantParameters:
+    return load_parameters("ideal")
+
+
+@pytest.fixture(scope="module")
+def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Source]:
+    """Ordered, played, judged and stored as from the command line."""
+    database = open_database(tmp_path_factory.mktemp("robustness"))
+    with headless_station(database, ideal, LoopSettings()) as station:
+        outcome = asyncio.run(run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator")))
+    yield load_source(database, outcome.run.id)
+    database.close()
+
+
+@pytest.fixture(scope="module")
+def columns(source: Source) -> Columns:
+    return source.columns
+
+
+def linear_turn(parameters: PlantParameters, columns: Columns, side: str, load_s: float) -> np.ndarray:
+    """Turn of a motor from ``load_s`` on by its continuous loop, L/R and filter in it, its reference as it moved."""
+    motor, law = parameters.dynamics().motor_A, motor_loops(parameters, 0.0854).A
+    behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
+    loop = np.polyadd(
+        np.polymul([motor.J_m, motor.B_m, 0.0], behind), motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
+    )
+    window = slice(round(load_s / T_s), round((load_s + PLAN.hold_s) / T_s))
+    reference = columns[f"theta_{side}_ref"][window]
+    t = np.arange(reference.size) * T_s
+    followed = lsim(([motor.K_t * law.k_i], loop), reference - reference[0], t)[1]
+    return np.asarray(followed - lsim((PLAN.load_Nm * behind, loop), np.ones(t.size), t)[1])
+
+
+@pytest.mark.parametrize(("side", "load_s"), [("A", LEAD_IN_S), ("B", LEAD_IN_S + 2.0 * PLAN.hold_s)])
+def test_both_motors_answer_the_load_as_the_linear_loop_does(
+    ideal: PlantParameters, columns: Columns, side: str, load_s: float
+) -> None:
+    """Within what tendons and sampling add, a few per cent of the largest turn."""
+    expected = linear_turn(ideal, columns, side, load_s)
+    first = round(load_s / T_s)
+    turned = columns[f"theta_{side}"][first : first + expected.size] - columns[f"theta_{side}"][first]
+    assert np.max(np.abs(turned - expected)) < 0.05 * np.max(np.abs(expected))
+    assert np.max(np.abs(expected)) > 0.05
+
+
+def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
+    ideal: PlantParameters, columns: Columns
+) -> None:
+    found = robustness_figures(columns, PLAN.phases(), 0.0)
+    law, K_t = motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
+    for integral in (found.error_integral_A, found.error_integral_B):
+        assert integral == pytest.approx(PLAN.load_Nm / (K_t * law.k_i), rel=0.05)
+    assert found.back_s is not None
+    assert found.peak_voltage_V < ideal.motor.u_max
+    assert all(item.passed for item in robustness_criteria(found, ideal.motor.u_max))
+
+
+def test_the_load_is_on_when_the_plan_says_so(columns: Columns) -> None:
+    error = np.abs(columns["theta_A_ref"] - columns["theta_A"])
+    before, after = round(LEAD_IN_S / T_s), round((LEAD_IN_S + 0.3) / T_s)
+    assert np.max(error[before - 1000 : before]) < 0.02 * np.max(error[before:after])
+
+
+def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: Columns) -> None:
+    lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
+    coarse = robustness_figures(columns, PLAN.phases(), 1.0)
+    for found, reason in (
+        (robustness_figures(lasting, PLAN.phases(), 0.0), "was not back on its reference"),
+        (coarse, "less than 20 encoder counts"),
+    ):
+        assert found.back_s is None
+        back = robustness_criteria(found, 10.0)[0]
+        assert (back.passed, back.bound) == (None, MAX_BACK_S)
+        assert reason in back.reason
+
+
+def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
+    early = {name: column[:-3000] for name, column in columns.items()}
+    with pytest.raises(NoSamplesError, match="loaded and let go"):
+        robustness_figures(early, PLAN.phases(), 0.0)
+
+
+def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> None:
+    assert source.result is not None
+    figures = robustness_figures(source.columns, PLAN.phases(), 0.0)
+    stored = {item["name"]: item["value"] for item in source.result.metrics["figures"]}
+    assert stored == pytest.approx({name: getattr(figures, name) for name in stored})
+    report = build_report(source)
+    assert report.title == "Robustness under a load"
+    cells = [
+        row for section in report.sections for block in section.blocks if isinstance(block, Table) for row in block.rows
+    ]
+    assert any("0.375" in row for row in cells)
+    assert report.outcome == "passed"
+
+
+class WithoutLoads(Simulator):
+    """A plant that cannot load its shafts, as a rig."""
+
+    loads_shafts = False
+
+
+def test_a_rig_that_cannot_load_its_shafts_refuses_in_words_before_anything_moves(ideal: PlantParameters) -> None:
+    for plant, answer in ((WithoutLoads(ideal), Refused), (Simulator(ideal), Accepted)):
+        bench = BenchTop(ideal, plant=plant)
+        bench.run()
+        told = bench.send(RunProgram(PLAN.program(), 1))
+        assert isinstance(told, answer)
+        if isinstance(told, Refused):
+            assert "cannot load its motors' shafts by itself" in told.reason
+
+
+def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None:
+    bench = BenchTop(ideal, plant=Simulator(ideal))
+    bench.run()
+    assert isinstance(bench.send(RunProgram(PLAN.program(), 1)), Accepted)
+    bench.advance(LEAD_IN_S + 0.2)
+    assert isinstance(bench.plant, Simulator)
+    assert bench.plant._load.load_A == PLAN.load_Nm
+    bench.advance(4 * PLAN.hold_s + 0.1)
+    assert bench.plant._load == (0.0, 0.0)
+
+
+def test_it_is_offered_with_the_papers_load() -> None:
+    offered = EXPERIMENTS["robustness"].plan()
+    assert isinstance(offered, RobustnessPlan)
+    r_m = load_parameters("lab").geometry.r_m
+    assert offered.load_Nm == pytest.approx(50.0 * r_m)
