@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from backend.api.schemas.history import ChecklistStep, StepState
 from backend.storage import Session, banks, identifications, results, runs
+from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
 from backend.storage.runs import EndState, Run, RunKind
@@ -78,7 +79,8 @@ def _bank(
     for source in sources:
         run = run_of(source)
         if run is not None and run.parameters != parameters:
-            detail = f"{title} is older than the plant's parameters: its entry of run {run.id} was made with others"
+            entry = next(name_of_entry(one) for one in bank.entries if one.identification_id == source.id)
+            detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
             return _step("bank", StepState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if _replaces(one, source)), None)
         if newer is not None:

@@ -7,6 +7,7 @@ from backend.api import checklist
 from backend.api.schemas.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
 from backend.recording.flight import TRIP_EVENT
 from backend.storage import Database, Session, banks, events, identifications, recordings, runs
+from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from plant.parameters import PlantParameters
@@ -79,5 +80,6 @@ def _named(bank: Bank) -> LineageBank:
 def _entries(session: Session, bank: Bank) -> list[LineageEntry]:
     run_of = {estimate.id: estimate.run_id for estimate in identifications.find(session)}
     return [
-        LineageEntry(S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0)) for entry in bank.entries
+        LineageEntry(name=name_of_entry(entry), S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0))
+        for entry in bank.entries
     ]

@@ -2,7 +2,7 @@
 
 import logging
 
-from backend.api.tuning_in_use import TuningInUse, initial
+from backend.api.tuning_in_use import Chosen, TuningInUse, initial
 from backend.experiments import kept_choice
 from backend.experiments.kept_choice import KeptChoice
 from backend.experiments.settings import SettingError
@@ -27,6 +27,18 @@ class KeptTuning:
             kept_choice.put(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("the tuning in force was not kept for the next start")
+
+    def earlier(self, tuning: TuningInUse) -> Chosen | None:
+        """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
+        try:
+            with self._database.reading() as session:
+                choice = kept_choice.earlier(session, tuning.choice, tuning.parameters)
+                if choice is None:
+                    return None
+                return Chosen(choice, None if choice.bank == 0 else banks.get(session, choice.bank))
+        except (SettingError, OutOfRangeError, UnknownRecordError):
+            _log.exception("what was in force before the present tuning cannot be had any more")
+            return None
 
     def restore(self, parameters: PlantParameters) -> tuple[TuningInUse, str]:
         """Return what to start with, and a sentence on it for the journal, empty on a new data folder.

@@ -9,7 +9,7 @@ from backend.api.observation import Observation, Sample, entry_of, fault_of, mod
 from backend.api.schemas.control import HolderView
 from backend.api.schemas.session import Health
 from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
-from backend.api.tuning_in_use import TuningInUse, chosen_view
+from backend.api.tuning_in_use import Chosen, TuningInUse, chosen_view
 from backend.controllers.limits import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault
 from backend.loop.access import LoopDied
@@ -39,7 +39,7 @@ class Picture:
 
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
     ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
-    tuning that should be back in force is not.
+    tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
     ``problems`` tells what is wrong with the service without being a fault of the loop.
     """
 
@@ -53,6 +53,7 @@ class Picture:
         self.tuning = tuning
         self.own_tuning: TuningInUse | None = None
         self.tuning_problem = ""
+        self.earlier: Chosen | None = None
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
@@ -166,6 +167,7 @@ class Picture:
             task=self.task,
             trial=self.trial(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
+            earlier=None if self.earlier is None else chosen_view(self.earlier),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )

@@ -61,17 +61,18 @@ class Retuning:
         self._changed = changed
         self._trial = Trial(self._end_trial_at_its_time, supervision)
         picture.trial = self._trial.view
+        picture.earlier = kept.earlier(picture.tuning)
 
     async def set(self, request: TuningRequest, who: str) -> TuningView:
         """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
-        view = await self._change(request, who)
+        view = await self._change(request, who, self._choose)
         await self._keep(who)
         return view
 
     async def try_out(self, request: TrialRequest, who: str) -> State:
         """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
         before = self._trial.before or self._picture.tuning
-        await self._change(request, who)
+        await self._change(request, who, self._put_in_force)
         self._trial.begin(before, request.duration_s)
         self._changed()
         return self._picture.state()
@@ -83,6 +84,7 @@ class Retuning:
             raise ApiError(409, "nothing is on trial: what is in force stays")
         if keep:
             self._trial.forget()
+            self._picture.earlier = before
             self._journal.note(MarkKind.TUNING, "trial kept", self._picture.tick, who)
             await self._keep(who)
         else:
@@ -90,13 +92,34 @@ class Retuning:
         self._changed()
         return self._picture.state()
 
-    async def use_bank(self, bank: Bank, who: str) -> None:
-        """Use the models of a bank from now on. Raises OutOfRangeError when λ in force is not safe on them."""
+    async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
+        """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
         async with self._turn:
             self._require_own()
-            tick = await self._put_in_force(await asyncio.to_thread(self._picture.tuning.with_bank, bank))
-            self._journal.note(MarkKind.BANK, f"bank {bank.name}, version {bank.version}", tick, who)
+            before = self._picture.tuning
+            tick = await self._choose(await asyncio.to_thread(before.with_bank, bank))
+            said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+            self._journal.note(MarkKind.BANK, said, tick, who)
         await self._keep(who)
+        return self._picture.tuning.view(self._picture.entry)
+
+    async def undo(self, who: str) -> TuningView:
+        """Put back in force what the operator had before the last change; to undo that is to do it again.
+
+        Raises ApiError 409 where there is nothing to undo, OutOfRangeError where it would not be safe any more.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise ApiError(409, "a tuning is on trial: keep it or revert it first")
+            earlier, before = self._picture.earlier, self._picture.tuning
+            if earlier is None:
+                raise ApiError(409, "the tuning has not been changed: there is nothing to undo")
+            after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
+            tick = await self._choose(after)
+            self._journal.note(MarkKind.TUNING, f"undone: {after.difference(before)}", tick, who)
+        await self._keep(who)
+        return self._picture.tuning.view(self._picture.entry)
 
     async def lend(self, choice: TuningChoice, bank: Bank | None, who: str) -> None:
         """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
@@ -134,12 +157,14 @@ class Retuning:
         """Find the λ of each loop for a wanted M_s."""
         return await asyncio.to_thread(self._picture.tuning.robust, M_s)
 
-    async def _change(self, request: TuningRequest, who: str) -> TuningView:
+    async def _change(
+        self, request: TuningRequest, who: str, put: Callable[[TuningInUse], Awaitable[int]]
+    ) -> TuningView:
         async with self._turn:
             self._require_own()
             before = self._picture.tuning
             after = await asyncio.to_thread(before.changed, request)
-            tick = await self._put_in_force(after)
+            tick = await put(after)
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._picture.entry)
 
@@ -199,6 +224,15 @@ class Retuning:
     async def _keep(self, who: str) -> None:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
         await asyncio.to_thread(self._kept.put, self._picture.tuning, who)
+
+    async def _choose(self, tuning: TuningInUse) -> int:
+        """Put in force what the operator has chosen for good; one step back is remembered."""
+        before = self._trial.before or self._picture.tuning
+        tick = await self._put_in_force(tuning)
+        if tuning.choice != before.choice:
+            self._picture.earlier = before
+            self._changed()
+        return tick
 
     async def _put_in_force(self, tuning: TuningInUse) -> int:
         accepted = await self._send(tuning.command())

@@ -12,6 +12,7 @@ from backend.api.schemas.bank import (
     BankEntryDetail,
     BankFile,
     BankView,
+    ChannelFit,
     EntryDifference,
     EntryFigures,
     EntryLineage,
@@ -22,6 +23,7 @@ from backend.experiments.bank_consistency import MODEL_NAMES
 from backend.experiments.bank_difference import difference, figures_of_all, with_entries
 from backend.identification.actuator import joint_method
 from backend.storage import Database, Session, banks, identifications, runs
+from backend.storage.bank_entry import fits_of
 from backend.storage.banks import Bank, BankEntry
 
 
@@ -144,7 +146,10 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         return None
     found = identifications.get(session, entry.identification_id)
     run = None if found.run_id is None else runs.get(session, found.run_id)
+    fits = {name: ChannelFit(**asdict(fit)) for name, fit in fits_of(found).items()}
     return EntryLineage(
+        position=fits["G_q"],
+        stiffness=fits["G_S"],
         identification=found.run_id,
         estimate=found.id,
         method=joint_method({name: found.model.get(name, {}).get("method", found.method) for name in ("G_q", "G_S")}),

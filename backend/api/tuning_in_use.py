@@ -21,6 +21,7 @@ from backend.experiments.bank_building import points_of, tuning_command
 from backend.experiments.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
 from backend.refusal import require_within
+from backend.storage.bank_entry import entry_in_use
 from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
@@ -33,12 +34,18 @@ DEFAULTS = TuningChoice()
 
 
 @dataclass(frozen=True)
-class TuningInUse:
+class Chosen:
+    """A choice with the bank that it names, None for gains from geometry."""
+
+    choice: TuningChoice
+    bank: Bank | None
+
+
+@dataclass(frozen=True)
+class TuningInUse(Chosen):
     """A choice with the models that its bank stands for; without a bank the models follow from geometry."""
 
     parameters: PlantParameters
-    choice: TuningChoice
-    bank: Bank | None
     previewer: Previewer
 
     @property
@@ -84,6 +91,7 @@ class TuningInUse:
             lam_motor_max=lam_motor_max,
             bank=_reference(self.bank),
             entry=entry,
+            entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
         )
 
     def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
@@ -131,7 +139,7 @@ def parts_of(choice: TuningChoice) -> dict[str, Any]:
     return {name: value for name, value in choice.document().items() if name != "bank"}
 
 
-def chosen_view(tuning: TuningInUse) -> ChosenTuning:
+def chosen_view(tuning: Chosen) -> ChosenTuning:
     """Return a tuning with its bank, as the page shows one that is not in force."""
     return ChosenTuning(**parts_of(tuning.choice), bank=_reference(tuning.bank))
 
@@ -152,7 +160,7 @@ def _checked(
     else:
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
     previewer.require_safe(choice.lambdas)
-    return TuningInUse(parameters, choice, bank, previewer)
+    return TuningInUse(choice, bank, parameters, previewer)
 
 
 def _loop(lam: float, predicted: preview.LoopPreview) -> LoopPreview:

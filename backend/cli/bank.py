@@ -14,8 +14,11 @@ from backend.cli.place import DataFolder, ParameterSet, database_of, settings_wi
 
 if TYPE_CHECKING:
     from backend.experiments.bank_difference import EntryDifference, LoopFigures
-    from backend.storage import Database
+    from backend.storage import Database, Session
+    from backend.storage.bank_entry import ChannelFit
     from backend.storage.banks import Bank
+
+    Fits = Mapping[int, Mapping[str, ChannelFit]]
 
 LambdaWords = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ of the comparison, in s; repeatable.")
@@ -52,7 +55,8 @@ def show(
     from backend.storage import banks, identifications
 
     with database_of(settings_with(data=data)) as database, database.reading() as session:
-        _print(banks.get(session, bank), identifications.runs_of(session), as_json=as_json)
+        found = banks.get(session, bank)
+        _print(found, identifications.runs_of(session), _fits_of(session, found), as_json=as_json)
 
 
 @app.command()
@@ -65,12 +69,14 @@ def build(
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
     from backend.experiments.bank_building import build_bank
+    from backend.storage import identifications as identifications_
     from plant.parameters import load_parameters
 
     with database_of(settings_with(data=data)) as database:
         parameters = load_parameters(params or _parameters_name(database, identifications))
         bank = build_bank(database, parameters, name, identifications, current_user())
-        _print(bank, _runs_of(database), as_json=as_json)
+        with database.reading() as session:
+            _print(bank, identifications_.runs_of(session), _fits_of(session, bank), as_json=as_json)
 
 
 @app.command()
@@ -148,14 +154,16 @@ def import_file(
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
         bank = import_bank(database, load_parameters(settings.params), document, current_user(), name)
-        _print(bank, {}, as_json=as_json)
+        _print(bank, {}, {}, as_json=as_json)
 
 
-def _runs_of(database: "Database") -> "Mapping[int, int | None]":
+def _fits_of(session: "Session", bank: "Bank") -> "Fits":
+    """How good the models of a bank's entries are, by the number of their estimate."""
     from backend.storage import identifications
+    from backend.storage.bank_entry import fits_of
 
-    with database.reading() as session:
-        return identifications.runs_of(session)
+    named = [entry.identification_id for entry in bank.entries]
+    return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
 
 
 def _parameters_name(database: "Database", chosen: list[int]) -> str:
@@ -167,14 +175,17 @@ def _parameters_name(database: "Database", chosen: list[int]) -> str:
 
 
 def _print_changes(changes: "Sequence[EntryDifference]") -> None:
-    columns = ("S [N·m/rad]", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
+    from backend.storage.bank_entry import entry_name
+
+    columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
     rows = []
     for change in changes:
         present = change.after or change.before
         for symbol, loop in (("q", "position"), ("S", "stiffness")):
             old, new = (getattr(entry, loop) if entry else None for entry in (change.before, change.after))
             cells = [_change(getattr(old, name, None), getattr(new, name, None)) for name in ("K", "T", "k_p", "k_i")]
-            rows.append((present.S_nominal if present else None, symbol, *cells, _change(_peak(old), _peak(new))))
+            name = entry_name(present.S_nominal, present.tension_N) if present else ""
+            rows.append((name, symbol, *cells, _change(_peak(old), _peak(new))))
     print_table(columns, rows)
 
 
@@ -186,17 +197,21 @@ def _change(old: float | str | None, new: float | str | None) -> str:
     return shown(new) if old == new else f"{shown(old)} → {shown(new)}"
 
 
-def _print(bank: "Bank", run_of: "Mapping[int, int | None]", *, as_json: bool) -> None:
+def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
+    from backend.storage.bank_entry import CHANNELS, name_of_entry
+
     if as_json:
         document = asdict(bank)
         for entry in document["entries"]:
             entry["estimate"] = entry.pop("identification_id")
             entry["identification"] = run_of.get(entry["estimate"] or 0)
+            entry["fits"] = {name: asdict(fit) for name, fit in fits.get(entry["estimate"] or 0, {}).items()}
         print_json(document)
         return
-    columns = ("S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
+    columns = ("entry", "S [N·m/rad]", "K_q", "T_q [s]", "K_S [N·m/rad²]", "T_S [s]", "identification")
     rows = [
         (
+            name_of_entry(entry),
             entry.S_nominal,
             *(entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")),
             run_of.get(entry.identification_id or 0),
@@ -204,3 +219,7 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", *, as_json: bool) -
         for entry in bank.entries
     ]
     print_table(columns, rows, title=f"bank {bank.id}: {bank.name}, version {bank.version}")
+    for entry in bank.entries:
+        known = fits.get(entry.identification_id or 0, {})
+        told = [f"{name} {known[name].in_words()}" for name in CHANNELS if name in known]
+        out.print(f"{name_of_entry(entry)}: {'; '.join(told) or 'imported, its fit is not known'}", highlight=False)

@@ -73,6 +73,9 @@ def import_bank(
 
 def _named(position: int, item: Any) -> NamedEntry:
     name = f"entry {position}"
+    tension_N = item.get("tension_N") if isinstance(item, dict) else None
+    if isinstance(tension_N, int | float) and not isinstance(tension_N, bool):
+        name = f"the {tension_N:g} N entry"
     if not isinstance(item, dict) or not set(item) <= set(_ENTRY_NAMES):
         raise BankError(f"{name} may have {', '.join(_ENTRY_NAMES)} and nothing else")
     for key, value in item.items():

@@ -5,7 +5,7 @@ import json
 from dataclasses import dataclass
 
 from backend.experiments.tuning_choice import TuningChoice
-from backend.storage import Database, settings
+from backend.storage import Database, Session, settings
 from plant.parameters import PlantParameters
 
 NAME = "tuning in force"
@@ -38,6 +38,16 @@ def newest(database: Database, parameters: PlantParameters) -> KeptChoice | None
         return None
     lacks = tuple(name for name in TuningChoice().document() if name not in kept.value)
     return KeptChoice(TuningChoice.of(kept.value), kept.who, kept.value["parameters"] == digest(parameters), lacks)
+
+
+def earlier(session: Session, choice: TuningChoice, parameters: PlantParameters) -> TuningChoice | None:
+    """Return the newest kept choice for this plant other than ``choice``; None where there is none.
+
+    Raises SettingError, OutOfRangeError.
+    """
+    mine = digest(parameters)
+    kept = (TuningChoice.of(one.value) for one in settings.history(session, NAME) if one.value["parameters"] == mine)
+    return next((one for one in kept if one != choice), None)
 
 
 def digest(parameters: PlantParameters) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
+from backend.storage.bank_entry import CHANNELS, name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
 
@@ -101,19 +102,24 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
         )
     rows = tuple(
         (
+            name_of_entry(entry),
             shown(entry.S_nominal, 4),
             *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
             _came_from(source, entry),
+            *_fits(source, entry),
         )
         for entry in source.bank.entries
     )
     columns = (
+        Column("Entry", number=False),
         Column("S_nominal", "N·m/rad"),
         Column("K_q"),
         Column("T_q", "s"),
         Column("K_S"),
         Column("T_S", "s"),
         Column("From", number=False),
+        Column("Fit of G_q", number=False),
+        Column("Fit of G_S", number=False),
     )
     return (Table(f"Entries of bank “{source.bank.name}” version {source.bank.version}.", columns, rows),)
 
@@ -121,6 +127,12 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
 def _came_from(source: Source, entry: BankEntry) -> str:
     run_id = None if entry.identification_id is None else source.runs_of[entry.identification_id]
     return "imported" if run_id is None else f"identification {run_id}"
+
+
+def _fits(source: Source, entry: BankEntry) -> tuple[str, ...]:
+    """Return how good both models of an entry are; an imported one came without that."""
+    fits = source.fits.get(entry.identification_id or 0)
+    return ("not known", "not known") if fits is None else tuple(fits[name].in_words() for name in CHANNELS)
 
 
 def parameter_section(source: Source) -> Section:

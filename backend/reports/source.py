@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from backend.reading import Angles
 from backend.recording.columns import Columns, drawn_columns, recorded_columns
 from backend.storage import Database, banks, identifications, results, runs
+from backend.storage.bank_entry import ChannelFit, fits_of
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
@@ -17,8 +18,9 @@ class Source:
     """A run with all that its report says.
 
     ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
-    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by. All numbers are
-    in SI; ``angles`` says how whoever asked for the report reads angles.
+    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by, ``fits`` how good
+    the models of the bank's entries are. All numbers are in SI; ``angles`` says how whoever asked for the report reads
+    angles.
     """
 
     run: Run
@@ -28,6 +30,7 @@ class Source:
     identification: Identification | None = None
     runs_of: Mapping[int, int | None] = field(default_factory=dict)
     angles: Angles = Angles.DEGREES
+    fits: Mapping[int, Mapping[str, ChannelFit]] = field(default_factory=dict)
 
 
 def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES) -> Source:
@@ -41,6 +44,8 @@ def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
         estimates = identifications.find(session, run_id=run_id)
         runs_of = identifications.runs_of(session)
+        named = () if bank is None else [entry.identification_id for entry in bank.entries]
+        fits = {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
     by_hand = run.kind == RunKind.SESSION
     columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
-    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles)
+    return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)

@@ -76,7 +76,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp_path: Path) -> None:
     bank = build_bank(database, PARAMETERS, "bench", list(POINTS), "Ana")
     with database.session() as session:
-        view = stored.bank_view(bank, identifications.runs_of(session), None)
+        view = stored.bank_view(bank, identifications.runs_of(session), {}, None)
         follower = runs.create(session, new_run(RunKind.TRACKING, bank.id))
     assert [entry.identification for entry in view.entries] == list(POINTS)
 
@@ -91,7 +91,9 @@ def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp
 
     (table,) = lineage(load_source(database, follower.id))
     assert isinstance(table, Table)
-    assert [row[-1] for row in table.rows] == [f"identification {number}" for number in POINTS]
+    assert [(row[0], row[-3]) for row in table.rows] == [
+        (f"{tension_N:g} N", f"identification {number}") for number, (tension_N, _) in POINTS.items()
+    ]
 
 
 def test_a_bank_is_built_from_the_newest_estimate_of_a_run_and_refusals_name_the_run(database: Database) -> None:

@@ -8,6 +8,7 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.errors import ApiError
 from backend.api.schemas.bank import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView
 from backend.api.schemas.base import RowNumber
+from backend.api.schemas.tuning import TuningView
 from backend.api.service import InControl, RowId, ServiceInUse
 
 router = APIRouter(prefix="/api/banks", tags=["banks"])
@@ -72,6 +73,12 @@ async def compare_banks(
 async def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
     """Return a bank as a file, to take it to another data folder."""
     return await service.shelf.file(id)
+
+
+@router.post("/geometry/activate")
+async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
+    """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
+    return await service.bench.retuning.use_bank(None, person.name)
 
 
 @router.post("/{id}/activate")

@@ -41,6 +41,12 @@ async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InContr
     return await service.bench.retuning.set(body, person.name)
 
 
+@router.post("/undo")
+async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
+    """Undo the last change of what is in force, λ, b, bank and all; undone twice, it is in force again."""
+    return await service.bench.retuning.undo(person.name)
+
+
 @router.post("/trial")
 async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""

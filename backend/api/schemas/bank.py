@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from backend.api.schemas.base import Finite, RowNumber, Schema, quantity
+from backend.identification.result import Grade
 
 Text = Annotated[str, Field(max_length=100)]
 
@@ -69,13 +70,24 @@ class EntryFigures(Schema):
     stiffness: LoopFigures
 
 
+class ChannelFit(Schema):
+    """How good a model is; a figure that could not be had is null."""
+
+    grade: Grade | None = Field(description="null where an older identification did not keep it")
+    fit_percent: float | None = Field(description="simulated fit on data not used for fitting")
+    K_error_percent: float | None = Field(description="standard error of the gain")
+    T_error_percent: float | None = Field(description="standard error of the time constant")
+
+
 class EntryLineage(Schema):
-    """Where the models of an entry came from."""
+    """Where the models of an entry came from, and how good they are."""
 
     identification: int | None = Field(description="identification run; null for data from elsewhere")
     estimate: int = Field(description="number of the stored estimate, of which a run may have several")
     method: str
     verdict: str
+    position: ChannelFit
+    stiffness: ChannelFit
     run: int | None
     created: datetime
     who: str

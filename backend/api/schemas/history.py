@@ -22,6 +22,7 @@ class LineageBank(Schema):
 class LineageEntry(Schema):
     """Where an entry of the bank in use came from."""
 
+    name: str = Field(description="what the entry is called, by its tension")
     S_nominal: float = quantity("N·m/rad", "nominal point")
     run: int | None = Field(description="identification run; null for data from elsewhere or from geometry")
 

@@ -139,5 +139,8 @@ class State(Schema):
     own_tuning: ChosenTuning | None = Field(
         description="what the operator had chosen, in force again after the run; null while no run has the tuning"
     )
+    earlier: ChosenTuning | None = Field(
+        description="what was in force before the last change, and is again once that is undone; null for nothing"
+    )
     recording_run: int | None = Field(description="run that the samples belong to at present")
     problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")

@@ -41,6 +41,7 @@ class TuningView(ChosenTuning):
     lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor offered")
     entry: float = Field(description="active entry of the bank, fractional while interpolating")
+    entry_name: str = Field(description="what that entry is called, by its tension; empty without a bank")
 
 
 class TuningRequest(Schema):

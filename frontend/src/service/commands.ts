@@ -92,6 +92,26 @@ export function useActivateBank() {
   });
 }
 
+/** Gains from the plant's geometry again, no bank. */
+export function useGeometry() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.POST("/api/banks/geometry/activate")),
+    onSuccess: () =>
+      Promise.all(["banks", "tuning"].map((key) => queries.invalidateQueries({ queryKey: [key] }))),
+  });
+}
+
+/** Undoes the last change of what is in force. */
+export function useUndo() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.POST("/api/tuning/undo")),
+    onSuccess: () =>
+      Promise.all(["banks", "tuning"].map((key) => queries.invalidateQueries({ queryKey: [key] }))),
+  });
+}
+
 export type SettingValues = Record<string, boolean | number | string>;
 
 export function useStartExperiment() {

@@ -372,6 +372,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/tuning/undo": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Undo Change
+         * @description Undo the last change of what is in force, λ, b, bank and all; undone twice, it is in force again.
+         */
+        post: operations["undo_change"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/tuning/trial": {
         parameters: {
             query?: never;
@@ -806,6 +826,26 @@ export interface paths {
         get: operations["export_bank"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/banks/geometry/activate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Use Geometry
+         * @description Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs.
+         */
+        post: operations["use_geometry"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1682,6 +1722,29 @@ export interface components {
             candidates: components["schemas"]["Candidate"][];
         };
         /**
+         * ChannelFit
+         * @description How good a model is; a figure that could not be had is null.
+         */
+        ChannelFit: {
+            /** @description null where an older identification did not keep it */
+            grade: components["schemas"]["Grade"] | null;
+            /**
+             * Fit Percent
+             * @description simulated fit on data not used for fitting
+             */
+            fit_percent: number | null;
+            /**
+             * K Error Percent
+             * @description standard error of the gain
+             */
+            K_error_percent: number | null;
+            /**
+             * T Error Percent
+             * @description standard error of the time constant
+             */
+            T_error_percent: number | null;
+        };
+        /**
          * Checklist
          * @description The set-up in order; each step builds on those before.
          */
@@ -1920,7 +1983,7 @@ export interface components {
         };
         /**
          * EntryLineage
-         * @description Where the models of an entry came from.
+         * @description Where the models of an entry came from, and how good they are.
          */
         EntryLineage: {
             /**
@@ -1937,6 +2000,8 @@ export interface components {
             method: string;
             /** Verdict */
             verdict: string;
+            position: components["schemas"]["ChannelFit"];
+            stiffness: components["schemas"]["ChannelFit"];
             /** Run */
             run: number | null;
             /**
@@ -2539,6 +2604,11 @@ export interface components {
          * @description Where an entry of the bank in use came from.
          */
         LineageEntry: {
+            /**
+             * Name
+             * @description what the entry is called, by its tension
+             */
+            name: string;
             /**
              * S Nominal
              * @description nominal point [N·m/rad]
@@ -3762,6 +3832,8 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
+            /** @description what was in force before the last change, and is again once that is undone; null for nothing */
+            earlier: components["schemas"]["ChosenTuning"] | null;
             /**
              * Recording Run
              * @description run that the samples belong to at present
@@ -3815,6 +3887,8 @@ export interface components {
             trial: components["schemas"]["TrialView"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
+            /** @description what was in force before the last change, and is again once that is undone; null for nothing */
+            earlier: components["schemas"]["ChosenTuning"] | null;
             /**
              * Recording Run
              * @description run that the samples belong to at present
@@ -4168,6 +4242,11 @@ export interface components {
              * @description active entry of the bank, fractional while interpolating
              */
             entry: number;
+            /**
+             * Entry Name
+             * @description what that entry is called, by its tension; empty without a bank
+             */
+            entry_name: string;
         };
         /**
          * UsedSetting
@@ -6683,6 +6762,119 @@ export interface operations {
                 "application/json": components["schemas"]["TuningRequest"];
             };
         };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TuningView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    undo_change: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
         responses: {
             /** @description Successful Response */
             200: {
@@ -9632,6 +9824,119 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["BankFile"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    use_geometry: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TuningView"];
                 };
             };
             /** @description the body cannot be parsed */

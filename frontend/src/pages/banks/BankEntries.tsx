@@ -5,13 +5,14 @@ import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { SignalName } from "../../components/SignalName";
+import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery, tuningKey } from "../../service/queries";
-import type { Bank, BankDetail, LoopFigures } from "../../wire/types";
+import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
 import { nameOf } from "./BankTable";
-import { LOOPS } from "./difference";
+import { entryName, errorOf, LOOPS, percent } from "./difference";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 
@@ -30,7 +31,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
         <Table aria-label="Entries">
           <Table.Thead>
             <Table.Tr>
-              <Table.Th className={page.number}>Tension [N]</Table.Th>
+              <Table.Th>Entry</Table.Th>
               <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
               <Table.Th>Loop</Table.Th>
               <Table.Th className={page.number}>K</Table.Th>
@@ -44,6 +45,7 @@ export function BankEntries({ bank }: { bank: Bank }) {
               <Table.Th className={page.number}>
                 <SignalName name="M_s" />
               </Table.Th>
+              <Table.Th>Fit on data not used</Table.Th>
               <Table.Th>Came from</Table.Th>
             </Table.Tr>
           </Table.Thead>
@@ -56,8 +58,8 @@ export function BankEntries({ bank }: { bank: Bank }) {
               };
               return LOOPS.map((loop) => (
                 <Table.Tr key={`${entry.S_nominal} ${loop}`}>
-                  <Table.Td className={page.number}>
-                    {loop === "position" ? fixed(entry.tension_N, 0) : ""}
+                  <Table.Td style={{ whiteSpace: "nowrap" }}>
+                    {loop === "position" ? entryName(entry) : ""}
                   </Table.Td>
                   <Table.Td className={page.number}>
                     {loop === "position" ? fixed(entry.S_nominal, 2) : ""}
@@ -66,6 +68,9 @@ export function BankEntries({ bank }: { bank: Bank }) {
                     <SignalName name={loop === "position" ? "G_q" : "G_S"} />
                   </Table.Td>
                   <Figures figures={{ ...models[loop], ...figures?.[loop] }} />
+                  <Table.Td>
+                    <Fit fit={detail.data?.entries[index]?.lineage?.[loop]} />
+                  </Table.Td>
                   {loop === "position" && (
                     <Table.Td rowSpan={2}>
                       <CameFrom
@@ -95,6 +100,18 @@ function Figures({ figures }: { figures: Partial<LoopFigures> }) {
       ))}
       <Table.Td className={page.number}>{unstable ? "unstable" : fixed(figures.M_s, 3)}</Table.Td>
     </>
+  );
+}
+
+/** How good one model of an entry is: of its own identification, not of the bank. */
+function Fit({ fit }: { fit: ChannelFit | undefined }) {
+  if (fit === undefined) return <span className={page.dim}>not known</span>;
+  const errors = `K ${errorOf(fit.K_error_percent)}, T ${errorOf(fit.T_error_percent)}`;
+  return (
+    <Verdict good={fit.grade === "usable"}>
+      {percent(fit.fit_percent)}, {fit.grade ?? "grade not recorded"}
+      <div className={page.dim}>{errors}</div>
+    </Verdict>
   );
 }
 

@@ -4,10 +4,11 @@ import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
-import { dateTime, fixed } from "../../samples/format";
+import { dateTime } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
+import { entryName } from "./difference";
 
 export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
   const activate = useActivateBank();
@@ -29,7 +30,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
               <Table.Th>Built</Table.Th>
               <Table.Th>By</Table.Th>
               <Table.Th className={page.number}>Entries</Table.Th>
-              <Table.Th>Stiffness [N·m/rad]</Table.Th>
+              <Table.Th>At</Table.Th>
               <Table.Th>Use</Table.Th>
               <Table.Th>File</Table.Th>
             </Table.Tr>
@@ -43,7 +44,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                 <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(bank.created)}</Table.Td>
                 <Table.Td>{bank.who}</Table.Td>
                 <Table.Td className={page.number}>{bank.entries.length}</Table.Td>
-                <Table.Td>{bank.entries.map((entry) => fixed(entry.S_nominal, 2)).join(" · ")}</Table.Td>
+                <Table.Td>{bank.entries.map(entryName).join(" · ")}</Table.Td>
                 <Table.Td>
                   {bank.active ? (
                     <strong>active</strong>

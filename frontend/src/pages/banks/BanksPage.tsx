@@ -10,6 +10,7 @@ import { BankComparison } from "./BankComparison";
 import { BankEntries } from "./BankEntries";
 import { BankImport } from "./BankImport";
 import { BankTable } from "./BankTable";
+import { InForce } from "./InForce";
 
 export default function BanksPage() {
   const { id } = useParams();
@@ -27,6 +28,7 @@ export default function BanksPage() {
           </OperatorsOnly>
         }
       >
+        <InForce banks={all} />
         {banks.data === undefined ? (
           <p className={page.empty}>{banks.error?.message ?? "Loading …"}</p>
         ) : (

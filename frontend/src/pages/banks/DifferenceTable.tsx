@@ -5,7 +5,7 @@ import { SignalName } from "../../components/SignalName";
 import { fixed, significant } from "../../samples/format";
 import type { BankDifference, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
-import { changeOf, LOOPS, type Loop } from "./difference";
+import { changeOf, entryName, LOOPS, type Loop } from "./difference";
 
 const FIGURES = [
   { name: "K", unit: "" },
@@ -21,7 +21,7 @@ export function DifferenceTable({ difference }: { difference: BankDifference }) 
         <Table aria-label="Difference" verticalSpacing={3}>
           <Table.Thead>
             <Table.Tr>
-              <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
+              <Table.Th>Entry</Table.Th>
               <Table.Th>Loop</Table.Th>
               {FIGURES.map(({ name, unit }) => (
                 <Table.Th key={name}>
@@ -36,11 +36,12 @@ export function DifferenceTable({ difference }: { difference: BankDifference }) 
           </Table.Thead>
           <Table.Tbody>
             {difference.entries.flatMap((entry) => {
-              const S = (entry.after ?? entry.before)?.S_nominal;
+              const present = entry.after ?? entry.before;
+              const name = present === null ? "" : entryName(present);
               return LOOPS.map((loop) => (
                 <Row
-                  key={`${S} ${loop}`}
-                  S={S}
+                  key={`${present?.S_nominal} ${loop}`}
+                  name={name}
                   loop={loop}
                   before={entry.before?.[loop]}
                   after={entry.after?.[loop]}
@@ -59,23 +60,23 @@ export function DifferenceTable({ difference }: { difference: BankDifference }) 
 }
 
 interface RowProps {
-  readonly S: number | undefined;
+  readonly name: string;
   readonly loop: Loop;
   readonly before: LoopFigures | undefined;
   readonly after: LoopFigures | undefined;
 }
 
-function Row({ S, loop, before, after }: RowProps) {
+function Row({ name, loop, before, after }: RowProps) {
   const peak = (figures: LoopFigures | undefined) =>
     figures === undefined ? undefined : figures.M_s === null ? "unstable" : fixed(figures.M_s, 3);
   return (
     <Table.Tr>
-      <Table.Td className={page.number}>{loop === "position" ? fixed(S, 2) : ""}</Table.Td>
+      <Table.Td>{loop === "position" ? name : ""}</Table.Td>
       <Table.Td>
         <SignalName name={loop === "position" ? "G_q" : "G_S"} />
       </Table.Td>
-      {FIGURES.map(({ name }) => (
-        <Cell key={name} before={figure(before?.[name])} after={figure(after?.[name])} />
+      {FIGURES.map(({ name: symbol }) => (
+        <Cell key={symbol} before={figure(before?.[symbol])} after={figure(after?.[symbol])} />
       ))}
       <Cell before={peak(before)} after={peak(after)} />
     </Table.Tr>

@@ -1,7 +1,24 @@
-/** How a change of a figure is written. Pure. */
+/** How an entry is called, its fit is told, and a change of a figure is written. Pure. */
+
+import { fixed, NOT_MEASURED, short, significant } from "../../samples/format";
 
 export const LOOPS = ["position", "stiffness"] as const;
 export type Loop = (typeof LOOPS)[number];
+
+/** An entry goes by its tension; where that is not known, by its stiffness. */
+export function entryName(entry: { S_nominal: number; tension_N: number | null }): string {
+  return entry.tension_N === null ? `${fixed(entry.S_nominal, 2)} N·m/rad` : `${short(entry.tension_N)} N`;
+}
+
+/** How good a model is: "98.2 %", or that it was not measured. */
+export function percent(value: number | null): string {
+  return value === null ? NOT_MEASURED : `${significant(value, 3)} %`;
+}
+
+/** A standard error beside its figure: "±1.2 %". */
+export function errorOf(value: number | null): string {
+  return value === null ? `error ${NOT_MEASURED}` : `±${significant(value, 2)} %`;
+}
 
 export interface Change {
   readonly text: string;

@@ -96,11 +96,11 @@ function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; 
 
 function ActiveBank({ tuning }: { tuning: Tuning | undefined }) {
   if (tuning === undefined) return null;
-  const { bank, entry, interpolate } = tuning;
+  const { bank, entry_name } = tuning;
   if (bank === null) return <span className={styles.aside}>gains from geometry</span>;
   return (
     <span className={styles.aside}>
-      {bank.name} v{bank.version}, entry {interpolate ? entry.toFixed(2) : entry.toFixed(0)}
+      {bank.name} v{bank.version}, {entry_name}
     </span>
   );
 }

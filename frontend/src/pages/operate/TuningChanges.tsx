@@ -6,9 +6,10 @@ import { useState } from "react";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
+import { UndoTuning } from "../../components/UndoTuning";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning } from "../../service/commands";
+import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from "../../service/commands";
 import { savedTuningQuery } from "../../service/queries";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { Trial, Tuning } from "../../wire/types";
@@ -33,10 +34,11 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
   const save = useSaveTuning();
   const tryOut = useTryTuning();
   const end = useEndTrial();
+  const undo = useUndo();
   const [seconds, setSeconds] = useState<number | string>(TRIAL_S);
   const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
-  const failure = set.error ?? save.error ?? tryOut.error ?? end.error;
+  const failure = set.error ?? save.error ?? tryOut.error ?? end.error ?? undo.error;
   const busy = set.isPending || save.isPending || tryOut.isPending || end.isPending;
 
   return (
@@ -89,6 +91,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
             >
               Save
             </Button>
+            <UndoTuning undo={undo} size="compact-xs" />
             <Switch
               size="xs"
               label="Stage changes"

@@ -5,7 +5,6 @@ import { Fragment } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
-import { fixed } from "../../samples/format";
 import { lineageQuery } from "../../service/queries";
 import type { Lineage } from "../../wire/types";
 import page from "../Page.module.css";
@@ -47,7 +46,7 @@ function Origins({ lineage }: { lineage: Lineage }) {
       </dd>
       {entries.map((entry) => (
         <Fragment key={entry.S_nominal}>
-          <dt>Entry {fixed(entry.S_nominal, 2)} N·m/rad</dt>
+          <dt>Entry {entry.name}</dt>
           <dd>
             {entry.run === null ? "not from a run" : <RunLink run={entry.run}>identified in run</RunLink>}
           </dd>

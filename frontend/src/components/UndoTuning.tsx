@@ -1,0 +1,27 @@
+/** One step back of what is in force, whatever part of it was changed; pressed again, it is done again. */
+
+import { Button } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useLive } from "../live/react";
+import { tuningInWords } from "../pages/experiments/order";
+import type { useUndo } from "../service/commands";
+import { banksQuery } from "../service/queries";
+
+export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; size?: "compact-xs" }) {
+  const earlier = useLive((live) => live.state?.earlier ?? null);
+  const busy = useLive((live) => live.state?.trial != null || live.state?.own_tuning != null);
+  const { data: banks = [] } = useQuery(banksQuery);
+  const words = earlier === null ? "" : tuningInWords({ ...earlier, bank: earlier.bank?.id ?? 0 }, banks);
+  return (
+    <Button
+      variant="default"
+      {...(size === undefined ? {} : { size })}
+      disabled={earlier === null || busy}
+      loading={undo.isPending}
+      title={earlier === null ? "Nothing was changed yet" : `Back to ${words}`}
+      onClick={() => undo.mutate()}
+    >
+      Undo change
+    </Button>
+  );
+}

@@ -1,0 +1,138 @@
+"""Every gain can be walked back: one step, whatever part of the tuning it was, and to the gains from geometry."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.api.errors import ApiError
+from backend.api.schemas.tuning import TrialRequest, TuningRequest
+from backend.experiments.tuning_choice import TuningChoice
+from backend.storage import Database, banks, events, open_database
+from backend.storage.banks import Bank, BankEntry
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+
+IDEAL = load_parameters("ideal")
+MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
+WHO = OPERATOR.name
+CHANGES = [
+    TuningRequest(lam_q=0.61),
+    TuningRequest(lam_S=0.57),
+    TuningRequest(lam_motor=0.09),
+    TuningRequest(b=0.25),
+    TuningRequest(interpolate=True),
+]
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def bank(database: Database) -> Bank:
+    entries = [BankEntry(8.24, {**MODEL, "tension_N": 10.0}), BankEntry(10.55, {**MODEL, "tension_N": 20.0})]
+    with database.session() as session:
+        return banks.add(session, "walked", entries, WHO)
+
+
+def in_force(parts: Parts) -> TuningChoice:
+    """The tuning in force; what a loop that starts anew is given is the same."""
+    assert parts.supervisor.setup.tuning == parts.picture.tuning.command()
+    return parts.picture.tuning.choice
+
+
+def earlier(parts: Parts) -> TuningChoice | None:
+    """What the page shows as what undoing puts back."""
+    shown = parts.picture.state().earlier
+    if shown is None:
+        return None
+    values = shown.model_dump()
+    return TuningChoice.of({**values, "bank": 0 if shown.bank is None else shown.bank.id})
+
+
+def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        retuning = parts.bench.retuning
+        assert earlier(parts) is None
+        with pytest.raises(ApiError, match="nothing to undo"):
+            await retuning.undo(WHO)
+        await retuning.use_bank(bank, WHO)
+        for change in CHANGES:
+            before = in_force(parts)
+            await retuning.set(change, WHO)
+            changed = in_force(parts)
+            assert changed != before
+            assert earlier(parts) == before
+            await retuning.set(change, WHO)  # the same again is no change
+            assert earlier(parts) == before
+            view = await retuning.undo(WHO)
+            assert TuningChoice.of({**view.model_dump(), "bank": bank.id}) == before
+            assert (in_force(parts), earlier(parts)) == (before, changed)
+            await retuning.undo(WHO)
+            assert (in_force(parts), earlier(parts)) == (changed, before)
+
+    stepped(database, IDEAL, work)
+    with database.reading() as session:
+        told = [event.text for event in events.find(session, limit=100)]
+    assert "undone: λ_q 0.61 → 0.5 s" in told
+    assert "undone: b 0.25 → 0" in told
+    assert "undone: interpolate yes → no" in told
+
+
+def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        retuning = parts.bench.retuning
+        assert parts.picture.state().tuning.entry_name == ""
+        await retuning.use_bank(bank, WHO)
+        assert parts.picture.state().tuning.entry_name == "10 N"
+        view = await retuning.use_bank(None, WHO)
+        assert (view.bank, in_force(parts).bank) == (None, 0)
+        await retuning.undo(WHO)
+        assert in_force(parts).bank == bank.id
+        await retuning.undo(WHO)
+
+    async def started_again(parts: Parts) -> tuple[TuningChoice, TuningChoice | None]:
+        return in_force(parts), earlier(parts)
+
+    stepped(database, IDEAL, work)
+    # the next start has the same tuning, and knows the one before it
+    assert stepped(database, IDEAL, started_again) == (TuningChoice(), TuningChoice(bank=bank.id))
+
+
+def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        retuning = parts.bench.retuning
+        await retuning.set(TuningRequest(lam_q=0.6), WHO)
+        for lam_q in (0.7, 0.8):
+            await retuning.try_out(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
+            assert earlier(parts) == TuningChoice()
+            with pytest.raises(ApiError, match="on trial"):
+                await retuning.undo(WHO)
+        await retuning.end_trial(True, WHO)
+        assert earlier(parts) == TuningChoice(lam_q=0.6)
+        await retuning.undo(WHO)
+        assert in_force(parts) == TuningChoice(lam_q=0.6)
+        await retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
+        await retuning.set(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
+        assert in_force(parts) == TuningChoice(lam_q=0.9, b=0.5)
+        assert earlier(parts) == TuningChoice(lam_q=0.6)
+
+    stepped(database, IDEAL, work)
+
+
+def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
+    async def work(parts: Parts) -> None:
+        retuning = parts.bench.retuning
+        await retuning.set(TuningRequest(lam_q=0.6), WHO)
+        await retuning.lend(TuningChoice(lam_q=0.9, b=1.0), None, WHO)
+        with pytest.raises(ApiError, match="its tuning is part of its record"):
+            await retuning.undo(WHO)
+        await asyncio.gather(retuning.give_back(), retuning.give_back())
+        assert (in_force(parts), earlier(parts)) == (TuningChoice(lam_q=0.6), TuningChoice())
+
+    stepped(database, IDEAL, work)
