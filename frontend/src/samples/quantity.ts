@@ -21,7 +21,7 @@ const IN_DEGREES: Readonly<Record<string, Reading>> = {
   rad: { unit: "deg", factor: TO_DEGREES },
   "rad/s": { unit: "deg/s", factor: TO_DEGREES },
   mrad: { unit: "deg", factor: TO_DEGREES / 1000 },
-  "rad·s": { unit: "deg·s", factor: TO_DEGREES },
+  rad·s: { unit: "deg·s", factor: TO_DEGREES },
 };
 
 /** Digits that a typed number keeps on its way to SI and back; the doubles between hold fifteen. */
