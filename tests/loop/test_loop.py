@@ -89,7 +89,11 @@ def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None
     bench.run()
     bench.advance(0.05)
     before = bench.column("q_ref")[-1], bench.column("S_ref")[-1]
-    for q_ref, S_ref, words in ((2.0, 10.0, "q_ref = 2 rad"), (0.0, 16.0, "S_ref = 16 N"), (math.nan, 10.0, "q_ref")):
+    for q_ref, S_ref, words in (
+        (2.0, 10.0, "position reference: 2 rad"),
+        (0.0, 16.0, "stiffness reference: 16 N"),
+        (math.nan, 10.0, "position reference"),
+    ):
         answer = bench.send(SetReferences(q_ref, S_ref))
         assert isinstance(answer, Refused)
         assert words in answer.reason
