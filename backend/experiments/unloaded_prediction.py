@@ -59,7 +59,7 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
             f"the step to {plan.u_high:g} V ends after {min(lengths):.2f} s, before its speed is steady "
             f"({LAGS_NEEDED:g} T_m = {LAGS_NEEDED * T_m:.2f} s): lower u_high, or raise travel_rad and step_s"
         )
-    message = f"both motors will reach {speed:.0f} rad/s with slack tendons, turning by {plan.travel_rad:g} rad a step"
+    message = f"both motors will reach {speed:.4g} rad/s with slack tendons, turning by {plan.travel_rad:g} rad a step"
     return PredictedRun(figures, not problem, problem or message)
 
 

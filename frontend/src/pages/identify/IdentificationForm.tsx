@@ -3,7 +3,7 @@
 import { Button, NativeSelect, SegmentedControl, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { type FormEvent, useState } from "react";
+import { type FormEvent, useEffect, useState } from "react";
 import { Card } from "../../components/Card";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
@@ -20,7 +20,7 @@ import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 import { type Kind, originOf, requestOf, type Values, valuesOf } from "./order";
-import { PredictionView } from "./PredictionView";
+import type { Told } from "./PredictionView";
 import { SpringTableForm } from "./SpringTableForm";
 
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
@@ -48,9 +48,11 @@ const LABELS: Record<string, string> = {
 interface FormProps {
   onStarted(run: number): void;
   onTable(id: number): void;
+  /** What the run in the form would do. */
+  onForecast(told: Told): void;
 }
 
-export function IdentificationForm({ onStarted, onTable }: FormProps) {
+export function IdentificationForm({ onStarted, onTable, onForecast }: FormProps) {
   const kinds = useQuery(identificationKindsQuery);
   const [kind, setKind] = useState<Kind>("actuator");
   const chosen = kinds.data?.find((entry) => entry.kind === kind);
@@ -65,14 +67,18 @@ export function IdentificationForm({ onStarted, onTable }: FormProps) {
           onChange={(value) => setKind(value as Kind)}
         />
         <span className={page.dim}>{chosen?.description ?? kinds.error?.message ?? "Loading …"}</span>
-        {chosen && <KindForm key={kind} kind={chosen} onStarted={onStarted} />}
+        {chosen && <KindForm key={kind} kind={chosen} onStarted={onStarted} onForecast={onForecast} />}
         {kind === "spring" && <SpringTableForm onTable={onTable} />}
       </div>
     </Card>
   );
 }
 
-function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (run: number) => void }) {
+interface KindFormProps extends Pick<FormProps, "onStarted" | "onForecast"> {
+  readonly kind: IdentificationKind;
+}
+
+function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const angles = useAngles();
   const [changed, setChanged] = useState<Values>({});
   const [tensions, setTensions] = useState("");
@@ -86,8 +92,15 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
   const [from] = useDebouncedValue(useWhereabouts(), 300);
   const prediction = useQuery(predictionQuery(request, from));
   const busy = state?.task != null;
-  const leaves = prediction.data?.within_range === false ? "The run would leave the range, see above." : null;
+  const leaves =
+    prediction.data?.within_range === false ? "The run would leave the range, see the forecast." : null;
   const reason = asked.problem ?? (busy ? "Another task is running." : (whyNot(state, "identify") ?? leaves));
+
+  const problem = asked.problem ?? prediction.error?.message;
+  useEffect(
+    () => onForecast({ prediction: prediction.data, problem }),
+    [onForecast, prediction.data, problem],
+  );
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -141,7 +154,6 @@ function KindForm({ kind, onStarted }: { kind: IdentificationKind; onStarted: (r
       {state !== null && (
         <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
       )}
-      <PredictionView prediction={prediction.data} problem={asked.problem ?? prediction.error?.message} />
       <div className={page.decide}>
         <Button
           type="submit"

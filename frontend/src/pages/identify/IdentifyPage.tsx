@@ -10,6 +10,7 @@ import { BankBuilder } from "./BankBuilder";
 import { IdentificationForm } from "./IdentificationForm";
 import { IdentificationList } from "./IdentificationList";
 import { IdentificationResult } from "./IdentificationResult";
+import { PredictionView, type Told } from "./PredictionView";
 import { SpringTableResult } from "./SpringResult";
 import { SpringTableList } from "./SpringTableList";
 
@@ -20,6 +21,7 @@ export default function IdentifyPage() {
   const [chosen, setChosen] = useState<ReadonlySet<number>>(new Set());
   const tables = useQuery(springTablesQuery);
   const [tableId, setTable] = useState<number | null>(null);
+  const [told, setTold] = useState<Told>({ prediction: undefined, problem: undefined });
   const table = tables.data?.find((item) => item.id === tableId);
   const newest = identifications.data?.[0]?.id;
   const selected = id === undefined ? newest : Number(id);
@@ -48,10 +50,14 @@ export default function IdentifyPage() {
                 go(`/identify/${started}`);
               }}
               onTable={setTable}
+              onForecast={setTold}
             />
           </OperatorsOnly>
         </div>
         <div className={styles.column}>
+          <OperatorsOnly>
+            <PredictionView {...told} />
+          </OperatorsOnly>
           {table && <SpringTableResult key={table.id} table={table} />}
           {selected !== undefined && !table && <IdentificationResult key={selected} id={selected} />}
           <IdentificationList

@@ -1,5 +1,6 @@
 /** What a run will do to the rig, told before it starts. */
 
+import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
 import { duration, fixed, significant } from "../../samples/format";
 import { angleText, inWords, labelWith, readingOf } from "../../samples/quantity";
@@ -9,45 +10,51 @@ import page from "../Page.module.css";
 import { ForecastMap } from "./ForecastMap";
 import styles from "./Identify.module.css";
 
-interface PredictionViewProps {
+export interface Told {
   readonly prediction: Prediction | undefined;
   readonly problem: string | undefined;
 }
 
-export function PredictionView({ prediction, problem }: PredictionViewProps) {
+export function PredictionView({ prediction, problem }: Told) {
   const angles = useAngles();
   return (
-    <output className={styles.prediction} aria-label="Prediction">
-      {problem !== undefined && <Verdict good={false}>{problem}</Verdict>}
-      {problem === undefined && prediction === undefined && <span className={page.dim}>Predicting …</span>}
-      {problem === undefined && prediction !== undefined && (
-        <>
-          <ForecastMap prediction={prediction} />
-          <dl className={page.facts}>
-            <dt>{labelWith(`Joint, now at ${angleText(prediction.q_start, 1, angles)}`, "rad", angles)}</dt>
-            <dd>
-              <strong>
-                {angleText(prediction.q_low, 1, angles)} … {angleText(prediction.q_high, 1, angles)}
-              </strong>
-            </dd>
-            <dt>Tendons</dt>
-            <dd>
-              <strong>
-                {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} …{" "}
-                {fixed(prediction.F_high, 1)}
-              </strong>{" "}
-              N
-            </dd>
-            {prediction.figures.map((figure) => (
-              <Figure key={figure.name} {...figure} />
-            ))}
-            <dt>Until back in pretension</dt>
-            <dd>{duration(prediction.duration_s)}</dd>
-          </dl>
-          <Verdict good={prediction.enough_motion}>{inWords(prediction.message, angles)}</Verdict>
-        </>
-      )}
-    </output>
+    <Card title="Forecast">
+      <output className={styles.prediction} aria-label="Prediction">
+        {problem !== undefined && <Verdict good={false}>{problem}</Verdict>}
+        {problem === undefined && prediction === undefined && <span className={page.dim}>Predicting …</span>}
+        {problem === undefined && prediction !== undefined && (
+          <>
+            <div className={styles.forecast}>
+              <ForecastMap prediction={prediction} />
+              <dl className={page.facts}>
+                <dt>
+                  {labelWith("Joint", "rad", angles)}, now at {angleText(prediction.q_start, 1, angles)}
+                </dt>
+                <dd>
+                  <strong>
+                    {angleText(prediction.q_low, 1, angles)} … {angleText(prediction.q_high, 1, angles)}
+                  </strong>
+                </dd>
+                <dt>Tendons</dt>
+                <dd>
+                  <strong>
+                    {prediction.F_low === 0 ? "slack" : fixed(prediction.F_low, 1)} …{" "}
+                    {fixed(prediction.F_high, 1)}
+                  </strong>{" "}
+                  N
+                </dd>
+                {prediction.figures.map((figure) => (
+                  <Figure key={figure.name} {...figure} />
+                ))}
+                <dt>Until back in pretension</dt>
+                <dd>{duration(prediction.duration_s)}</dd>
+              </dl>
+            </div>
+            <Verdict good={prediction.enough_motion}>{inWords(prediction.message, angles)}</Verdict>
+          </>
+        )}
+      </output>
+    </Card>
   );
 }
 

@@ -26,8 +26,8 @@ export function OperatePage() {
         <OperatorsOnly otherwise={<ViewOnly />}>
           <ModeCard />
           <ReferencesCard />
-          <PushCard />
           <TuningCard />
+          <PushCard />
         </OperatorsOnly>
       </div>
     </div>

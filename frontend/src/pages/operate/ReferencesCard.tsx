@@ -57,7 +57,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
-        remark={open ? "joint loop open: geometry alone takes the joint there, a push moves it away" : null}
+        remark={open ? "joint loop open, by geometry" : null}
         send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
       />
       <ReferenceControl
