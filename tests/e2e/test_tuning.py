@@ -62,7 +62,7 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "–"])
 
 
-def test_the_lam_motor_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:
+def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:
     """As computed of the sampled loop: at the λ in force on Operate, at the one typed in the form of an experiment."""
     page = tuning.page
     expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
