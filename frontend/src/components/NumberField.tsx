@@ -1,10 +1,12 @@
 /** A number of a form. Text that is no number stays as it is, marked, and is handed on as text: no form sends it. */
 
 import { TextInput, type TextInputProps } from "@mantine/core";
-import { useRef, useState } from "react";
+import { useEffect, useRef, useState } from "react";
 import { notANumber } from "../samples/number";
 import { boxText, inSI } from "../samples/quantity";
 import { useAngles } from "../service/angles";
+import { useRefusedField } from "../service/refusedFields";
+import { useDescribedBy } from "./useDescribedBy";
 
 interface NumberFieldProps
   extends Pick<
@@ -14,13 +16,29 @@ interface NumberFieldProps
   /** In SI; typed and shown as the person reads that unit. */
   readonly value: number | string;
   readonly unit?: string;
+  /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
+  readonly place?: string;
+  /** Where there is no room below the box: the element that says why it is refused. */
+  readonly saidAt?: string;
   onChange(value: number | string): void;
 }
 
-export function NumberField({ value, unit = "1", onChange, ...rest }: NumberFieldProps) {
+export function NumberField(props: NumberFieldProps) {
+  const { value, unit = "1", place = props.name, saidAt, onChange, ...rest } = props;
   const angles = useAngles();
   const [typed, setTyped] = useState<string | null>(null);
   const before = useRef(value);
+  const box = useRef<HTMLInputElement>(null);
+  const refused = useRefusedField(rest.disabled ? undefined : place);
+  const cause = refused?.error ?? null;
+  useEffect(() => {
+    if (cause === null) return;
+    box.current?.closest("details")?.setAttribute("open", "");
+    box.current?.focus();
+  }, [cause]);
+  useDescribedBy(box, refused === null ? undefined : saidAt);
+  const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : undefined;
+  const said = odd ?? refused?.text;
   // while "1." is being typed it is the number 1, and its point stays
   const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
   return (
@@ -29,7 +47,8 @@ export function NumberField({ value, unit = "1", onChange, ...rest }: NumberFiel
       autoComplete="off"
       inputWrapperOrder={["label", "input", "description", "error"]}
       value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
-      error={typeof value === "string" && !rest.disabled ? notANumber(value) : undefined}
+      ref={box}
+      error={odd === undefined && saidAt !== undefined ? refused !== null : said}
       onFocus={() => {
         before.current = value;
       }}

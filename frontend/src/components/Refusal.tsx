@@ -2,6 +2,7 @@
 
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
+import { useToldAtField } from "../service/refusedFields";
 import { useStanding } from "../service/useStanding";
 import styles from "./Refusal.module.css";
 
@@ -10,22 +11,24 @@ interface RefusalProps {
   readonly error?: Error | null | undefined;
   /** What the refused request would have changed, as it is in force: once that changes, the refusal is over. */
   readonly about?: unknown;
-  /** The error in few words. */
-  readonly brief?: ((error: Error) => string | null) | undefined;
+  /** For the box that it speaks of. */
+  readonly id?: string;
   /** What keeps something from being done, found here and now. */
   readonly text?: string | null | undefined;
   /** Shown while nothing is refused. */
   readonly hint?: string;
 }
 
-export function Refusal({ error, about, brief, text, hint = "" }: RefusalProps) {
+export function Refusal({ error, about, id, text, hint = "" }: RefusalProps) {
   const standing = useStanding(error, about);
   const angles = useAngles();
-  const said = standing === null ? text : (brief?.(standing) ?? standing.message);
+  const elsewhere = useToldAtField(standing);
+  const said = standing === null ? text : elsewhere ? null : standing.message;
   const refused = said !== null && said !== undefined;
   const reason = refused ? inWords(said, angles) : undefined;
   return (
     <output
+      id={id}
       className={styles.refusal}
       aria-label="Refusal"
       data-refused={refused}

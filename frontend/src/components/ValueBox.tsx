@@ -1,8 +1,9 @@
 /** A number box that is sent on Enter or when it is left, and given up on Escape. What is no number is never sent. */
 
 import { TextInput } from "@mantine/core";
-import { type KeyboardEvent, useState } from "react";
+import { type KeyboardEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
+import { useDescribedBy } from "./useDescribedBy";
 
 interface ValueBoxProps {
   readonly label: string;
@@ -12,6 +13,8 @@ interface ValueBoxProps {
   readonly step: number;
   readonly width: number;
   readonly disabled?: boolean;
+  /** The element that says why the value is refused; left out while it is not. */
+  readonly refusedAt?: string | undefined;
   /** A number as it is shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
   /** Why what was typed is not sent; null once it is changed or given up. */
@@ -19,9 +22,22 @@ interface ValueBoxProps {
 }
 
 export function ValueBox(props: ValueBoxProps) {
-  const { label, unit, value, decimals, step, width, disabled = false, onCommit, onProblem } = props;
+  const {
+    label,
+    unit,
+    value,
+    decimals,
+    step,
+    width,
+    disabled = false,
+    refusedAt,
+    onCommit,
+    onProblem,
+  } = props;
   const [typed, setTyped] = useState<string | null>(null);
   const [refused, setRefused] = useState(false);
+  const box = useRef<HTMLInputElement>(null);
+  useDescribedBy(box, refusedAt);
 
   function take(text: string | null, problem: string | null = null): void {
     setTyped(text);
@@ -55,7 +71,8 @@ export function ValueBox(props: ValueBoxProps) {
     <TextInput
       aria-label={label}
       value={typed ?? shown(value, decimals)}
-      error={refused}
+      error={refused || refusedAt !== undefined}
+      ref={box}
       disabled={disabled}
       autoComplete="off"
       w={width}

@@ -11,6 +11,7 @@ import { useLive } from "../../live/react";
 import { useAngles } from "../../service/angles";
 import { useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery, tuningKey } from "../../service/queries";
+import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
@@ -46,7 +47,7 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
   const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
   const order = problem === null ? asked.order : null;
   const reason = problem ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
-  const failure = start.error ?? dryRun.error ?? queue.error;
+  const failure = problem === null ? lastRefusal(start, dryRun, queue) : null;
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -64,60 +65,62 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
   );
 
   return (
-    <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
-      <span className={page.dim}>{kind.description}</span>
-      {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
-      <details>
-        <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
-        <div className={page.fields} style={{ paddingTop: 8 }}>
-          {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
-          {state !== null && typeof values.lam_motor === "number" && (
-            <MotorMargins
-              className={page.dim}
-              lam_motor={values.lam_motor}
-              tuning={tuningKey(state.tuning)}
-            />
-          )}
-          <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
-        </div>
-      </details>
-      <div className={page.decide}>
-        <div className={page.actions}>
-          <OperatorsOnly>
-            <Button
-              type="submit"
-              size="sm"
-              aria-label={`Start ${kind.title.toLowerCase()}`}
-              aria-disabled={reason !== null}
-              data-disabled={reason !== null || undefined}
-              loading={start.isPending}
-            >
-              Start
-            </Button>
+    <RefusedFields error={failure} about={changed}>
+      <form className={page.fields} aria-label={kind.title} onSubmit={submit}>
+        <span className={page.dim}>{kind.description}</span>
+        {shown.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
+        <details>
+          <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
+          <div className={page.fields} style={{ paddingTop: 8 }}>
+            {shown.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
+            {state !== null && typeof values.lam_motor === "number" && (
+              <MotorMargins
+                className={page.dim}
+                lam_motor={values.lam_motor}
+                tuning={tuningKey(state.tuning)}
+              />
+            )}
+            <span className={page.dim}>After the experiment the tuning in force before it is back.</span>
+          </div>
+        </details>
+        <div className={page.decide}>
+          <div className={page.actions}>
+            <OperatorsOnly>
+              <Button
+                type="submit"
+                size="sm"
+                aria-label={`Start ${kind.title.toLowerCase()}`}
+                aria-disabled={reason !== null}
+                data-disabled={reason !== null || undefined}
+                loading={start.isPending}
+              >
+                Start
+              </Button>
+              <Button
+                size="sm"
+                variant="default"
+                disabled={order === null}
+                loading={queue.isPending}
+                onClick={() => order && queue.mutate({ do: "add", ...order })}
+              >
+                Add to queue
+              </Button>
+            </OperatorsOnly>
             <Button
               size="sm"
               variant="default"
               disabled={order === null}
-              loading={queue.isPending}
-              onClick={() => order && queue.mutate({ do: "add", ...order })}
+              loading={dryRun.isPending}
+              title="Play it on a simulator of its own, faster than real time; nothing moves"
+              onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
             >
-              Add to queue
+              Dry run
             </Button>
-          </OperatorsOnly>
-          <Button
-            size="sm"
-            variant="default"
-            disabled={order === null}
-            loading={dryRun.isPending}
-            title="Play it on a simulator of its own, faster than real time; nothing moves"
-            onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
-          >
-            Dry run
-          </Button>
+          </div>
+          <Refusal error={failure} about={changed} text={reason} />
         </div>
-        <Refusal error={problem === null ? failure : null} about={changed} text={reason} />
-      </div>
-    </form>
+      </form>
+    </RefusedFields>
   );
 }
 

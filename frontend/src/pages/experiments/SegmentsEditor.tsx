@@ -2,10 +2,12 @@
 
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import { IconPlus, IconX } from "@tabler/icons-react";
+import { Fragment } from "react";
 import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { useRefusedWithin } from "../../service/refusedFields";
 import styles from "./SegmentsEditor.module.css";
 import { further, parseSegments, type Segment, SHAPES, totalOf, writeSegments } from "./segments";
 
@@ -39,36 +41,41 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
       </div>
       {segments.map((segment, index) => (
         // biome-ignore lint/suspicious/noArrayIndexKey: a segment is its place in the sequence
-        <div key={index} className={styles.row}>
-          <NativeSelect
-            aria-label={`Shape of segment ${index + 1}`}
-            data={[...SHAPES]}
-            value={segment.shape}
-            onChange={(event) => {
-              const shape = event.currentTarget.value as Segment["shape"];
-              send(segments.with(index, { ...segment, shape }));
-            }}
-          />
-          {COLUMNS.map(({ name, words, unit }) => (
-            <NumberField
-              key={name}
-              aria-label={`${labelWith(words, unit, angles)} of segment ${index + 1}`}
-              unit={unit}
-              disabled={name === "period_s" && segment.shape !== "sine"}
-              value={segment[name]}
-              onChange={(value) => send(segments.with(index, { ...segment, [name]: value }))}
+        <Fragment key={index}>
+          <div className={styles.row}>
+            <NativeSelect
+              aria-label={`Shape of segment ${index + 1}`}
+              data={[...SHAPES]}
+              value={segment.shape}
+              onChange={(event) => {
+                const shape = event.currentTarget.value as Segment["shape"];
+                send(segments.with(index, { ...segment, shape }));
+              }}
             />
-          ))}
-          <ActionIcon
-            variant="subtle"
-            color="gray"
-            aria-label={`Remove segment ${index + 1}`}
-            disabled={segments.length === 1}
-            onClick={() => send(segments.toSpliced(index, 1))}
-          >
-            <IconX size={14} />
-          </ActionIcon>
-        </div>
+            {COLUMNS.map(({ name, words, unit }) => (
+              <NumberField
+                key={name}
+                aria-label={`${labelWith(words, unit, angles)} of segment ${index + 1}`}
+                unit={unit}
+                place={`segments.${index}.${name}`}
+                saidAt={`segment-${index}-refused`}
+                disabled={name === "period_s" && segment.shape !== "sine"}
+                value={segment[name]}
+                onChange={(value) => send(segments.with(index, { ...segment, [name]: value }))}
+              />
+            ))}
+            <ActionIcon
+              variant="subtle"
+              color="gray"
+              aria-label={`Remove segment ${index + 1}`}
+              disabled={segments.length === 1}
+              onClick={() => send(segments.toSpliced(index, 1))}
+            >
+              <IconX size={14} />
+            </ActionIcon>
+          </div>
+          <RowRefusal index={index} />
+        </Fragment>
       ))}
       <Button
         variant="default"
@@ -79,5 +86,15 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
         Add segment
       </Button>
     </fieldset>
+  );
+}
+
+/** Below the row, as the boxes are too narrow for a sentence. */
+function RowRefusal({ index }: { index: number }) {
+  const refused = useRefusedWithin(`segments.${index}`);
+  return refused === null ? null : (
+    <div id={`segment-${index}-refused`} role="alert" className={styles.refused}>
+      {refused}
+    </div>
   );
 }

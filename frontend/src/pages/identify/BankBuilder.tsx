@@ -6,6 +6,7 @@ import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useBuildBank } from "../../service/commands";
+import { RefusedFields, useRefusedField } from "../../service/refusedFields";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 
@@ -22,23 +23,38 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
 
   return (
     <Card title="Bank from runs" className={runs.length > 0 ? styles.builder : undefined}>
-      <form className={page.fields} aria-label="Bank from runs" onSubmit={submit}>
-        <span className={page.dim}>
-          {runs.length === 0
-            ? "Tick the runs to use in the list."
-            : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
-        </span>
-        <TextInput label="Bank name" value={name} onChange={(event) => setName(event.currentTarget.value)} />
-        <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
-          Build bank
-        </Button>
-        {build.data && (
-          <span>
-            Built <Link href={`/banks/${build.data.id}`}>{`${build.data.name} v${build.data.version}`}</Link>.
+      <RefusedFields error={build.error} about={name}>
+        <form className={page.fields} aria-label="Bank from runs" onSubmit={submit}>
+          <span className={page.dim}>
+            {runs.length === 0
+              ? "Tick the runs to use in the list."
+              : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
           </span>
-        )}
-        <Refusal error={build.error} about={name} />
-      </form>
+          <NameField value={name} onChange={setName} />
+          <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
+            Build bank
+          </Button>
+          {build.data && (
+            <span>
+              Built{" "}
+              <Link href={`/banks/${build.data.id}`}>{`${build.data.name} v${build.data.version}`}</Link>.
+            </span>
+          )}
+          <Refusal error={build.error} about={name} />
+        </form>
+      </RefusedFields>
     </Card>
+  );
+}
+
+function NameField({ value, onChange }: { value: string; onChange: (value: string) => void }) {
+  return (
+    <TextInput
+      name="name"
+      label="Bank name"
+      value={value}
+      error={useRefusedField("name")?.text}
+      onChange={(event) => onChange(event.currentTarget.value)}
+    />
   );
 }

@@ -13,6 +13,7 @@ import { type Angles, labelWith, rangeText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useStartIdentification } from "../../service/commands";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
+import { RefusedFields } from "../../service/refusedFields";
 import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningInWords, tuningOf } from "../experiments/order";
@@ -114,59 +115,61 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   }
 
   return (
-    <form className={page.fields} aria-label="New identification" onSubmit={submit}>
-      {kind.kind === "actuator" && (
-        <TensionFields
-          tension_N={values.tension_N ?? ""}
-          tensions={tensions}
-          onTension={(value) => set("tension_N", value)}
-          onTensions={setTensions}
-        />
-      )}
-      <div className={styles.grid}>
-        {kind.settings
-          .filter((setting) => setting.name !== "tension_N")
-          .map((setting) =>
-            setting.choices ? (
-              <NativeSelect
-                key={setting.name}
-                name={setting.name}
-                label={LABELS[setting.name] ?? setting.meaning}
-                description={describe(setting, originOf(setting, changed, angles), angles)}
-                inputWrapperOrder={["label", "input", "description", "error"]}
-                data={[...setting.choices]}
-                value={String(values[setting.name] ?? "")}
-                onChange={(event) => set(setting.name, event.currentTarget.value)}
-              />
-            ) : (
-              <NumberField
-                key={setting.name}
-                name={setting.name}
-                label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
-                description={describe(setting, originOf(setting, changed, angles), angles)}
-                unit={setting.unit}
-                value={values[setting.name] ?? ""}
-                onChange={(value) => set(setting.name, value)}
-              />
-            ),
-          )}
-      </div>
-      {state !== null && (
-        <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
-      )}
-      <div className={page.decide}>
-        <Button
-          type="submit"
-          size="sm"
-          aria-disabled={reason !== null}
-          data-disabled={reason !== null || undefined}
-          loading={start.isPending}
-        >
-          Start identification
-        </Button>
-        <Refusal error={start.error} about={[changed, tensions]} text={reason} />
-      </div>
-    </form>
+    <RefusedFields error={start.error} about={[changed, tensions]}>
+      <form className={page.fields} aria-label="New identification" onSubmit={submit}>
+        {kind.kind === "actuator" && (
+          <TensionFields
+            tension_N={values.tension_N ?? ""}
+            tensions={tensions}
+            onTension={(value) => set("tension_N", value)}
+            onTensions={setTensions}
+          />
+        )}
+        <div className={styles.grid}>
+          {kind.settings
+            .filter((setting) => setting.name !== "tension_N")
+            .map((setting) =>
+              setting.choices ? (
+                <NativeSelect
+                  key={setting.name}
+                  name={setting.name}
+                  label={LABELS[setting.name] ?? setting.meaning}
+                  description={describe(setting, originOf(setting, changed, angles), angles)}
+                  inputWrapperOrder={["label", "input", "description", "error"]}
+                  data={[...setting.choices]}
+                  value={String(values[setting.name] ?? "")}
+                  onChange={(event) => set(setting.name, event.currentTarget.value)}
+                />
+              ) : (
+                <NumberField
+                  key={setting.name}
+                  name={setting.name}
+                  label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
+                  description={describe(setting, originOf(setting, changed, angles), angles)}
+                  unit={setting.unit}
+                  value={values[setting.name] ?? ""}
+                  onChange={(value) => set(setting.name, value)}
+                />
+              ),
+            )}
+        </div>
+        {state !== null && (
+          <span className={page.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
+        )}
+        <div className={page.decide}>
+          <Button
+            type="submit"
+            size="sm"
+            aria-disabled={reason !== null}
+            data-disabled={reason !== null || undefined}
+            loading={start.isPending}
+          >
+            Start identification
+          </Button>
+          <Refusal error={start.error} about={[changed, tensions]} text={reason} />
+        </div>
+      </form>
+    </RefusedFields>
   );
 }
 

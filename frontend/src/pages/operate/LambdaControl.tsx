@@ -9,8 +9,8 @@ import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
-import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
+import { useStanding } from "../../service/useStanding";
 import type { LoopPreview, Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 import { StepPreview } from "./StepPreview";
@@ -50,6 +50,8 @@ export function LambdaControl(props: LambdaControlProps) {
   const target = proposed
     ? `${fixed(sent.value, DECIMALS)} s is not sent yet: Enter takes it, Escape leaves it.`
     : null;
+  const refusal = problem === null && target === null ? sent.refusal : null;
+  const refusedAt = useStanding(refusal, value) === null ? undefined : `refusal-of-${name}`;
   const drafted = sent.editing ? sent.value : undefined;
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
@@ -78,6 +80,7 @@ export function LambdaControl(props: LambdaControlProps) {
           width={84}
           onCommit={sent.commit}
           onProblem={setProblem}
+          refusedAt={refusedAt}
         />
         <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
           <IconPlus size={14} />
@@ -144,12 +147,7 @@ export function LambdaControl(props: LambdaControlProps) {
         drafted={sent.value !== tuning[name]}
         compare={compare}
       />
-      <Refusal
-        error={problem === null && target === null ? sent.refusal : null}
-        about={value}
-        brief={(error) => refusalText(error, 1, DECIMALS, "s")}
-        text={problem ?? target}
-      />
+      <Refusal id={`refusal-of-${name}`} error={refusal} about={value} text={problem ?? target} />
     </div>
   );
 }

@@ -13,8 +13,8 @@ import { fixed } from "../../samples/format";
 import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
-import { refusalText } from "../../service/refusalText";
 import { useSentValue } from "../../service/useSentValue";
+import { useStanding } from "../../service/useStanding";
 import type { Limits, References } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -51,7 +51,6 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         name="q_ref"
         key={unit}
         unit={unit}
-        factor={factor}
         inForce={q_ref * factor}
         min={limits.q_min * factor}
         max={limits.q_max * factor}
@@ -63,7 +62,6 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
       <ReferenceControl
         name="S_ref"
         unit="N·m/rad"
-        factor={1}
         inForce={S_ref}
         min={limits.S_min}
         max={limits.S_max}
@@ -79,8 +77,6 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
 interface ReferenceControlProps {
   readonly name: string;
   readonly unit: string;
-  /** From SI to the unit shown. */
-  readonly factor: number;
   readonly inForce: number;
   readonly min: number;
   readonly max: number;
@@ -92,13 +88,15 @@ interface ReferenceControlProps {
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, factor, inForce, min, max, step, decimals, remark, send } = props;
+  const { name, unit, inForce, min, max, step, decimals, remark, send } = props;
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
   const target = proposed
     ? `${fixed(sent.value, decimals)} ${unit} is not sent yet: Enter commands it, Escape leaves it.`
     : null;
+  const refusal = problem === null && target === null ? sent.refusal : null;
+  const refusedAt = useStanding(refusal, inForce) === null ? undefined : `refusal-of-${name}`;
   return (
     <div className={styles.control}>
       <div className={styles.referenceRow}>
@@ -152,12 +150,13 @@ function ReferenceControl(props: ReferenceControlProps) {
           width={124}
           onCommit={sent.commit}
           onProblem={setProblem}
+          refusedAt={refusedAt}
         />
       </div>
       <Refusal
-        error={problem === null && target === null ? sent.refusal : null}
+        id={`refusal-of-${name}`}
+        error={refusal}
         about={inForce}
-        brief={(error) => refusalText(error, factor, decimals, unit)}
         text={problem ?? target}
         hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === null ? "" : `; ${remark}`}`}
       />

@@ -1,0 +1,42 @@
+"""Angles as an operator types and reads them: refused in degrees at the field, and all in radians after one press."""
+
+import re
+
+from playwright.sync_api import expect
+
+from tests.e2e.operator import Operator
+
+FIELD = "Joint position steps between ±q_max"
+
+
+def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(operator: Operator) -> None:
+    page = operator.page
+    operator.go("Experiments")
+    box = page.get_by_label(f"{FIELD} [deg]")
+    expect(box).to_have_value("60")
+    box.fill("120")
+    page.get_by_role("button", name="Dry run", exact=True).click()
+    refused = page.get_by_text(
+        re.compile(r"joint position steps .*: 120 deg is outside 0\.572958 to 80\.\d+ deg; choose")
+    )
+    expect(refused).to_be_visible()
+    expect(box).to_have_attribute("aria-invalid", "true")
+    expect(box).to_be_focused()
+    described = (box.get_attribute("aria-describedby") or "").split()
+    assert refused.get_attribute("id") in described
+
+    page.get_by_role("button", name="Angles in degrees").click()
+    box = page.get_by_label(f"{FIELD} [rad]")
+    expect(box).to_have_value("2.0944")
+    expect(
+        page.get_by_text(re.compile(r"joint position steps .*: 2\.09\d* rad is outside 0\.01 to 1\.4"))
+    ).to_be_visible()
+    expect(page.get_by_text(re.compile(r"\d deg\b"))).to_have_count(0)
+    operator.go("Operate")
+    expect(page.get_by_label("q_ref value [rad]")).to_be_visible()
+    expect(page.get_by_text("S [N·m/rad] over q [rad]")).to_be_visible()
+    expect(page.get_by_text("[deg]")).to_have_count(0)
+
+    page.reload()
+    page.get_by_role("button", name="Angles in radians").click()
+    expect(page.get_by_label("q_ref value [deg]")).to_be_visible()
