@@ -17,6 +17,9 @@ Values = dict[str, bool | float | str]
 TO_SI = {"deg": ("rad", math.pi / 180.0), "°": ("rad", math.pi / 180.0), "": ("1", 1.0)}
 """Units that a person is shown in place of the one that is sent, with the factor between both."""
 
+REPORT_TIMEOUT_MS = 120_000
+"""The first report of a service starts the process that draws it."""
+
 ROUNDED = 6e-6
 """Numbers in reports and tables have six significant digits, and so have angles that nobody typed in their boxes."""
 
@@ -122,7 +125,7 @@ def reported(browser: Browser, page: Page, url: str) -> tuple[list[tuple[str, An
     """Return what the report of a run prints, in SI: its settings with the words at them, and its segments if any."""
     context = browser.new_context(storage_state=page.context.storage_state())
     report = context.new_page()
-    report.goto(url, wait_until="domcontentloaded")
+    report.goto(url, wait_until="domcontentloaded", timeout=REPORT_TIMEOUT_MS)
     settings = _rows(report, "Settings of the run.")
     table = _rows(report, "Segments of the sequence")
     context.close()

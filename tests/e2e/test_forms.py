@@ -1,163 +1,21 @@
 """For every form of the page: what is shown is what is sent, stored and reported, whatever was before.
 
-The states follow each other on one data folder; each test brings the service into its own, so that it runs alone too.
+Each test brings the service into its state by itself, so that it runs alone too.
 """
 
 import json
-import math
 from collections.abc import Iterator
-from contextlib import ExitStack
-from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.storage import open_database, runs
 from tests.e2e import forms
-from tests.e2e.browser import DESKTOP, Watched
+from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
-from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
-from tests.e2e.service import Service, running_service
+from tests.e2e.stage import EXPERIMENTS, IDENTIFICATIONS, SHORT, STATES, Stage, declared, form_of, let_go, start
 
-STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
-
-BANK = {
-    "format": "sinew-bank",
-    "version": 1,
-    "name": "forms",
-    "entries": [
-        {"S_nominal": 10.55, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 20.0},
-        {"S_nominal": 12.43, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 30.0},
-    ],
-}
-OWN: Values = {"lam_q": 0.62, "lam_S": 0.55, "lam_motor": 0.09, "b": 0.25, "interpolate": True}
-"""A tuning of which every part differs from its default."""
-
-CHANGED: Values = {
-    "q_amplitude": 0.6,
-    "q_hold": 0.1,
-    "S_hold": 10.5,
-    "S_low": 9.0,
-    "S_high": 12.0,
-    "controller": "single-loop",
-    "q_duration_s": 0.75,
-    "S_duration_s": 0.5,
-    "lam_q": 0.9,
-    "lam_S": 0.8,
-    "lam_motor": 0.0854,
-    "b": 1.0,
-    "bank": 0.0,
-    "interpolate": False,
-}
-"""Every field of a form at another value than what is in force or usual."""
-
-EXPERIMENTS = ("tracking", "compliance", "robustness", "sequence")
-IDENTIFICATIONS = ("actuator", "motor", "spring")
-SHORT: dict[str, Values] = {
-    "tracking": {"q_duration_s": 0.5, "S_duration_s": 0.5},
-    "compliance": {"profile": "steps", "hold_s": 0.5},
-    "robustness": {"hold_s": 1.0},
-    "sequence": {},
-    "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 1.0},
-    "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 0.5},
-    "spring": {"sweep_s": 3.0, "cycles": 1.0, "settle_s": 0.5},
-}
-"""What keeps a run short, by what is run."""
-
-
-class Stage:
-    """A service that can be started again on its data folder, with an operator at a page."""
-
-    def __init__(self, browser: Browser, data: Path) -> None:
-        self.browser = browser
-        self.reached = "fresh"
-        self._data = data
-        self._running = ExitStack()
-        self._begin()
-
-    def close(self) -> None:
-        self.watched.page.context.close()
-        self._running.close()
-
-    def bring(self, state: str) -> None:
-        """Go on from the state that was reached to this one, through those between."""
-        while self.reached != state:
-            self.reached = STATES[STATES.index(self.reached) + 1]
-            match self.reached:
-                case "bank in force":
-                    self._use_bank()
-                case "after an experiment":
-                    self._run_another_tuning()
-                case "after a restart":
-                    self.close()
-                    self._begin()
-        self._hold()
-
-    def get(self, path: str) -> Any:
-        answer = self.page.request.get(f"{self.service.url}{path}")
-        assert answer.ok, answer.text()
-        return answer.json()
-
-    def in_force(self) -> Values:
-        """The operator's tuning, as the service tells it."""
-        tuning = self.get("/api/tuning")
-        return {name: tuning[name] for name in OWN} | {"bank": (tuning["bank"] or {"id": 0})["id"]}
-
-    def stored(self, run: int) -> Values:
-        """What the database holds of a run's settings."""
-        database = open_database(self._data)
-        with database.reading() as session:
-            kept = runs.get(session, run).settings
-        database.close()
-        return {**kept["plan"], **kept["loop"]}
-
-    def _begin(self) -> None:
-        self.service: Service = self._running.enter_context(running_service(self._data))
-        self.watched = Watched(self.browser.new_context(viewport=DESKTOP).new_page())
-        self.page: Page = self.watched.page
-        self.operator = Operator(self.page, self.service)
-        self.operator.sign_in()
-
-    def _hold(self) -> None:
-        """Hold the pretension, from which every program starts."""
-        if not self.get("/api/state")["pretension_done"]:
-            self.operator.go("Operate")
-            self.operator.press("Pretension")
-            self.operator.wait(lambda: bool(self.get("/api/state")["pretension_done"]))
-
-    def _use_bank(self) -> None:
-        page = self.page
-        self.operator.go("Banks")
-        with page.expect_file_chooser() as chooser:
-            page.get_by_role("button", name="Import bank").click()
-        file = {"name": "forms.json", "mimeType": "application/json", "buffer": json.dumps(BANK).encode()}
-        with page.expect_request("**/api/banks/file") as sent:
-            chooser.value.set_files(file)  # type: ignore[arg-type]  # a dict of these keys, which it is
-        assert sent.value.post_data_json == BANK
-        activate = page.get_by_role("button", name="Activate forms v1")
-        forms.pressed(page, activate, "/activate")
-        self.operator.take_control()
-        page.get_by_role("button", name="Control: you").click()
-        page.get_by_role("menuitem", name="Give up control").click()
-        with self._script() as script:
-            script.put("/api/tuning", json=OWN).raise_for_status()
-        self.operator.take_control()
-
-    def _run_another_tuning(self) -> None:
-        """An experiment of which every setting differs from what is in force."""
-        self._hold()
-        form = form_of(self, "tracking", CHANGED)
-        shown = forms.shown(form)
-        assert differences(CHANGED, {name: shown[name] for name in CHANGED}, ROUNDED) == []
-        start(self, form, "/api/experiments")
-        let_go(self, "tracking")
-
-    def _script(self) -> httpx.Client:
-        token = (self._data / "token").read_text().strip()
-        return httpx.Client(base_url=self.service.url, headers={"Authorization": f"Bearer {token}"}, timeout=30.0)
 
 
 @pytest.fixture(scope="module")
@@ -168,31 +26,11 @@ def stage(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     assert opened.watched.complaints == []
 
 
-def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
-    """Open the form of an experiment or of an identification and fill it."""
-    page = stage.page
-    stage.operator.go("Identify" if kind in IDENTIFICATIONS else "Experiments")
-    title = declared(stage, kind)["title"]
-    if kind in IDENTIFICATIONS:
-        page.get_by_role("radiogroup", name="What to identify").get_by_text(title, exact=True).click()
-        form = page.get_by_role("form", name="New identification")
-    else:
-        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
-        form = page.get_by_role("form", name=title, exact=True)
-    expect(form).to_be_visible()
-    if kind == "sequence":
-        for _ in range(3):
-            form.get_by_role("button", name="Remove segment 2", exact=True).click()
-        forms.fill_segment(form, 1, duration_s=0.5, q_ref=math.radians(8.0))
-    forms.fill(form, changes)
-    return form
-
-
-def declared(stage: Stage, kind: str) -> Any:
-    """What the service says of a kind of experiment or identification."""
-    if kind in IDENTIFICATIONS:
-        return next(one for one in stage.get("/api/identification-kinds")["kinds"] if one["kind"] == kind)
-    return next(one for one in stage.get("/api/experiments")["experiments"] if one["name"] == kind)
+@pytest.fixture(scope="module", params=STATES)
+def state(stage: Stage, request: pytest.FixtureRequest) -> str:
+    """Each state in turn; all tests of one before the next."""
+    stage.bring(str(request.param))
+    return str(request.param)
 
 
 def undeclared(form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
@@ -223,26 +61,6 @@ def words_of(tuning: Values) -> str:
     between = ", interpolating between entries" if tuning["interpolate"] else ""
     parts = (f"λ_{name} {tuning[f'lam_{name}']} s" for name in ("q", "S", "motor"))
     return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}"
-
-
-def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str]]:
-    """Press the deciding button; return the run, what was sent, and where that is not what the form showed."""
-    button = form.get_by_role("button", name="Start")
-    expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
-    shown = forms.shown(form)
-    sent, answer = forms.pressed(stage.page, button, path)
-    sent = sent["settings"] if "settings" in sent else {name: value for name, value in sent.items() if name != "kind"}
-    shown = {name: value for name, value in shown.items() if value != ""}
-    return int(answer["id"]), sent, differences(shown, sent, ROUNDED)
-
-
-def let_go(stage: Stage, kind: str) -> None:
-    """Let the program move, then end it; an own sequence is short enough to end by itself."""
-    if kind != "sequence":
-        stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
-        stage.operator.go("Operate")
-        stage.operator.press("Pretension")
-    stage.operator.wait(lambda: stage.get("/api/state")["task"] is None)
 
 
 def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
@@ -280,9 +98,9 @@ def not_queued(stage: Stage, form: Locator) -> list[str]:
     return [*differences(shown, sent["settings"], ROUNDED), *differences(waiting["settings"], sent["settings"])]
 
 
-@pytest.mark.parametrize("state", STATES)
 def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
-    stage.bring(state)
+    assert {one["name"] for one in stage.get("/api/experiments")["experiments"]} == set(EXPERIMENTS)
+    assert {one["kind"] for one in stage.get("/api/identification-kinds")["kinds"]} == set(IDENTIFICATIONS)
     own = stage.in_force()
     wrong: dict[str, list[str]] = {}
     for kind in (*EXPERIMENTS, *IDENTIFICATIONS):
@@ -298,3 +116,61 @@ def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
         wrong[f"run of {kind}"] = not_kept(stage, run, path, with_tuning)
         wrong[f"after {kind}"] = differences(stage.in_force(), own)
     assert {where: found for where, found in wrong.items() if found} == {}
+
+
+def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, state: str) -> None:
+    """The boxes show what is in force; what is typed is sent, in force, in the next session's record, and is undone."""
+    page, before = stage.page, stage.in_force()
+    stage.operator.go("Operate")
+    for symbol, name, value in (("λ_q", "lam_q", 0.71), ("λ_S", "lam_S", 0.66)):
+        box = page.get_by_role("textbox", name=f"{symbol} value [s]", exact=True)
+        expect(box).to_have_value(f"{before[name]:.3f}")
+        box.fill(str(value))
+        with page.expect_request(lambda request: request.method == "PUT") as sent:
+            box.press("Enter")
+        assert sent.value.url.endswith("/api/tuning")
+        assert sent.value.post_data_json == {name: value}
+        stage.operator.wait(lambda name=name, value=value: stage.in_force() == {**before, name: value})
+        run = stage.session()
+        assert differences(stage.stored(run), {**before, name: value}) == []
+        undone = page.get_by_role("button", name="Undo change")
+        _, answer = forms.pressed(page, undone, "/api/tuning/undo")
+        assert answer[name] == before[name]
+        expect(box).to_have_value(f"{before[name]:.3f}")
+        assert stage.in_force() == before
+
+
+def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:
+    stage.bring("after a restart")
+    own = stage.in_force()
+    page = viewer_of(stage, browser)
+    page.get_by_role("link", name="Experiments", exact=True).click()
+    for kind in EXPERIMENTS:
+        about = declared(stage, kind)
+        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        form = page.get_by_role("form", name=about["title"], exact=True)
+        assert undeclared(form, about["settings"], own) == []
+        deciding = [one.inner_text() for one in form.get_by_role("button").all() if one.inner_text()]
+        assert set(deciding) <= {"Dry run", "Add segment"}
+    for number in (4, 3, 2):
+        form.get_by_role("button", name=f"Remove segment {number}", exact=True).click()
+    forms.fill_segment(form, 1, duration_s=0.5)
+    shown = forms.shown(form)
+    page.set_default_timeout(DRY_RUN_TIMEOUT_MS)
+    sent, played = forms.pressed(page, form.get_by_role("button", name="Dry run"), "/dry-run")
+    assert differences(shown, sent["settings"], ROUNDED) == []
+    assert differences(played["settings"], sent["settings"]) == []
+    expect(page.get_by_role("region", name="Dry run", exact=True)).to_contain_text(words_of(own))
+    page.get_by_role("link", name="Identify", exact=True).click()
+    expect(page.get_by_text("You are signed in as a viewer")).to_be_visible()
+    assert page.get_by_role("form").count() == 0
+    page.context.close()
+
+
+def viewer_of(stage: Stage, browser: Browser) -> Page:
+    page = browser.new_context(viewport=DESKTOP).new_page()
+    page.goto(stage.service.url)
+    page.get_by_role("textbox", name="Token").fill((stage.service.data / "viewer-token").read_text().strip())
+    page.get_by_role("button", name="Sign in").click()
+    expect(page.get_by_role("img", name="Viewer")).to_have_text("VIEW")
+    return page

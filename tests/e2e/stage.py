@@ -1,0 +1,217 @@
+"""A service that goes through the states in which a form may be found, with an operator at its forms.
+
+fresh; a bank in force with a tuning of the operator's own; after an experiment with quite another tuning; after a
+restart of the service. They follow each other on one data folder.
+"""
+
+import json
+import math
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from backend.storage import open_database, runs
+from tests.e2e import forms
+from tests.e2e.browser import DESKTOP, Watched
+from tests.e2e.forms import ROUNDED, Values, differences
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service, running_service
+
+STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
+DRY_RUN_TIMEOUT_MS = 120_000
+
+BANK = {
+    "format": "sinew-bank",
+    "version": 1,
+    "name": "forms",
+    "entries": [
+        {"S_nominal": 10.55, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 20.0},
+        {"S_nominal": 12.43, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 30.0},
+    ],
+}
+OWN: Values = {"lam_q": 0.62, "lam_S": 0.55, "lam_motor": 0.09, "b": 0.25, "interpolate": True}
+"""A tuning of which every part differs from its default."""
+
+CHANGED: Values = {
+    "q_amplitude": 0.6,
+    "q_hold": 0.1,
+    "S_hold": 10.5,
+    "S_low": 9.0,
+    "S_high": 12.0,
+    "controller": "single-loop",
+    "q_duration_s": 0.75,
+    "S_duration_s": 0.5,
+    "lam_q": 0.9,
+    "lam_S": 0.8,
+    "lam_motor": 0.0854,
+    "b": 1.0,
+    "bank": 0.0,
+    "interpolate": False,
+}
+"""Every field of a form at another value than what is in force or usual."""
+
+EXPERIMENTS = ("tracking", "compliance", "robustness", "sequence")
+IDENTIFICATIONS = ("actuator", "motor", "spring")
+SHORT: dict[str, Values] = {
+    "tracking": {"q_duration_s": 0.5, "S_duration_s": 0.5},
+    "compliance": {"profile": "steps", "hold_s": 0.5},
+    "robustness": {"hold_s": 1.0},
+    "sequence": {},
+    "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 1.0},
+    "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 0.5},
+    "spring": {"sweep_s": 3.0, "cycles": 1.0, "settle_s": 0.5},
+}
+"""What keeps a run short, by what is run."""
+
+
+class Stage:
+    """A service that can be started again on its data folder, with an operator at a page."""
+
+    def __init__(self, browser: Browser, data: Path) -> None:
+        self.browser = browser
+        self.reached = "fresh"
+        self._data = data
+        self._running = ExitStack()
+        self._begin()
+
+    def close(self) -> None:
+        self.watched.page.context.close()
+        self._running.close()
+
+    def bring(self, state: str) -> None:
+        """Go on from the state that was reached to this one, through those between."""
+        while self.reached != state:
+            self.reached = STATES[STATES.index(self.reached) + 1]
+            match self.reached:
+                case "bank in force":
+                    self._use_bank()
+                case "after an experiment":
+                    self._run_another_tuning()
+                case "after a restart":
+                    self.close()
+                    self._begin()
+        self._hold()
+
+    def get(self, path: str) -> Any:
+        answer = self.page.request.get(f"{self.service.url}{path}")
+        assert answer.ok, answer.text()
+        return answer.json()
+
+    def in_force(self) -> Values:
+        """The operator's tuning, as the service tells it."""
+        tuning = self.get("/api/tuning")
+        return {name: tuning[name] for name in OWN} | {"bank": (tuning["bank"] or {"id": 0})["id"]}
+
+    def stored(self, run: int) -> Values:
+        """What the database holds of a run's settings."""
+        database = open_database(self._data)
+        with database.reading() as session:
+            kept = runs.get(session, run).settings
+        database.close()
+        return {**kept.get("plan", {}), **kept.get("loop", {})}
+
+    def session(self) -> int:
+        """Run for a moment, recorded as a session, and return its number."""
+        self.operator.press("Run")
+        self.operator.wait(lambda: self.get("/api/state")["recording_run"] is not None)
+        run = int(self.get("/api/state")["recording_run"])
+        self.operator.press("Pretension")
+        self._hold()
+        return run
+
+    def _begin(self) -> None:
+        self.service: Service = self._running.enter_context(running_service(self._data))
+        self.watched = Watched(self.browser.new_context(viewport=DESKTOP).new_page())
+        self.page: Page = self.watched.page
+        self.operator = Operator(self.page, self.service)
+        self.operator.sign_in()
+
+    def _hold(self) -> None:
+        """Hold the pretension, from which every program starts."""
+        state = self.get("/api/state")
+        if not state["pretension_done"]:
+            if state["mode"] != "pretension":
+                self.operator.go("Operate")
+                self.operator.press("Pretension")
+            self.operator.wait(lambda: bool(self.get("/api/state")["pretension_done"]))
+
+    def _use_bank(self) -> None:
+        page = self.page
+        self.operator.go("Banks")
+        with page.expect_file_chooser() as chooser:
+            page.get_by_role("button", name="Import bank").click()
+        file = {"name": "forms.json", "mimeType": "application/json", "buffer": json.dumps(BANK).encode()}
+        with page.expect_request("**/api/banks/file") as sent:
+            chooser.value.set_files(file)  # type: ignore[arg-type]  # a dict of these keys, which it is
+        assert sent.value.post_data_json == BANK
+        activate = page.get_by_role("button", name="Activate forms v1")
+        forms.pressed(page, activate, "/activate")
+        self.operator.take_control()
+        page.get_by_role("button", name="Control: you").click()
+        page.get_by_role("menuitem", name="Give up control").click()
+        with self._script() as script:
+            script.put("/api/tuning", json=OWN).raise_for_status()
+        self.operator.take_control()
+
+    def _run_another_tuning(self) -> None:
+        """An experiment of which every setting differs from what is in force."""
+        self._hold()
+        form = form_of(self, "tracking", CHANGED)
+        shown = forms.shown(form)
+        assert differences(CHANGED, {name: shown[name] for name in CHANGED}, ROUNDED) == []
+        start(self, form, "/api/experiments")
+        let_go(self, "tracking")
+
+    def _script(self) -> httpx.Client:
+        token = (self._data / "token").read_text().strip()
+        return httpx.Client(base_url=self.service.url, headers={"Authorization": f"Bearer {token}"}, timeout=30.0)
+
+
+def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
+    """Open the form of an experiment or of an identification and fill it."""
+    page = stage.page
+    stage.operator.go("Identify" if kind in IDENTIFICATIONS else "Experiments")
+    title = declared(stage, kind)["title"]
+    if kind in IDENTIFICATIONS:
+        page.get_by_role("radiogroup", name="What to identify").get_by_text(title, exact=True).click()
+        form = page.get_by_role("form", name="New identification")
+    else:
+        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        form = page.get_by_role("form", name=title, exact=True)
+    expect(form).to_be_visible()
+    if kind == "sequence":
+        for _ in range(3):
+            form.get_by_role("button", name="Remove segment 2", exact=True).click()
+        forms.fill_segment(form, 1, duration_s=0.5, q_ref=math.radians(8.0))
+    forms.fill(form, changes)
+    return form
+
+
+def declared(stage: Stage, kind: str) -> Any:
+    """What the service says of a kind of experiment or identification."""
+    if kind in IDENTIFICATIONS:
+        return next(one for one in stage.get("/api/identification-kinds")["kinds"] if one["kind"] == kind)
+    return next(one for one in stage.get("/api/experiments")["experiments"] if one["name"] == kind)
+
+
+def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str]]:
+    """Press the deciding button; return the run, what was sent, and where that is not what the form showed."""
+    button = form.get_by_role("button", name="Start")
+    expect(button).not_to_have_attribute("aria-disabled", "true", timeout=MOTION_TIMEOUT_MS)
+    shown = forms.shown(form)
+    sent, answer = forms.pressed(stage.page, button, path)
+    sent = sent["settings"] if "settings" in sent else {name: value for name, value in sent.items() if name != "kind"}
+    shown = {name: value for name, value in shown.items() if value != ""}
+    return int(answer["id"]), sent, differences(shown, sent, ROUNDED)
+
+
+def let_go(stage: Stage, kind: str) -> None:
+    """Let the program move, then end it; an own sequence is short enough to end by itself."""
+    if kind != "sequence":
+        stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
+        stage.operator.go("Operate")
+        stage.operator.press("Pretension")
+    stage.operator.wait(lambda: stage.get("/api/state")["task"] is None)
