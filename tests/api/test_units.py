@@ -145,7 +145,7 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     def page(query: str = "") -> str:
         return running.get(f"/api/runs/{run}/report.html{query}").raise_for_status().text
 
-    q_max = re.compile(r"joint\.[^/]*q.{0,20}max.{0,20}?</td>\s*<td[^>]*>([^<]*)</td>\s*<td[^>]*>([^<]*)<")
+    q_max = re.compile(r"geometry\.<i>q</i><sub>max</sub></td>\s*<td[^>]*>([^<]*)</td>\s*<td[^>]*>([^<]*)<")
     in_degrees = q_max.search(page())
     assert in_degrees is not None
     liking("rad")
