@@ -47,12 +47,15 @@ class ChannelFit:
     T_error_percent: float | None
 
     def in_words(self) -> str:
-        """Return all of it in one line: "usable, fit 98.2 %, K ±1.2 %, T ±3.1 %"."""
+        """Return all of it in one line: "usable, fit 98.2 %, standard errors: K 1.2 %, T 3.1 %".
+
+        Standard errors alone: what the verdict calls known may be less, as it counts what the model leaves out.
+        """
         parts = (
             "grade not recorded" if self.grade is None else str(self.grade),
             f"fit {_percent(self.fit_percent)}",
-            f"K {_error(self.K_error_percent)}",
-            f"T {_error(self.T_error_percent)}",
+            f"standard errors: K {_percent(self.K_error_percent)}",
+            f"T {_percent(self.T_error_percent)}",
         )
         return ", ".join(parts)
 
@@ -84,7 +87,3 @@ def _finite(value: Any) -> float | None:
 
 def _percent(value: float | None) -> str:
     return "not measured" if value is None else f"{value:.3g} %"
-
-
-def _error(value: float | None) -> str:
-    return "error not measured" if value is None else f"±{value:.3g} %"

@@ -53,10 +53,10 @@ def test_what_is_in_use_is_told_by_name(active: float, said: str) -> None:
 
 def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
     fits = fits_of(FOUND)
-    assert fits["G_q"].in_words() == "usable, fit 98.2 %, K ±2 %, T ±5 %"
-    assert fits["G_S"].in_words() == "usable with caution, fit not measured, K ±1 %, T error not measured"
+    assert fits["G_q"].in_words() == "usable, fit 98.2 %, standard errors: K 2 %, T 5 %"
+    assert fits["G_S"].in_words() == "usable with caution, fit not measured, standard errors: K 1 %, T not measured"
 
 
 def test_an_older_identification_says_what_it_did_not_keep() -> None:
     older = fits_of(replace(FOUND, quality={}, model={}))["G_q"]
-    assert older.in_words() == "grade not recorded, fit not measured, K error not measured, T error not measured"
+    assert older.in_words() == "grade not recorded, fit not measured, standard errors: K not measured, T not measured"

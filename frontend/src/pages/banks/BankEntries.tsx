@@ -12,7 +12,7 @@ import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
 import { nameOf } from "./BankTable";
-import { entryName, errorOf, LOOPS, percent } from "./difference";
+import { entryName, LOOPS, percent } from "./difference";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 
@@ -106,7 +106,7 @@ function Figures({ figures }: { figures: Partial<LoopFigures> }) {
 /** How good one model of an entry is: of its own identification, not of the bank. */
 function Fit({ fit }: { fit: ChannelFit | undefined }) {
   if (fit === undefined) return <span className={page.dim}>not known</span>;
-  const errors = `K ${errorOf(fit.K_error_percent)}, T ${errorOf(fit.T_error_percent)}`;
+  const errors = `standard errors: K ${percent(fit.K_error_percent)}, T ${percent(fit.T_error_percent)}`;
   return (
     <Verdict good={fit.grade === "usable"}>
       {percent(fit.fit_percent)}, {fit.grade ?? "grade not recorded"}

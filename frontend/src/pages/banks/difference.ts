@@ -15,11 +15,6 @@ export function percent(value: number | null): string {
   return value === null ? NOT_MEASURED : `${significant(value, 3)} %`;
 }
 
-/** A standard error beside its figure: "±1.2 %". */
-export function errorOf(value: number | null): string {
-  return value === null ? `error ${NOT_MEASURED}` : `±${significant(value, 2)} %`;
-}
-
 export interface Change {
   readonly text: string;
   readonly changed: boolean;
