@@ -1,6 +1,7 @@
 """The command line in a process of its own: what it prints, what it refuses, how it ends."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -82,8 +83,11 @@ def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[
     seen = sinew("runs", "show", str(printed["run"]), *data).stdout
     metrics = printed["metrics"]
     assert isinstance(metrics, dict)
-    for figure in metrics.values():
-        assert ("not measured" if figure is None else f"{figure:.4g}") in seen
+    units = printed["units"]
+    assert isinstance(units, dict)
+    for name, figure in metrics.items():
+        read = math.degrees(figure) if figure is not None and units[name] == "rad" else figure
+        assert ("not measured" if read is None else f"{read:.4g}") in seen
     assert "λ_q" in seen
     assert str(printed["verdict"]) in " ".join(seen.split())
     assert not set(metrics) & set(seen.split())  # labels, not the names that programs read

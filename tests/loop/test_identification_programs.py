@@ -121,11 +121,11 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
     for program, said in (
         (Program(Law.MOTOR_STEPS), "at least one step"),
         (Program(Law.TENSION_SWEEP), "at least one leg"),
-        (replace(STEPS, steps=(VoltageStep(-20.0, 1.0, 1.0, 1.0),)), "theta_start = -20 rad"),
-        (replace(STEPS, steps=(VoltageStep(2.0, 1.0, 1.0, 1.0),)), "theta_start = 2 rad"),
-        (replace(STEPS, steps=(VoltageStep(-2.0, 12.0, 1.0, 1.0),)), "u = 12 V"),
-        (replace(SWEEP, legs=(TensionLeg(60.0, 1.0),)), "tension_N = 60 N"),
-        (replace(SWEEP, tension_N=0.2), "tension_N = 0.2 N"),
+        (replace(STEPS, steps=(VoltageStep(-20.0, 1.0, 1.0, 1.0),)), ": -20 rad is outside"),
+        (replace(STEPS, steps=(VoltageStep(2.0, 1.0, 1.0, 1.0),)), ": 2 rad is outside"),
+        (replace(STEPS, steps=(VoltageStep(-2.0, 12.0, 1.0, 1.0),)), ": 12 V is outside"),
+        (replace(SWEEP, legs=(TensionLeg(60.0, 1.0),)), ": 60 N is outside"),
+        (replace(SWEEP, tension_N=0.2), ": 0.2 N is outside"),
     ):
         answer = bench.send(RunProgram(program))
         assert isinstance(answer, Refused)
