@@ -188,7 +188,7 @@ def _build(
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
     control = Control(bench.operator_lost, bench.note_control)
     control.let_go = bench.let_go
-    picture.holder, picture.people = control.view, gate.people
+    picture.holder, picture.people = control.view, gate.people.view
     keep(GATE, gate.run)
     stack.push_async_callback(gate.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))

@@ -9,6 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from backend.api.auth import gate_of
 from backend.api.errors import ApiError
 
+LIVE = "/api/live"
 OVER = 1008
 """The code of the close frame: policy violation, as the standard calls it."""
 
@@ -33,7 +34,7 @@ class Attendance:
         if person is None:
             await self._app(scope, receive, send)
             return
-        with gate.attending(person) as over:
+        with gate.people.attending(person, is_page=scope["path"].rstrip("/") == LIVE) as over:
             await self._app(scope, _until(over, receive, send), send)
 
 

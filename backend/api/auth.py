@@ -7,7 +7,8 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
 from backend.api.errors import ApiError
-from backend.api.gate import BEARER, COOKIE, OPEN, Gate, Person
+from backend.api.gate import COOKIE, Gate
+from backend.api.people import BEARER, OPEN, Person
 from backend.api.schemas.session import Role
 
 __all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "gate_of", "may_stop", "signed_in"]

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from backend.api.errors import ApiError
-from backend.api.gate import BEARER, OPEN, Person
+from backend.api.people import BEARER, OPEN, Person
 from backend.api.schemas.control import HolderView, Lease
 from backend.api.turns import Turns
 from backend.supervision import Part
@@ -158,6 +158,11 @@ class Control:
         holder = self.holder
         if holder is not None and not self._muted and holder.is_at(person, page):
             holder.silent_s = 0.0
+
+    def rename(self, person: Person) -> None:
+        """Show the holder under the name that they have now."""
+        if self.holder is not None and self.holder.person.session == person.session:
+            self.holder.person = person
 
     def view(self) -> HolderView | None:
         """Return the holder as the page shows it."""

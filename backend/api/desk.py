@@ -3,7 +3,7 @@
 import asyncio
 from typing import Any
 
-from backend.api.gate import Person
+from backend.api.people import Person
 from backend.api.schemas.preferences import NEW_HERE, Preferences
 from backend.api.schemas.session import Role
 from backend.api.schemas.tuning import SavedTuning

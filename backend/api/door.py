@@ -12,7 +12,7 @@ import resource
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from backend.api.gate import BEARER, OPEN, Person
+from backend.api.people import BEARER, OPEN, Person
 from backend.api.schemas.session import Role
 
 WANTED_DESCRIPTORS = 8192

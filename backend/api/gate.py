@@ -1,10 +1,9 @@
-"""Opens with a token, then with the cookie that was given for it; knows whose session is over, and who is connected."""
+"""Opens with a token, then with the cookie that was given for it; knows whose session is over."""
 
 import asyncio
 import secrets
 import time
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from fastapi import Response
@@ -13,6 +12,7 @@ from starlette.requests import HTTPConnection
 
 from backend.api.attempts import Attempts
 from backend.api.errors import ApiError
+from backend.api.people import BEARER, OPEN, People, Person, printable
 from backend.api.schemas.session import Role
 from backend.api.sessions import Sessions
 from backend.api.tokens import TokenFiles, Tokens
@@ -28,10 +28,7 @@ COOKIE = "sinew_session_"
 KEPT_BY_BROWSER_S = 400 * 24 * 3600
 """As long as browsers keep a cookie at most: how long a session lasts is the service's to say, not a clock's."""
 
-BEARER, OPEN = "bearer", "open"
-"""The ``session`` of all who send a token with each request, and of all where no token is needed."""
-
-LONGEST_COOKIE, LONGEST_TOKEN, LONGEST_NAME = 2000, 200, 40
+LONGEST_COOKIE, LONGEST_TOKEN = 2000, 200
 LOOK_S = 0.5
 SAVE_S = 3600.0
 GRACE_S = 10.0
@@ -39,19 +36,6 @@ GRACE_S = 10.0
 
 _SAME_COOKIES = 4
 _KNOWN = "sinew.recognised"
-
-
-@dataclass(frozen=True)
-class Person:
-    """Someone who is signed in: ``name`` as others see it, ``called`` as they gave it.
-
-    ``session`` tells two browsers of one name apart.
-    """
-
-    name: str
-    role: Role
-    session: str
-    called: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,10 +63,10 @@ class Gate:
         self._files = files
         self._clock = clock
         self._attempts = Attempts(clock)
-        self._connected: dict[asyncio.Event, Person] = {}
         self._replaced: _Replaced | None = None
         self._turn = asyncio.Lock()
         self.sessions = sessions or Sessions()
+        self.people = People()
 
     def sign_in(self, connection: HTTPConnection, token: str, name: str = "") -> Person:
         """Return who ``token`` belongs to. Raises ApiError 401 for a wrong one, 429 after too many of them.
@@ -90,12 +74,12 @@ class Gate:
         A browser that is signed in already goes on with its session, or ends it where it is another person's now.
         """
         if self._files is None:
-            return Person(_printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
+            return Person(printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
         role = self._files.tokens.role_of(token[:LONGEST_TOKEN])
         if role is None:
             self._count_wrong(connection)
             raise ApiError(401, "wrong token; use the sign-in link that the service printed at its start")
-        called, before = _printable(name), self._person_of_cookie(connection)
+        called, before = printable(name), self._person_of_cookie(connection)
         if before is not None and before.role is role and called in ("", before.called):
             return before
         if before is not None:
@@ -103,7 +87,7 @@ class Gate:
             self._dismiss()
         session = secrets.token_urlsafe(12)
         self.sessions.begin(session, role)
-        return Person(self._shown(called, role), role, session, called or role)
+        return Person(self.people.shown(called, role, session), role, session, called or role)
 
     def grant(self, connection: HTTPConnection, response: Response, person: Person) -> None:
         """Put the session cookie on ``response``."""
@@ -159,20 +143,6 @@ class Gate:
         await self.sessions.save()
         return self._files.tokens
 
-    def people(self) -> list[str]:
-        """Return the names of those who have a page open, each once."""
-        return sorted({person.name for person in self._connected.values()})
-
-    @contextmanager
-    def attending(self, person: Person) -> Iterator[asyncio.Event]:
-        """Count a websocket among the open ones; the event is set when its session ends."""
-        over = asyncio.Event()
-        self._connected[over] = person
-        try:
-            yield over
-        finally:
-            del self._connected[over]
-
     async def run(self) -> None:
         """Notice token files that were changed, and keep the file of sessions fresh, until cancelled."""
         saved = self._clock()
@@ -182,7 +152,7 @@ class Gate:
                 changed = await self._refresh()
             if changed or self._clock() - saved > SAVE_S:
                 saved = self._clock()
-                for person in self._connected.values():
+                for _, person in self.people.connected():
                     self.sessions.use(person.session)
                 await self.sessions.save()
 
@@ -197,7 +167,7 @@ class Gate:
 
     def _dismiss(self, bearers: Collection[Role] = ()) -> None:
         """Close the websockets of sessions that are over, and of scripts whose token was replaced."""
-        for over, person in self._connected.items():
+        for over, person in self.people.connected():
             if person.session == BEARER:
                 ended = person.role in bearers
             else:
@@ -245,16 +215,6 @@ class Gate:
         scope[_KNOWN] = True
         self._attempts.failed(address_of(connection))
 
-    def _shown(self, called: str, role: Role) -> str:
-        name = called or str(role)
-        if role is Role.VIEWER and called not in ("", role):
-            name = f"{called} ({role})"
-        taken, number, shown = set(self.people()), 1, name
-        while shown in taken:
-            number += 1
-            shown = f"{name} ({number})"
-        return shown
-
 
 def address_of(connection: HTTPConnection) -> str:
     """Return the address of the other end."""
@@ -285,9 +245,3 @@ def _read(value: str, tokens: Tokens) -> Person | None:
 
 def _signer(tokens: Tokens, role: Role) -> URLSafeSerializer:
     return URLSafeSerializer(tokens.of(role), salt=f"session of {role}")
-
-
-def _printable(name: str) -> str:
-    """Return a name on one line, without the marks that tell persons apart."""
-    kept = "".join(sign for sign in " ".join(name.split()) if sign.isprintable() and sign not in "()")
-    return kept.strip()[:LONGEST_NAME]

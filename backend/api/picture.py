@@ -7,7 +7,7 @@ from backend import __version__
 from backend.api.chain import chain
 from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.api.schemas.control import HolderView
-from backend.api.schemas.session import Health
+from backend.api.schemas.session import Health, PersonView
 from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
 from backend.api.tuning_in_use import Chosen, TuningInUse, chosen_view
 from backend.controllers.limits import Bounds, bounds_for
@@ -57,7 +57,7 @@ class Picture:
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
-        self.people: Callable[[], list[str]] = list
+        self.people: Callable[[], list[PersonView]] = list
         self.starts = 1
         self.bounds = bounds_for(parameters)
         self._parameters = parameters

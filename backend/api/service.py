@@ -13,10 +13,10 @@ from backend.api.control import HEADER, Control, read_stamp
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
 from backend.api.evaluations import Evaluations
-from backend.api.gate import Person
 from backend.api.history import History
 from backend.api.library import Library
 from backend.api.live import LiveStream
+from backend.api.people import Person
 from backend.api.replay import Replay
 from backend.api.retention import Retention
 from backend.api.shelf import Shelf

@@ -8,6 +8,7 @@ import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { ControlLoss } from "./components/ControlLoss";
 import { Header } from "./components/Header";
+import { NameQuestion } from "./components/NameQuestion";
 import { Navigation, PAGES } from "./components/Navigation";
 import { Shortcuts } from "./components/Shortcuts";
 import { StatusStrip } from "./components/StatusStrip";
@@ -58,6 +59,7 @@ function useScheme(): void {
 function Shell() {
   const [shortcuts, { open, close, toggle }] = useDisclosure(false);
   const [settingUp, setup] = useDisclosure(false);
+  const [naming, name] = useDisclosure(false);
   const [, go] = useLocation();
   useFreshness();
   useScheme();
@@ -70,9 +72,10 @@ function Shell() {
   return (
     <AnglesContext value={angles}>
       <div className={styles.shell}>
-        <Header onShortcuts={open} />
+        <Header onShortcuts={open} onName={name.open} />
         <StatusStrip />
         <ControlLoss />
+        <NameQuestion wanted={naming} onDone={name.close} />
         <Tour />
         <div className={styles.body}>
           <Navigation onSetup={setup.open} />

@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 from backend.api.bench import Bench
 from backend.api.desk import Desk
 from backend.api.dry_runs import DryRuns
-from backend.api.gate import Person
 from backend.api.journal import Journal
 from backend.api.kept_tuning import KeptTuning
 from backend.api.library import Library
 from backend.api.offload import Offload
+from backend.api.people import Person
 from backend.api.picture import Picture
 from backend.api.safe_stop import SafeStop
 from backend.api.schemas.session import Role

@@ -142,7 +142,7 @@ def test_a_viewer_of_the_same_name_has_a_page_of_their_own(service: Service) -> 
     other.put("/api/preferences", json=liked | {"scheme": "dark"}).raise_for_status()
     assert ana.get("/api/preferences").json()["scheme"] == "light"
     assert other.get("/api/preferences").json()["scheme"] == "dark"
-    assert other.get("/api/session").json() == {"name": "Ana (viewer)", "role": "viewer"}
+    assert other.get("/api/session").json() == {"name": "Ana (viewer)", "role": "viewer", "asks_name": False}
 
 
 def test_a_viewer_rotates_no_token(viewer: httpx.Client) -> None:
@@ -159,6 +159,6 @@ def test_who_is_connected_is_told_apart(service: Service, operator: httpx.Client
             async with connect(url, additional_headers=carried(cookie_of(second), service), max_size=None) as beside:
                 await beside.recv()
                 state = await asyncio.to_thread(operator.get, "/api/state")
-                return [name for name in json.loads(state.text)["people"] if name.startswith("Eva")]
+                return [one["name"] for one in json.loads(state.text)["people"] if one["name"].startswith("Eva")]
 
     assert asyncio.run(together()) == ["Eva", "Eva (2)"]

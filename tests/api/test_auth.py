@@ -10,7 +10,8 @@ from starlette.requests import HTTPConnection
 
 from backend.api.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S
 from backend.api.errors import ApiError
-from backend.api.gate import COOKIE, GRACE_S, Gate, Person
+from backend.api.gate import COOKIE, GRACE_S, Gate
+from backend.api.people import Person
 from backend.api.schemas.session import Role
 from backend.api.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
 from backend.api.tokens import TokenFiles, rotate
@@ -225,14 +226,15 @@ def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
 
 def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
     ana = door.gate.sign_in(connection({}), door.token(), "Ana")
-    with door.gate.attending(ana):
+    with door.gate.people.attending(ana, is_page=True):
         second = door.gate.sign_in(connection({}), door.token(), "Ana")
         viewer = door.gate.sign_in(connection({}), door.token(Role.VIEWER), "Ana")
-        with door.gate.attending(second), door.gate.attending(viewer):
-            assert door.gate.people() == ["Ana", "Ana (2)", "Ana (viewer)"]
+        there = door.gate.people
+        with there.attending(second, is_page=True), there.attending(viewer, is_page=True):
+            assert [one.name for one in door.gate.people.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
         pretender = door.gate.sign_in(connection({}), door.token(Role.VIEWER), " Ana (2)\n\u202e")
         assert pretender.name == "Ana 2 (viewer)"
-    assert door.gate.people() == []
+    assert door.gate.people.view() == []
     assert door.gate.sign_in(connection({}), door.token(), "Ana").name == "Ana"
 
 
@@ -264,7 +266,7 @@ def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(d
     person = door.who(ana)
     assert person is not None
     (tmp_path / "viewer-token").unlink()
-    with door.gate.attending(person) as over:
+    with door.gate.people.attending(person, is_page=True) as over:
         rotate(tmp_path, [Role.OPERATOR])
         asyncio.run(notice())
         assert over.is_set()

@@ -9,7 +9,7 @@ import pytest
 
 from backend.api.control import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
 from backend.api.errors import ApiError
-from backend.api.gate import BEARER, Person
+from backend.api.people import BEARER, Person
 from backend.api.schemas.session import Role
 from backend.faults import Fault
 from tests.api.conftest import problem, wait_for

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from backend.api.dry_runs import DryRuns
-from backend.api.gate import BEARER, Person
 from backend.api.offload import Offload
+from backend.api.people import BEARER, Person
 from backend.api.schemas.session import Role
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.plans import TrackingPlan

@@ -6,8 +6,8 @@ from starlette.types import Receive, Scope, Send
 
 from backend.api.door import Place
 from backend.api.export import openapi
-from backend.api.gate import BEARER, Person
 from backend.api.pace import PASSES_BY, Pace
+from backend.api.people import BEARER, Person
 from backend.api.protocols import PLACE
 from backend.api.schemas.session import Role
 

@@ -5,8 +5,8 @@ import logging
 import pytest
 
 from backend.api.door import BROWSER_PLACES, SOCKET_COSTS, Door, Place, Room
-from backend.api.gate import BEARER, Person
 from backend.api.logs import LINES, WINDOW_S, Limit
+from backend.api.people import BEARER, Person
 from backend.api.schemas.session import Role
 
 OPERATOR = Person("operator", Role.OPERATOR, BEARER)

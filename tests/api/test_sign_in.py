@@ -21,7 +21,7 @@ def test_the_link_gives_a_cookie_and_an_address_without_the_token(service: Servi
         assert "HttpOnly" in cookie
         assert "SameSite=strict" in cookie
         assert urlsplit(service.link).query.partition("=")[2] not in cookie
-        assert browser.get("/api/session").json() == {"name": "operator", "role": "operator"}
+        assert browser.get("/api/session").json() == {"name": "operator", "role": "operator", "asks_name": True}
         assert browser.get("/api/state").status_code == 200
         browser.delete("/api/session")
         assert browser.get("/api/session").status_code == 401
@@ -32,7 +32,7 @@ def test_a_name_given_at_sign_in_is_shown(service: Service) -> None:
     with httpx.Client(base_url=service.url) as browser:
         assert browser.post("/api/session", json={"token": token, "name": "Ana"}).json()["name"] == "Ana"
         assert COOKIE + service.url.rpartition(":")[2] in browser.cookies
-        assert browser.get("/api/session").json() == {"name": "Ana", "role": "operator"}
+        assert browser.get("/api/session").json() == {"name": "Ana", "role": "operator", "asks_name": False}
 
 
 @pytest.mark.parametrize("path", CLOSED)

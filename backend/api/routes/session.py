@@ -3,8 +3,9 @@
 from fastapi import APIRouter, Request, Response
 
 from backend.api.auth import Operator, SignedIn, gate_of
+from backend.api.people import Person
 from backend.api.schemas.history import Checklist
-from backend.api.schemas.session import FreshTokens, Health, Role, Rotation, SessionView, SignIn
+from backend.api.schemas.session import FreshTokens, Health, NameRequest, Role, Rotation, SessionView, SignIn
 from backend.api.service import ServiceInUse
 
 router = APIRouter(prefix="/api", tags=["session"])
@@ -20,7 +21,19 @@ async def get_health(service: ServiceInUse) -> Health:
 async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
     """Tell who is signed in; the browser keeps its cookie for longer by that."""
     gate_of(request).grant(request, response, person)
-    return SessionView(name=person.name, role=person.role)
+    return _view(person)
+
+
+@router.put("/session/name")
+async def set_name(
+    body: NameRequest, request: Request, response: Response, service: ServiceInUse, person: SignedIn
+) -> SessionView:
+    """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
+    gate = gate_of(request)
+    renamed = gate.people.rename(person, body.name)
+    gate.grant(request, response, renamed)
+    service.control.rename(renamed)
+    return _view(renamed)
 
 
 @router.post("/session")
@@ -30,7 +43,7 @@ async def sign_in(body: SignIn, request: Request, response: Response) -> Session
     person = gate.sign_in(request, body.token, body.name)
     gate.grant(request, response, person)
     await gate.sessions.save()
-    return SessionView(name=person.name, role=person.role)
+    return _view(person)
 
 
 @router.delete("/session", status_code=204)
@@ -55,3 +68,7 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
 async def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
     """Return how far the set-up is, from pretension to report, and what is out of date."""
     return await service.history.checklist()
+
+
+def _view(person: Person) -> SessionView:
+    return SessionView(name=person.name, role=person.role, asks_name=person.is_nameless)

@@ -34,11 +34,28 @@ class FreshTokens(Schema):
     tokens: dict[Role, str]
 
 
+class NameRequest(Schema):
+    """What a person wants to be called."""
+
+    name: str = Field(
+        min_length=1, max_length=40, description="a number is put behind it while somebody else of this name is here"
+    )
+
+
 class SessionView(Schema):
     """The signed-in person."""
 
     name: str
     role: Role
+    asks_name: bool = Field(description="this browser has given no name yet: the page asks for one")
+
+
+class PersonView(Schema):
+    """Somebody who has the page open."""
+
+    name: str
+    role: Role
+    pages: int = Field(description="pages and scripts of this person that follow the loop")
 
 
 class Health(Schema):

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from backend.api.schemas.base import ANY_SIZE, Schema, quantity
 from backend.api.schemas.control import HolderView
+from backend.api.schemas.session import PersonView
 from backend.api.schemas.tuning import ChosenTuning, TuningParts, TuningView
 from backend.faults import Fault
 from backend.loop.mode import Mode
@@ -132,7 +133,7 @@ class State(Schema):
     pretension_done: bool
     stop_proof: StopProof | None
     holder: HolderView | None
-    people: list[str] = Field(description="who has a page open; a number tells persons of one name apart")
+    people: list[PersonView] = Field(description="who has a page open; a number tells persons of one name apart")
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")

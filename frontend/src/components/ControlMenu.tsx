@@ -1,35 +1,44 @@
-/** Who holds control, and taking it: one press where nobody holds it, an explicit choice where somebody does. */
+/** Who holds control, and taking it; who is connected; the own name, and signing out. */
 
 import { Button, Menu } from "@mantine/core";
 import { IconDeviceGamepad2 } from "@tabler/icons-react";
-import { useMutation } from "@tanstack/react-query";
+import { useMutation, useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
 import { useLive } from "../live/react";
+import { useSignOut } from "../service/commands";
+import { sessionQuery } from "../service/queries";
 import { useStanding } from "../service/useStanding";
 import { answeredBy } from "../wire/client";
 import { giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
+import type { State } from "../wire/types";
+import styles from "./ControlMenu.module.css";
 import { OperatorsOnly } from "./OperatorsOnly";
 
-const NOBODY: readonly string[] = [];
+const NOBODY: State["people"] = [];
 
-export function ControlMenu() {
+export function ControlMenu({ onName }: { onName: () => void }) {
   const holder = useLive((live) => live.state?.holder ?? null);
   const take = useMutation({ mutationFn: (takeOver: boolean) => answeredBy(takeControl(takeOver)) });
   const giveUp = useMutation({ mutationFn: () => answeredBy(giveUpControl()) });
   const people = useLive((live) => live.state?.people ?? NOBODY);
+  const me = useQuery(sessionQuery).data;
+  const signOut = useSignOut();
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const mine = holder !== null && holder.epoch === epoch;
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
-  const refusal = useStanding(take.error ?? giveUp.error)?.message;
+  const refusal = useStanding(take.error ?? giveUp.error ?? signOut.error)?.message;
   return (
-    <Menu position="bottom-end" width={240}>
+    <Menu position="bottom-end" width={260}>
       <Menu.Target>
         <Button
           size="compact-sm"
           variant={mine ? "light" : "subtle"}
           color={mine ? undefined : "gray"}
           leftSection={<IconDeviceGamepad2 size={16} aria-hidden="true" />}
-          title={refusal ?? `Control: ${name}${holder?.lost ? ", not heard" : ""}`}
+          title={
+            refusal ??
+            `Control: ${name}${holder?.lost ? ", not heard" : ""}. Here is also who is connected, and Sign out`
+          }
           aria-label={`Control: ${name}`}
           styles={{ label: { maxWidth: "10ch", minWidth: "7ch" } }}
         >
@@ -47,8 +56,29 @@ export function ControlMenu() {
           )}
         </OperatorsOnly>
         <Menu.Label>Anyone may press STOP</Menu.Label>
-        {people.length > 0 && <Menu.Label>Connected: {people.join(", ")}</Menu.Label>}
+        <Menu.Divider />
+        <Menu.Label>Connected</Menu.Label>
+        <ul className={styles.people} aria-label="Connected">
+          {people.map((person) => (
+            <li key={`${person.name} ${person.role}`}>
+              <span>
+                {person.name}
+                {person.name === me?.name && ", you"}
+              </span>
+              <span className={styles.what}>{whatOf(person, holder?.name ?? null)}</span>
+            </li>
+          ))}
+        </ul>
+        <Menu.Divider />
+        <Menu.Item onClick={onName}>Change name</Menu.Item>
+        <Menu.Item onClick={() => signOut.mutate()}>Sign out</Menu.Item>
       </Menu.Dropdown>
     </Menu>
   );
+}
+
+/** What somebody who is connected may do and does. */
+function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
+  const part = role === "viewer" ? "VIEW" : name === holder ? "has control" : "may take control";
+  return `${part}, ${pages === 1 ? "1 page" : `${pages} pages`}`;
 }

@@ -14,7 +14,7 @@ import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
 import { StopButton } from "./StopButton";
 
-export function Header({ onShortcuts }: { onShortcuts: () => void }) {
+export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onName: () => void }) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
   const now_ms = useNow(250);
@@ -56,7 +56,7 @@ export function Header({ onShortcuts }: { onShortcuts: () => void }) {
         <LinkStatus link={link} now_ms={now_ms} />
       </div>
       <div className={styles.tools}>
-        <ControlMenu />
+        <ControlMenu onName={onName} />
         <AngleSwitch />
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">

@@ -2,7 +2,9 @@
 
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
+import { giveUpControl, heldEpoch } from "../wire/control";
 import type { BankFile, IdentificationRequest, Mode, References, TuningRequest } from "../wire/types";
+import { sessionQuery } from "./queries";
 
 export function useSetMode() {
   return useMutation({ mutationFn: (mode: Mode) => answered(api.POST("/api/mode", { body: { mode } })) });
@@ -179,6 +181,30 @@ export function useSignIn() {
   return useMutation({
     mutationFn: (body: { token: string; name: string }) => answered(api.POST("/api/session", { body })),
     onSuccess: () => queries.invalidateQueries(),
+  });
+}
+
+/** Says by what name this browser's person goes. */
+export function useSetName() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (name: string) => answered(api.PUT("/api/session/name", { body: { name } })),
+    onSuccess: (session) => {
+      queries.setQueryData(sessionQuery.queryKey, session);
+      void queries.invalidateQueries({ queryKey: ["preferences"] });
+    },
+  });
+}
+
+/** Ends this browser's session for good. Control goes first: a page that is only missed would be taken for lost. */
+export function useSignOut() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: async () => {
+      if (heldEpoch() !== null) await giveUpControl();
+      return answered(api.DELETE("/api/session"));
+    },
+    onSuccess: () => queries.resetQueries(),
   });
 }
 

@@ -52,6 +52,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/session/name": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set Name
+         * @description Say by what name this browser's person goes; the session, and control with it, stay as they are.
+         */
+        put: operations["set_name"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/session/tokens/rotate": {
         parameters: {
             query?: never;
@@ -2984,6 +3004,17 @@ export interface components {
             verdict: string;
         };
         /**
+         * NameRequest
+         * @description What a person wants to be called.
+         */
+        NameRequest: {
+            /**
+             * Name
+             * @description a number is put behind it while somebody else of this name is here
+             */
+            name: string;
+        };
+        /**
          * NoteRequest
          * @description What a person wants to remember about a run.
          */
@@ -3030,6 +3061,20 @@ export interface components {
              * @description joint stiffness [N·m/rad]
              */
             S: number;
+        };
+        /**
+         * PersonView
+         * @description Somebody who has the page open.
+         */
+        PersonView: {
+            /** Name */
+            name: string;
+            role: components["schemas"]["Role"];
+            /**
+             * Pages
+             * @description pages and scripts of this person that follow the loop
+             */
+            pages: number;
         };
         /**
          * Ping
@@ -3569,6 +3614,11 @@ export interface components {
             /** Name */
             name: string;
             role: components["schemas"]["Role"];
+            /**
+             * Asks Name
+             * @description this browser has given no name yet: the page asks for one
+             */
+            asks_name: boolean;
         };
         /**
          * SettingView
@@ -3821,7 +3871,7 @@ export interface components {
              * People
              * @description who has a page open; a number tells persons of one name apart
              */
-            people: string[];
+            people: components["schemas"]["PersonView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -3876,7 +3926,7 @@ export interface components {
              * People
              * @description who has a page open; a number tells persons of one name apart
              */
-            people: string[];
+            people: components["schemas"]["PersonView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -4625,6 +4675,120 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    set_name: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["NameRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SessionView"];
+                };
             };
             /** @description the body cannot be parsed */
             400: {

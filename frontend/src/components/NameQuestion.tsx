@@ -1,0 +1,69 @@
+/** Asks once who is there: everybody who opens the sign-in link would be called by their role. */
+
+import { Button, TextInput } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { type FormEvent, useState } from "react";
+import { useSetName } from "../service/commands";
+import { sessionQuery } from "../service/queries";
+import styles from "./NameQuestion.module.css";
+import { Refusal } from "./Refusal";
+
+/** Under which this browser keeps that its person goes by the role. */
+const LEFT_OUT = "sinew-goes-by-role";
+
+interface NameQuestionProps {
+  /** Asked for by the person, who has a name already or did without. */
+  readonly wanted: boolean;
+  onDone(): void;
+}
+
+export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
+  const session = useQuery(sessionQuery);
+  const [leftOut, leaveOut] = useState(() => localStorage.getItem(LEFT_OUT) !== null);
+  const [name, setName] = useState("");
+  const set = useSetName();
+  const asked = session.data?.asks_name === true && !leftOut;
+  if (session.data === undefined || !(wanted || asked)) return null;
+  const role = session.data.role;
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (name.trim() !== "") set.mutate(name, { onSuccess: onDone });
+  }
+
+  function close(): void {
+    localStorage.setItem(LEFT_OUT, role);
+    leaveOut(true);
+    onDone();
+  }
+
+  return (
+    <form className={styles.question} aria-label="Your name" onSubmit={submit}>
+      <label className={styles.label} htmlFor="own-name">
+        {wanted ? "What do the others here call you?" : `You are signed in as ${role}: what is your name?`}
+      </label>
+      <TextInput
+        id="own-name"
+        size="xs"
+        w={180}
+        maxLength={40}
+        autoComplete="name"
+        value={name}
+        onChange={(event) => setName(event.currentTarget.value)}
+      />
+      <Button type="submit" size="compact-sm" disabled={name.trim() === ""} loading={set.isPending}>
+        Save name
+      </Button>
+      <Button size="compact-sm" variant="subtle" color="gray" onClick={close}>
+        {wanted ? "Leave as it is" : `Go on as ${role}`}
+      </Button>
+      <div className={styles.refusal}>
+        <Refusal
+          error={set.error}
+          about={name}
+          hint="It stands beside what you command, and your settings of the page are kept under it."
+        />
+      </div>
+    </form>
+  );
+}

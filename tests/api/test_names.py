@@ -1,0 +1,71 @@
+"""A person gives a name once; nobody gets the name of somebody who is there, however it is written."""
+
+import httpx
+import pytest
+
+from backend.api.errors import ApiError
+from backend.api.people import BEARER, People, Person
+from backend.api.schemas.session import Role
+from tests.e2e.service import Service
+
+
+def newcomer(session: str, role: Role = Role.OPERATOR) -> Person:
+    return Person(str(role), role, session, str(role))
+
+
+def test_a_link_asks_for_a_name_once_and_keeps_session_and_control(service: Service) -> None:
+    with httpx.Client(base_url=service.url, follow_redirects=True) as browser:
+        browser.get(service.link)
+        assert browser.get("/api/session").json() == {"name": "operator", "role": "operator", "asks_name": True}
+        browser.post("/api/control", json={"take_over": True}).raise_for_status()
+        named = browser.put("/api/session/name", json={"name": " Ana\u202e  Lund "}).raise_for_status().json()
+        assert named == {"name": "Ana Lund", "role": "operator", "asks_name": False}
+        assert browser.get("/api/state").json()["holder"]["name"] == "Ana Lund"
+        browser.get(service.link)  # the link again, in the same browser
+        assert browser.get("/api/session").json() == named
+        kept = dict(browser.cookies)
+        browser.delete("/api/session").raise_for_status()
+        assert httpx.get(f"{service.url}/api/session", cookies=kept).status_code == 401
+
+
+def test_a_script_has_no_name_to_give(operator: httpx.Client) -> None:
+    assert operator.put("/api/session/name", json={"name": "Ana"}).status_code == 409
+
+
+@pytest.mark.parametrize("name", ["Ana", "ana", "\uff21na", " A\u200bna "], ids=["same", "small", "wide", "hidden"])
+def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
+    people = People()
+    ana = people.rename(newcomer("1"), "Ana")
+    with people.attending(ana, is_page=True):
+        other = people.rename(newcomer("2"), name)
+        assert other.name.casefold() == "ana (2)"
+        assert people.rename(newcomer("3", Role.VIEWER), name).name.casefold() == "ana (viewer)"
+    assert people.rename(newcomer("2"), "Ana").name == "Ana"
+
+
+def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
+    for pretended in ("Ana (2)", "Ana \uff082\uff09", "Ana \u2475"):
+        assert "(" not in People().rename(newcomer("1"), pretended).name
+
+
+@pytest.mark.parametrize("name", ["operator", "Viewer", " ", "()", "\u202e"])
+def test_what_is_no_name_is_refused(name: str) -> None:
+    with pytest.raises(ApiError) as refused:
+        People().rename(newcomer("1"), name)
+    assert refused.value.status == 422
+
+
+def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
+    people, somebody, vic = People(), newcomer("1"), newcomer("2", Role.VIEWER)
+    pages = [people.attending(somebody, is_page=is_page) for is_page in (True, True, False)]
+    with pages[0], pages[1], pages[2], people.attending(vic, is_page=True):
+        people.rename(somebody, "Ana")
+        seen = [(one.name, one.role, one.pages) for one in people.view()]
+    assert seen == [("Ana", Role.OPERATOR, 2), ("viewer", Role.VIEWER, 1)]
+    assert people.view() == []
+
+
+def test_a_script_keeps_the_name_of_its_role() -> None:
+    with pytest.raises(ApiError) as refused:
+        People().rename(Person("operator", Role.OPERATOR, BEARER), "Ana")
+    assert refused.value.status == 409

@@ -1,0 +1,62 @@
+"""A person is asked for a name once, everybody sees who is connected, and signing out ends the session for good."""
+
+import httpx
+from playwright.sync_api import Browser, Page, expect
+
+from backend.api.gate import COOKIE
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.service import Service
+
+
+def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, service: Service) -> None:
+    ana = browser.new_context(viewport=DESKTOP).new_page()
+    ana.goto(service.link)
+    question = ana.get_by_role("form", name="Your name")
+    expect(question).to_contain_text("You are signed in as operator: what is your name?", timeout=MOTION_TIMEOUT_MS)
+    question.get_by_role("textbox").fill("viewer")
+    question.get_by_role("button", name="Save name").click()
+    expect(question.get_by_role("status")).to_contain_text("no role")
+    question.get_by_role("textbox").fill("Ana")
+    question.get_by_role("button", name="Save name").click()
+    expect(question).to_have_count(0)
+    ana.goto(service.link)  # the link again: asked once, not once more
+    expect(ana.get_by_role("banner")).to_be_visible()
+    ana.wait_for_load_state("networkidle")
+    expect(question).to_have_count(0)
+
+    vic = browser.new_context(viewport=DESKTOP).new_page()
+    vic.goto(service.url)
+    vic.get_by_role("textbox", name="Token").fill((service.data / "viewer-token").read_text().strip())
+    vic.get_by_role("textbox", name="Your name").fill("Ana")
+    vic.get_by_role("button", name="Sign in").click()
+    expect(vic.get_by_role("img", name="Viewer")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(vic.get_by_role("form", name="Your name")).to_have_count(0)
+    _take_control(ana)
+    _expect_connected(vic, "Ana has control, 1 page", "Ana (viewer), you VIEW, 1 page")
+    _expect_connected(ana, "Ana, you has control, 1 page", "Ana (viewer) VIEW, 1 page")
+
+    (cookie,) = [one for one in ana.context.cookies() if one["name"].startswith(COOKIE)]
+    ana.get_by_role("menuitem", name="Sign out").click()
+    expect(ana.get_by_role("heading", name="Sign in to Sinew")).to_be_visible()
+    carried = {"Cookie": f"{cookie['name']}={cookie['value']}"}
+    assert httpx.get(f"{service.url}/api/state", headers=carried).status_code == 401
+    assert httpx.post(f"{service.url}/api/stop", headers=carried).status_code == 401
+    _expect_connected(vic, "Ana (viewer), you VIEW, 1 page")
+    # control was given up, not lost: nothing is stopped
+    assert vic.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.holder)") is None
+    ana.context.close()
+    vic.context.close()
+
+
+def _take_control(page: Page) -> None:
+    page.get_by_role("button", name="Control: nobody").click()
+    page.get_by_role("menuitem", name="Take control").click()
+    expect(page.get_by_role("button", name="Control: you")).to_be_visible()
+
+
+def _expect_connected(page: Page, *listed: str) -> None:
+    people = page.get_by_role("list", name="Connected")
+    if people.count() == 0:
+        page.get_by_role("button", name="Control: ").click()
+    expect(people.get_by_role("listitem")).to_have_text([*listed], use_inner_text=True)
