@@ -4,9 +4,8 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
-from functools import cache
-from typing import Any
 
+from backend.api import kinds
 from backend.api.auth import Person
 from backend.api.bench import Bench
 from backend.api.dry_runs import DryRuns
@@ -15,17 +14,17 @@ from backend.api.identification_orders import plans_of, prediction_of
 from backend.api.queue import Queue
 from backend.api.run_progress import run_progress
 from backend.api.safe_stop import SafeStop
-from backend.api.schemas.experiment import DryRunView, ExperimentKind, ExperimentRequest, SettingView
-from backend.api.schemas.identification import IdentificationKind, IdentificationRequest, Prediction
+from backend.api.schemas.experiment import DryRunView, ExperimentKind, ExperimentRequest
+from backend.api.schemas.identification import IdentificationRequest, Prediction
 from backend.api.shelf import Shelf
-from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS, experiment
+from backend.experiments.catalogue import experiment
 from backend.experiments.evaluation import Evaluation
 from backend.experiments.forecast import expected_s, forecast
 from backend.experiments.loop_settings import LoopSettings, split_values
 from backend.experiments.plans import Plan
 from backend.experiments.playing import BenchNotReadyError, Notify, require_ready
 from backend.experiments.runner import Order, Station, create_run, evaluated, played
-from backend.experiments.settings import Setting, SettingError, describe
+from backend.experiments.settings import SettingError
 from backend.experiments.way import start_from
 from backend.faults import Fault
 from backend.storage.banks import Bank
@@ -77,30 +76,8 @@ class Tasks:
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
-        in_force = asdict(self._loop_settings())
-        of_the_loop = [_setting_view(setting, in_force[setting.name]) for setting in describe(LoopSettings)]
-        return [
-            ExperimentKind(
-                name=name,
-                title=entry.title,
-                description=entry.description,
-                duration_s=_usual_duration_s(name),
-                settings=[*_DECLARED[entry.plan], *of_the_loop],
-            )
-            for name, entry in EXPERIMENTS.items()
-        ]
-
-    def identification_kinds(self) -> list[IdentificationKind]:
-        """Return what can be identified, with the settings of each."""
-        return [
-            IdentificationKind(
-                kind=kind,
-                title=entry.title,
-                description=entry.description,
-                settings=_DECLARED[entry.plan],
-            )
-            for kind, entry in IDENTIFICATIONS.items()
-        ]
+        tuning = self._bench.picture.own_tuning or self._bench.picture.tuning
+        return kinds.experiment_kinds(self._loop_settings(), tuning.view(0.0))
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
@@ -270,27 +247,3 @@ class Tasks:
 
 async def _nothing() -> None:
     """Leave the tuning with a sequence of runs until the last one is over."""
-
-
-@cache
-def _usual_duration_s(name: str) -> float:
-    return EXPERIMENTS[name].plan().program().duration_s
-
-
-def _setting_view(setting: Setting, default: float | int | str) -> SettingView:
-    return SettingView(
-        name=setting.name,
-        meaning=setting.meaning,
-        unit=setting.unit,
-        default=default,
-        minimum=setting.minimum,
-        maximum=setting.maximum,
-        choices=list(setting.choices) or None,
-    )
-
-
-_PLANS: list[type[Any]] = [
-    *(entry.plan for entry in EXPERIMENTS.values()),
-    *(entry.plan for entry in IDENTIFICATIONS.values()),
-]
-_DECLARED = {plan: [_setting_view(setting, setting.default) for setting in describe(plan)] for plan in _PLANS}

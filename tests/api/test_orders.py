@@ -48,6 +48,26 @@ def test_an_identification_gives_models_and_a_bank_that_the_loop_uses(off: httpx
     assert [item["id"] for item in listed if item["active"]] == [made["id"]]
 
 
+def test_what_the_form_offers_is_what_the_service_takes(off: httpx.Client) -> None:
+    kinds = off.get("/api/experiments").json()["experiments"]
+    offered = {one["name"]: one for one in next(kind for kind in kinds if kind["name"] == "tracking")["settings"]}
+
+    def answered(name: str, value: float) -> int:
+        # slow outer loops: how fast they may be depends on λ_motor too
+        settings = {"lam_q": 1.0, "lam_S": 1.0, name: value}
+        answer = off.post("/api/experiments/queue", json={"name": "tracking", "settings": settings})
+        if answer.is_success:
+            off.delete(f"/api/experiments/queue/{answer.json()['items'][-1]['id']}").raise_for_status()
+        return answer.status_code
+
+    for name in ("lam_q", "lam_S", "lam_motor"):
+        low, high = offered[name]["minimum"], offered[name]["maximum"]
+        taken = [answered(name, value) for value in (0.999 * low, 1.001 * low, 0.999 * high, 1.001 * high)]
+        assert taken == [422, 201, 201, 422], name
+    assert (offered["seed"]["minimum"], offered["seed"]["maximum"]) == (0, 0)
+    assert answered("seed", 1) == 422
+
+
 def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
     kinds = off.get("/api/experiments").json()["experiments"]
     units = {setting["name"]: setting["unit"] for setting in kinds[0]["settings"]}

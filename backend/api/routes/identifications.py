@@ -3,6 +3,7 @@
 from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
+from backend.api.kinds import identification_kinds
 from backend.api.schemas.curves import IdentificationCurves
 from backend.api.schemas.identification import (
     IdentificationKindList,
@@ -41,7 +42,7 @@ async def list_identifications(service: ServiceInUse, _person: SignedIn) -> Iden
 @router.get("/identification-kinds")
 async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) -> IdentificationKindList:
     """List what can be identified, with the settings of each."""
-    return IdentificationKindList(kinds=service.tasks.identification_kinds())
+    return IdentificationKindList(kinds=identification_kinds())
 
 
 @router.get("/identifications/{id}")

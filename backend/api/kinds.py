@@ -1,0 +1,80 @@
+"""What there is to be run, with the settings of each: what a form offers is what the service takes."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from functools import cache
+from typing import Any
+
+from backend.api.schemas.experiment import ExperimentKind, SettingView
+from backend.api.schemas.identification import IdentificationKind
+from backend.api.schemas.tuning import TuningView
+from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.settings import Setting, describe
+
+
+def experiment_kinds(in_force: LoopSettings, tuning: TuningView) -> list[ExperimentKind]:
+    """Return the experiments there are, with their settings and those of the loop as ``in_force``.
+
+    λ is offered as far as it is safe with the models of ``tuning``, and the seed is the service's own.
+    """
+    offered = {
+        "lam_q": (tuning.lam_q_min, tuning.lam_q_max),
+        "lam_S": (tuning.lam_S_min, tuning.lam_S_max),
+        "lam_motor": (tuning.lam_motor_min, tuning.lam_motor_max),
+        "seed": (in_force.seed, in_force.seed),
+    }
+    values = asdict(in_force)
+    of_the_loop = [_view(_within(setting, offered), values[setting.name]) for setting in describe(LoopSettings)]
+    return [
+        ExperimentKind(
+            name=name,
+            title=entry.title,
+            description=entry.description,
+            duration_s=_usual_duration_s(name),
+            settings=[*_DECLARED[entry.plan], *of_the_loop],
+        )
+        for name, entry in EXPERIMENTS.items()
+    ]
+
+
+def identification_kinds() -> list[IdentificationKind]:
+    """Return what can be identified, with the settings of each."""
+    return [
+        IdentificationKind(
+            kind=kind,
+            title=entry.title,
+            description=entry.description,
+            settings=_DECLARED[entry.plan],
+        )
+        for kind, entry in IDENTIFICATIONS.items()
+    ]
+
+
+@cache
+def _usual_duration_s(name: str) -> float:
+    return EXPERIMENTS[name].plan().program().duration_s
+
+
+def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
+    low, high = offered.get(setting.name, (setting.minimum, setting.maximum))
+    return replace(setting, minimum=low, maximum=high)
+
+
+def _view(setting: Setting, default: float | int | str) -> SettingView:
+    return SettingView(
+        name=setting.name,
+        meaning=setting.meaning,
+        unit=setting.unit,
+        default=default,
+        minimum=setting.minimum,
+        maximum=setting.maximum,
+        choices=list(setting.choices) or None,
+    )
+
+
+_PLANS: list[type[Any]] = [
+    *(entry.plan for entry in EXPERIMENTS.values()),
+    *(entry.plan for entry in IDENTIFICATIONS.values()),
+]
+_DECLARED = {plan: [_view(setting, setting.default) for setting in describe(plan)] for plan in _PLANS}
