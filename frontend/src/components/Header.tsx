@@ -46,13 +46,24 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
       </span>
       {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
       <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
-        <Metric label="Loop" value={timing ? kilohertz(timing.rate_Hz) : "unknown"} width="9ch" />
+        <Metric
+          label="Loop"
+          meaning="Ticks of the control loop per second, over the last 5 s"
+          value={timing ? kilohertz(timing.rate_Hz) : "unknown"}
+          width="9ch"
+        />
         <Metric
           label="Late p99"
+          meaning="99 of 100 ticks of the last 5 s began at most this late"
           value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "unknown"}
           width="8ch"
         />
-        <Metric label="Overruns" value={timing ? fixed(timing.overruns, 0) : "unknown"} width="8ch" />
+        <Metric
+          label="Overruns"
+          meaning="Deadlines that the control loop missed since it started"
+          value={timing ? fixed(timing.overruns, 0) : "unknown"}
+          width="8ch"
+        />
         <LinkStatus link={link} now_ms={now_ms} />
       </div>
       <div className={styles.tools}>

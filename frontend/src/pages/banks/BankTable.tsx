@@ -49,7 +49,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                   {bank.active ? (
                     <strong>active</strong>
                   ) : (
-                    <OperatorsOnly otherwise="–">
+                    <OperatorsOnly otherwise="not in use">
                       <Button
                         size="compact-xs"
                         variant="default"
