@@ -25,7 +25,7 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     described = (box.get_attribute("aria-describedby") or "").split()
     assert refused.get_attribute("id") in described
 
-    page.get_by_role("button", name="Angles in degrees").click()
+    page.get_by_role("button", name="Angles in deg", exact=True).click()
     box = page.get_by_label(f"{FIELD} [rad]")
     expect(box).to_have_value("2.0944")
     expect(
@@ -38,5 +38,5 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     expect(page.get_by_text("[deg]")).to_have_count(0)
 
     page.reload()
-    page.get_by_role("button", name="Angles in radians").click()
+    page.get_by_role("button", name="Angles in rad", exact=True).click()
     expect(page.get_by_label("q_ref value [deg]")).to_be_visible()

@@ -13,7 +13,7 @@ export function AngleSwitch() {
       variant="subtle"
       color="gray"
       size="compact-sm"
-      aria-label={`Angles in ${NAMES[preferences.angles]}`}
+      aria-label={`Angles in ${preferences.angles}`}
       title={`Angles in ${NAMES[preferences.angles]}, for you alone: press for ${NAMES[other]}`}
       onClick={() => change({ angles: other })}
       w={44}
