@@ -163,7 +163,7 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
     expect(page.get_by_role("region", name="Dry run", exact=True)).to_contain_text(words_of(own))
     page.get_by_role("link", name="Identify", exact=True).click()
     expect(page.get_by_text("You are signed in as a viewer")).to_be_visible()
-    assert page.get_by_role("form").count() == 0
+    assert page.get_by_role("main").get_by_role("form").count() == 0
     page.context.close()
 
 

@@ -2,15 +2,21 @@
 
 import re
 
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
+from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import Operator
+from tests.e2e.service import Service
 
 FIELD = "Joint position steps between ±q_max"
 
 
-def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(operator: Operator) -> None:
-    page = operator.page
+def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
+    browser: Browser, service: Service
+) -> None:
+    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    operator = Operator(page, service)
+    operator.sign_in()
     operator.go("Experiments")
     box = page.get_by_label(f"{FIELD} [deg]")
     expect(box).to_have_value("60")
@@ -40,3 +46,4 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     page.reload()
     page.get_by_role("button", name="Angles in rad", exact=True).click()
     expect(page.get_by_label("q_ref value [deg]")).to_be_visible()
+    page.context.close()
