@@ -77,7 +77,10 @@ def in_digits(value: float, digits: int = DIGITS) -> str:
 def told(value: float, unit: str, angles: Angles) -> str:
     """Write a quantity in SI with the unit in which it is read: "120 deg"."""
     reading = reading_of(unit, angles)
-    shown = value if reading.factor == 1.0 else float(value) * reading.factor
+    try:
+        shown = value if reading.factor == 1.0 else float(value) * reading.factor
+    except OverflowError:
+        shown = value  # beyond any float in either unit
     return in_digits(shown) if unit in ("1", "") else f"{in_digits(shown)} {reading.unit}"
 
 

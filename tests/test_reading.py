@@ -85,3 +85,9 @@ def test_a_word_of_the_command_line_may_say_its_unit(word: str, unit: str, value
 def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> None:
     with pytest.raises(ValueError, match="could not convert"):
         typed(word, unit)
+
+
+@pytest.mark.parametrize("unit", ["rad", "rad/s", "N", "1"])
+def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> None:
+    for angles in Angles:
+        assert told(10**399, unit, angles).startswith("a number of 400 digits")
