@@ -141,6 +141,8 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()
     wait_for(running, "recording_run", None)
+    while running.get(f"/api/runs/{run}").raise_for_status().json()["end_state"] == "running":
+        continue  # its last samples are being written; each answer paces the next question
 
     def page(query: str = "") -> str:
         return running.get(f"/api/runs/{run}/report.html{query}").raise_for_status().text
@@ -154,5 +156,6 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     assert (in_degrees[2], in_radians[2]) == ("deg", "rad")
     assert float(in_degrees[1]) == pytest.approx(DEGREES_OF_A_RADIAN * float(in_radians[1]), rel=1e-5)
     assert q_max.search(page("?angles=deg"))[0] == in_degrees[0]
-    heading = running.get(f"/api/runs/{run}/data.csv").raise_for_status().text.splitlines()[0]
-    assert "q [rad]" in heading
+    data = running.get(f"/api/runs/{run}/data.csv").raise_for_status().text
+    liking("deg")
+    assert running.get(f"/api/runs/{run}/data.csv").raise_for_status().text == data

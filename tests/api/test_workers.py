@@ -155,8 +155,8 @@ def test_a_dry_run_has_a_longest_length(viewer: httpx.Client) -> None:
     )
     assert refused.status_code == 422
     told = problem(refused)
-    assert (told["quantity"], told["value"], told["maximum"], told["unit"]) == (
-        "duration of a dry run",
+    assert (told["words"], told["value"], told["maximum"], told["unit"]) == (
+        "length of a dry run",
         800.0,
         600.0,
         "s",
@@ -195,7 +195,7 @@ def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
     refused = viewer.post("/api/experiments/dry-run", json=SHORT)
     assert refused.status_code == 429  # the long one is under way still
     assert "of yours" in str(problem(refused)["message"])
-    before, told = set(workers(service, POLITE)), about_dry_runs(off)
+    before, told = set(workers(service, POLITE)), set(about_dry_runs(off))
     hanging.close()
     for _ in range(ASKED):
         again = viewer.post("/api/experiments/dry-run", json=SHORT)
@@ -204,4 +204,4 @@ def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
     assert again.status_code == 200, again.text
     assert again.json()["status"] == "completed"
     assert len(before - set(workers(service, POLITE))) == 1
-    assert about_dry_runs(off) == told  # a process that is ended on purpose is no trouble
+    assert set(about_dry_runs(off)) <= told  # a process that is ended on purpose is no trouble; earlier trouble passes
