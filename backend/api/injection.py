@@ -28,12 +28,24 @@ LEADS_TO: dict[Fault, Injection] = {
 }
 """What brings a fault about while the joint moves."""
 
+BY_HAND: dict[Fault, str] = {
+    Fault.STOP_PRESSED: "press STOP",
+    Fault.SERVICE_ENDED: "end the service, by Ctrl+C or a signal",
+}
+"""What a person does to bring about the faults that nothing has to be broken for."""
+
 
 def fault_list() -> FaultList:
     """Return all faults with their words and what brings them about."""
     return FaultList(
         faults=[
-            FaultKind(code=fault, message=told.message, remedy=told.remedy, injection=LEADS_TO.get(fault))
+            FaultKind(
+                code=fault,
+                message=told.message,
+                remedy=told.remedy,
+                injection=LEADS_TO.get(fault),
+                by_hand=BY_HAND.get(fault, ""),
+            )
             for fault, told in ((fault, EXPLAINED[fault]) for fault in FAULTS if fault is not Fault.NONE)
         ]
     )

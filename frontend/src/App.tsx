@@ -31,6 +31,13 @@ const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
+/** A page of its own, or one about the thing with a number; what is no number is no address. */
+const numbered = (page: string) => new RegExp(`^/${page}(?:/(?<id>\\d+))?$`);
+const IDENTIFY = numbered("identify");
+const BANKS = numbered("banks");
+const EXPERIMENTS = numbered("experiments");
+const RUNS = /^\/runs(?:\/(?<id>\d+)(?:\/(?<other>\d+))?)?$/;
+
 export function App() {
   const session = useQuery(sessionQuery);
   const signedOut = session.error instanceof RequestError && session.error.status === 401;
@@ -83,10 +90,10 @@ function Shell() {
             <Suspense>
               <Switch>
                 <Route path="/operate" component={OperatePage} />
-                <Route path="/identify/:id?" component={IdentifyPage} />
-                <Route path="/banks/:id?" component={BanksPage} />
-                <Route path="/experiments/:id?" component={ExperimentsPage} />
-                <Route path="/runs/:id?/:other?" component={RunsPage} />
+                <Route path={IDENTIFY} component={IdentifyPage} />
+                <Route path={BANKS} component={BanksPage} />
+                <Route path={EXPERIMENTS} component={ExperimentsPage} />
+                <Route path={RUNS} component={RunsPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />
                 <Route>

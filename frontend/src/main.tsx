@@ -15,7 +15,10 @@ import { RequestError } from "./wire/client";
 const queries: QueryClient = new QueryClient({
   queryCache: new QueryCache({ onError: askWhoIsSignedIn }),
   mutationCache: new MutationCache({ onError: askWhoIsSignedIn }),
-  defaultOptions: { queries: { staleTime: 2000, refetchOnWindowFocus: false }, mutations: { retry: false } },
+  defaultOptions: {
+    queries: { staleTime: 2000, refetchOnWindowFocus: false, retry: mayAnswerLater },
+    mutations: { retry: false },
+  },
 });
 
 /** Whatever the service refuses for want of a session, the session has ended: the page says so, and what to do. */
@@ -24,6 +27,12 @@ function askWhoIsSignedIn(error: Error): void {
   if (error instanceof RequestError && error.status === 401 && asked?.status === "success") {
     void queries.invalidateQueries(sessionQuery);
   }
+}
+
+/** What the service refuses it refuses again: only what it could not answer is asked for once more. */
+function mayAnswerLater(failures: number, error: Error): boolean {
+  const refused = error instanceof RequestError && error.status >= 400 && error.status < 500;
+  return !refused && failures < 3;
 }
 
 createRoot(document.getElementById("root") as HTMLElement).render(

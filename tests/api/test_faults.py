@@ -9,7 +9,7 @@ import pytest
 from backend.api.bench import Bench
 from backend.api.control import Control
 from backend.api.errors import ApiError
-from backend.api.injection import LEADS_TO, inject
+from backend.api.injection import BY_HAND, LEADS_TO, inject
 from backend.faults import FAULTS, Fault
 from tests.api.conftest import problem, wait_for
 
@@ -26,12 +26,17 @@ ONLY_HERE = [
 
 def test_every_fault_has_its_injection_or_a_button() -> None:
     assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
+    assert set(BY_HAND) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
 
 
 def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
     listed = viewer.get("/api/faults").json()["faults"]
     assert [entry["code"] for entry in listed] == [str(fault) for fault in FAULTS[1:]]
     assert all(entry["message"] and entry["remedy"] for entry in listed)
+    assert all((entry["injection"] is None) == (entry["by_hand"] != "") for entry in listed)
+    words = {entry["code"]: entry["by_hand"] for entry in listed}
+    assert "STOP" in words[Fault.STOP_PRESSED]
+    assert "STOP" not in words[Fault.SERVICE_ENDED]  # ends by a signal, whatever button there is
 
 
 @pytest.mark.parametrize("fault", ONLY_HERE)

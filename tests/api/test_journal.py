@@ -59,8 +59,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
         assert "wait in memory" in journal.problem
         last = datetime.now(UTC)
         repair(database)
-        await until(lambda: len(texts(database)) == 29)
-        assert journal.problem == ""
+        await until(lambda: len(texts(database)) == 29 and journal.problem == "")
         await ended(writing)
         return last
 
@@ -98,8 +97,7 @@ def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
         journal.note(MarkKind.NOTE, "half a letter \ud800", 3)
         journal.note(MarkKind.NOTE, "last", 4)
         writing = asyncio.create_task(journal.run())
-        await until(lambda: texts(database)[-1:] == ["last"])
-        assert journal.problem == ""
+        await until(lambda: texts(database)[-1:] == ["last"] and journal.problem == "")
         await ended(writing)
 
     asyncio.run(happen())

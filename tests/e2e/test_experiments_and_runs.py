@@ -1,8 +1,10 @@
 """Own sequences, dry run and queue; then the runs they leave: lineage, marks, replay, two on the same axes; set-up."""
 
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
+from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
@@ -89,3 +91,19 @@ def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> 
     expect(steps.get_by_role("listitem", name="Controller bank: to do", exact=True)).to_be_visible()
     steps.get_by_role("link", name="Build or activate a bank", exact=True).click()
     expect(page.get_by_role("heading", level=1, name="Banks")).to_be_attached()
+
+
+def test_an_address_of_nothing_is_told_at_once(browser: Browser, service: Service) -> None:
+    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    Operator(page, service).sign_in()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    for name in ("runs", "experiments", "identify"):
+        page.goto(f"{service.url}/#/{name}/999999")
+        expect(page.get_by_role("main").get_by_text("999999").last).to_contain_text("there is no")
+        assert sum(url.endswith("/999999") for url in asked) == 1  # what is refused once is refused again
+        asked.clear()
+        page.goto(f"{service.url}/#/{name}/nonsense")
+        expect(page.get_by_role("heading", level=1, name="Operate")).to_be_attached()
+        assert not any("NaN" in url for url in asked)
+    page.context.close()

@@ -35,12 +35,13 @@ class Injection(Schema):
 
 
 class FaultKind(Schema):
-    """A fault with its words, and what brings it about while the joint moves (null: press STOP)."""
+    """A fault with its words, and what brings it about while the joint moves."""
 
     code: Fault
     message: str
     remedy: str
-    injection: Injection | None
+    injection: Injection | None = Field(description="what to break; null where there is nothing to be broken")
+    by_hand: str = Field(description="what a person does instead; empty where something can be broken")
 
 
 class FaultList(Schema):

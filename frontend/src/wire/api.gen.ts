@@ -2156,7 +2156,7 @@ export interface components {
         Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead" | "service_ended";
         /**
          * FaultKind
-         * @description A fault with its words, and what brings it about while the joint moves (null: press STOP).
+         * @description A fault with its words, and what brings it about while the joint moves.
          */
         FaultKind: {
             code: components["schemas"]["Fault"];
@@ -2164,7 +2164,13 @@ export interface components {
             message: string;
             /** Remedy */
             remedy: string;
+            /** @description what to break; null where there is nothing to be broken */
             injection: components["schemas"]["Injection"] | null;
+            /**
+             * By Hand
+             * @description what a person does instead; empty where something can be broken
+             */
+            by_hand: string;
         };
         /**
          * FaultList

@@ -47,14 +47,14 @@ export default function DeveloperPage() {
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
-              {faults.map(({ code, message, injection }) => (
+              {faults.map(({ code, message, injection, by_hand }) => (
                 <Table.Tr key={code}>
                   <Table.Td>
                     <code>{code}</code>
                     {latched === code && <strong> latched</strong>}
                   </Table.Td>
                   <Table.Td>{message}</Table.Td>
-                  <Table.Td>{injection === null ? "STOP" : described(injection)}</Table.Td>
+                  <Table.Td>{injection === null ? by_hand : described(injection)}</Table.Td>
                   <Table.Td>
                     {injection !== null && (
                       <OperatorsOnly>

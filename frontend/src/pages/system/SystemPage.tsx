@@ -40,7 +40,10 @@ export default function SystemPage() {
                 <Verdict good={state.link.alive}>{state.link.alive ? "alive" : "not running"}</Verdict>
               ),
             ],
-            ["Started", state && `${state.link.starts} times by this service`],
+            [
+              "Started",
+              state && `${state.link.starts === 1 ? "once" : `${state.link.starts} times`} by this service`,
+            ],
             ["Running for", state && duration(state.tick * (layout?.period_s ?? 0.001))],
             ["Period", timing && `${fixed(1000 * timing.period_s, 3)} ms`],
             ["Rate, last 5 s", timing && kilohertz(timing.rate_Hz)],
