@@ -200,7 +200,7 @@ def _build(
     keep(FOLDER, watch.run)
     care.start()
 
-    history = History(database, parameters, lambda: _id_of_bank(picture.own_tuning or picture.tuning))
+    history = History(database, parameters, lambda: _id_of_bank(picture.operators_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
     downloads = Downloads(database, processes.reports)

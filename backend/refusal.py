@@ -1,6 +1,7 @@
 """What is said when a value is refused: which quantity in the operator's words, its value, the bounds, what to do."""
 
 import math
+from abc import ABC, abstractmethod
 
 from backend.reading import DIGITS, Angles, in_digits, read, reading_of, told
 
@@ -11,6 +12,7 @@ WORDS = {
     "q_ref": "position reference",
     "S_ref": "stiffness reference",
     "F_push": "push",
+    "load": "load of a motor's shaft",
     "lam_q": "λ_q",
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
@@ -24,7 +26,7 @@ WORDS = {
 """Operator's words for quantities that are refused at several places."""
 
 
-class RefusedValueError(ValueError):
+class RefusedValueError(ValueError, ABC):
     """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
 
     def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
@@ -33,9 +35,9 @@ class RefusedValueError(ValueError):
         self.path: Path = (quantity,) if path is None else path
         super().__init__(self.sentence(Angles.RADIANS))
 
+    @abstractmethod
     def sentence(self, angles: Angles) -> str:
         """Say it to somebody who reads angles in this unit; the text of the exception itself is in SI."""
-        raise NotImplementedError
 
 
 class OutOfRangeError(RefusedValueError):
@@ -76,6 +78,8 @@ def out_of_range(
     most = None if maximum is None else bound_text(maximum, unit, angles, upper=True)
     if least is not None and most is not None:
         return f"{given} is outside {least} to {most}{shown_unit}", "choose a value between the two"
+    if least is None and most is None:
+        return f"{given} is not a finite number", "choose a finite one"
     if most is not None:
         return f"{given} is more than {most}{shown_unit}", f"choose {most}{shown_unit} at most"
     return f"{given} is less than {least}{shown_unit}", f"choose {least}{shown_unit} at least"

@@ -56,8 +56,8 @@ class Plant(Protocol):
     A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
     sample is due (a hardware clock), False where the loop keeps the time. ``loads_shafts`` tells whether ``load`` is
-    there. ``unattended_max_s`` [s] is how long it may
-    be left without a write while it is under control: the simulator waits, a rig moves on.
+    there. ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
+    waits, a rig moves on.
     """
 
     paces_loop: bool

@@ -1,5 +1,7 @@
 """The simulated rig: dynamics, sensors and safety module behind the Plant interface."""
 
+import math
+
 import numpy as np
 
 from plant.breakage import Breakage, Broken, BrokenPart
@@ -99,7 +101,7 @@ class Simulator:
 
     def load(self, load: ShaftLoad) -> None:
         """Load the motors' shafts from the next period on. Raises PlantError for a load that would pull backwards."""
-        if not all(torque >= 0.0 for torque in load):
+        if not all(0.0 <= torque < math.inf for torque in load):
             raise PlantError(
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
             )

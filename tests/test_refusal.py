@@ -67,3 +67,10 @@ def test_a_bound_that_is_read_and_typed_is_accepted(bound: float) -> None:
         assert abs(back(most) - bound) <= 2e-5 * abs(bound)
         texts = [bound_text(bound, "rad", angles, upper=upper) for upper in (False, True)]
         assert all(len(re.sub(r"e.*|\D", "", text).lstrip("0")) <= 6 for text in texts)
+
+
+def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
+    for figure in (math.nan, math.inf):
+        with pytest.raises(OutOfRangeError) as refused:
+            require_within("F_push", figure, None, None, "N")
+        assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite one"

@@ -153,7 +153,7 @@ class Bench:
         # before it is sent: whoever loses control meanwhile has it let go after it has begun
         self._pushed = push.F_push != 0.0
         accepted = await self._command(commands.Push(push.F_push, push.duration_s))
-        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if self._pushed else "push let go"
+        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
         self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
         return push
 

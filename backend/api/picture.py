@@ -75,6 +75,11 @@ class Picture:
         return self._supervisor.setup.plant
 
     @property
+    def operators_tuning(self) -> TuningInUse:
+        """What the operator has chosen, also while a run has another in force."""
+        return self.own_tuning or self.tuning
+
+    @property
     def mode(self) -> Mode:
         """Mode of the newest sample."""
         return mode_of(self._observation.sample())

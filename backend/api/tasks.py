@@ -76,8 +76,7 @@ class Tasks:
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
-        tuning = self._bench.picture.own_tuning or self._bench.picture.tuning
-        return kinds.experiment_kinds(self._loop_settings(), tuning.view(0.0))
+        return kinds.experiment_kinds(self._loop_settings(), self._bench.picture.operators_tuning.view(0.0))
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""
@@ -241,8 +240,7 @@ class Tasks:
         return split_values(entry.plan, {**asdict(self._loop_settings()), **request.settings})
 
     def _loop_settings(self) -> LoopSettings:
-        picture = self._bench.picture
-        return LoopSettings(**(picture.own_tuning or picture.tuning).choice.document(), seed=self._seed)
+        return LoopSettings(**self._bench.picture.operators_tuning.choice.document(), seed=self._seed)
 
 
 async def _nothing() -> None:

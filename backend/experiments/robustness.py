@@ -56,7 +56,7 @@ def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_r
     for name, window in loads.items():
         side, size = name[0], np.abs(errors[name[0]][window])
         deviations[side] = max(deviations[side], float(size.max()))
-        if size.max() < _LEAST_COUNTS * motor_step_rad:
+        if not size.max() > _LEAST_COUNTS * motor_step_rad:  # nan and a motor that stood still are no deviation
             reasons["back_s"] = f"motor {side} moved by less than {_LEAST_COUNTS:g} encoder counts: load it more"
             continue
         away = np.flatnonzero(size > BACK_SHARE * size.max())

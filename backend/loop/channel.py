@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from backend.loop.commands import Command, Event, RunProgram, SetTuning
 from backend.loop.pacer import Granted
-from backend.loop.program import MAX_SEGMENTS, Segment
-from backend.refusal import require_within
+from backend.loop.program import Segment, require_few
 
 MAX_BYTES = 16_384
 """Longest packet: what is decoded within a third of a period."""
@@ -120,7 +119,7 @@ def packets(command: Command, sequence: int) -> list[bytes]:
     if not isinstance(command, RunProgram) or len(command.program.segments) <= PART_SEGMENTS:
         return [encode(command, sequence)]
     segments = command.program.segments
-    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words="number of segments")
+    require_few(segments)
     starts = range(0, len(segments), PART_SEGMENTS)
     parts = [encode(ProgramPart(segments[start : start + PART_SEGMENTS]), sequence) for start in starts]
     rest = LongProgram(replace(command, program=replace(command.program, segments=())), len(segments))

@@ -24,7 +24,7 @@ from backend.loop.mode import LEGAL, Mode
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.player import Target
-from backend.loop.program import IDENTIFYING, MAX_SEGMENTS, Law, Program, mode_of_law, starts_from
+from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_few, starts_from
 from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
@@ -139,17 +139,13 @@ class ModeMachine:
         elif program.law is Law.TENSION_SWEEP:
             motion = self._tension_sweep(program)
         else:
-            count = len(program.segments)
-            require_within("segments", count, None, MAX_SEGMENTS, "1", "split the program", words="number of segments")
-            if program.loads_shafts and not self._plant.loads_shafts:
-                raise RefusedError(
-                    "this rig cannot load its motors' shafts by itself: play it on a simulator (dry run)"
-                )
+            require_few(program.segments)
             q_min, q_max, S_min, S_max = self.bounds.q_min, self.bounds.q_max, self.bounds.S_min, self.bounds.S_max
             for segment in program.segments:
-                # Most are good, and a thousand calls would take half a period.
-                if not (q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max):
-                    self._require_references(segment.q_ref, segment.S_ref)
+                # Most are plain and good, and a thousand calls would take half a period.
+                good = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
+                if not good or segment.F_push or segment.load_A or segment.load_B:
+                    self._require_segment(segment)
             motion = self._following(program)
         self._enter(mode, motion, "program", command.run)
         self._program = program
@@ -200,12 +196,11 @@ class ModeMachine:
             self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, "standing")
 
     def _following(self, program: Program) -> Motion:
-        carry, m = self._carried(), self.m
+        carry, m, bounds = self._carried(), self.m, self.bounds
         if program.law in BASELINES:
-            return Baseline(
-                program.law, self._parameters, self.lambdas, self.tuning, carry, m, self.bounds, program.segments
-            )
-        return Tracking(self.tuning, carry, m, self.bounds, program.law is Law.CASCADE, program.segments)
+            parameters, lambdas = self._parameters, self.lambdas
+            return Baseline(program.law, parameters, lambdas, self.tuning, carry, m, bounds, program.segments)
+        return Tracking(self.tuning, carry, m, bounds, program.law is Law.CASCADE, program.segments)
 
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]
@@ -220,6 +215,14 @@ class ModeMachine:
     def _require_references(self, q_ref: float, S_ref: float) -> None:
         require_within("q_ref", q_ref, self.bounds.q_min, self.bounds.q_max, "rad")
         require_within("S_ref", S_ref, self.bounds.S_min, self.bounds.S_max, "N·m/rad")
+
+    def _require_segment(self, segment: Segment) -> None:
+        self._require_references(segment.q_ref, segment.S_ref)
+        require_within("F_push", segment.F_push, None, None, "N")
+        for load in filter(None, (segment.load_A, segment.load_B)):
+            if not self._plant.loads_shafts:
+                raise RefusedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
+            require_within("load", load, 0.0, None, "N·m", "loads pull as tendons do")
 
     def _motor_steps(self, program: Program) -> MotorSteps:
         if not program.steps:

@@ -4,10 +4,12 @@ A program is plain data, sent whole before it starts, so that its timing is the 
 arrive in time while it plays.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
 from backend.loop.mode import LEGAL, Mode
+from backend.refusal import require_within
 
 MAX_SEGMENTS = 1000
 """Most segments of a program: sixteen packets, each taken in a tick of its own."""
@@ -67,6 +69,12 @@ class Segment:
     period_s: float = 1.0
     load_A: float = 0.0
     load_B: float = 0.0
+
+
+def require_few(segments: Collection[Segment]) -> None:
+    """Raise OutOfRangeError for more segments than a program may have."""
+    words = "number of segments"
+    require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
 
 
 @dataclass(frozen=True)
@@ -134,11 +142,6 @@ class Program:
     excitation: Excitation | None = None
     steps: tuple[VoltageStep, ...] = ()
     legs: tuple[TensionLeg, ...] = ()
-
-    @property
-    def loads_shafts(self) -> bool:
-        """Whether it loads the motors' shafts anywhere."""
-        return any(segment.load_A or segment.load_B for segment in self.segments)
 
     @property
     def duration_s(self) -> float:

@@ -2,10 +2,9 @@
 
 from backend.reading import Angles
 from backend.recording.columns import Columns
-from backend.reports.document import Figure, Paragraph, Report, Section
+from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
-from backend.reports.judgement import results_section, verdict
-from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
 
@@ -21,21 +20,8 @@ _NOTES = (
 
 def robustness_report(source: Source) -> Report:
     """Build the report; a run without result says why it has none."""
-    outcome, sentence = verdict(source)
-    sections = [*results_section(source), Section("How it was made", (settings_table(source), *lineage(source)))]
-    if source.result is not None:
-        sections.append(_figures(source))
-    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
-    return Report(
-        title="Robustness under a load",
-        subtitle=subtitle(source),
-        outcome=outcome,
-        verdict=sentence,
-        facts=(*facts(source), *tuning_facts(source)),
-        sections=tuple(sections),
-        footer=f"Sinew {source.run.software} · robustness experiment · run {source.run.id}",
-        date=source.run.started_at,
-    )
+    seen = () if source.result is None else (_figures(source),)
+    return experiment_report(source, "Robustness under a load", "robustness experiment", seen, _NOTES)
 
 
 def _figures(source: Source) -> Section:

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from backend.reading import Angles, read, reading_of
-from backend.reports.document import Column, Figure, Paragraph, Report, Section, Table, shown
+from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
-from backend.reports.judgement import NOT_MEASURED, measured, read_or_none, results_section, verdict
-from backend.reports.provenance import facts, lineage, parameter_section, settings_table, subtitle, tuning_facts
+from backend.reports.experiment import experiment_report
+from backend.reports.judgement import NOT_MEASURED, measured, read_or_none
 from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
 
@@ -38,24 +38,13 @@ _NAMES = {
 
 def tracking_report(source: Source) -> Report:
     """Build the report of a tracking run; a run without result says why it has none."""
-    outcome, sentence = verdict(source)
     metrics = source.result.metrics if source.result else {}
-    sections = [*results_section(source), Section("How it was made", (settings_table(source), *lineage(source)))]
+    seen = []
     if source.columns["t"].size:
-        sections.append(_figures(source, metrics))
+        seen.append(_figures(source, metrics))
     if metrics.get("steps"):
-        sections.append(Section("Steps", _steps(metrics["steps"], source.angles)))
-    sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
-    return Report(
-        title="Tracking experiment",
-        subtitle=subtitle(source),
-        outcome=outcome,
-        verdict=sentence,
-        facts=(*facts(source), *tuning_facts(source)),
-        sections=tuple(sections),
-        footer=f"Sinew {source.run.software} · tracking experiment · run {source.run.id}",
-        date=source.run.started_at,
-    )
+        seen.append(Section("Steps", _steps(metrics["steps"], source.angles)))
+    return experiment_report(source, "Tracking experiment", "tracking experiment", seen, _NOTES)
 
 
 def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:

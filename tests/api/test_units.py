@@ -141,8 +141,9 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()
     wait_for(running, "recording_run", None)
-    while running.get(f"/api/runs/{run}").raise_for_status().json()["end_state"] == "running":
-        continue  # its last samples are being written; each answer paces the next question
+    for _ in range(2000):  # its last samples are being written; each answer paces the next question
+        if running.get(f"/api/runs/{run}").raise_for_status().json()["end_state"] != "running":
+            break
 
     def page(query: str = "") -> str:
         return running.get(f"/api/runs/{run}/report.html{query}").raise_for_status().text

@@ -1,7 +1,9 @@
 """The paper's load of 0.375 N·m: what comes out is what the linear loop says; what was not measured passes nothing."""
 
 import asyncio
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +22,8 @@ from backend.experiments.robustness import (
 from backend.experiments.robustness_plan import LEAD_IN_S, RobustnessPlan
 from backend.experiments.runner import Order, run_experiment
 from backend.loop.commands import Accepted, Refused, RunProgram
+from backend.loop.mode import Mode
+from backend.loop.program import Law, Program, Segment
 from backend.reports.build import build_report
 from backend.reports.document import Table
 from backend.reports.source import Source, load_source
@@ -129,6 +133,33 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> 
     ]
     assert any("0.375" in row for row in cells)
     assert report.outcome == "passed"
+
+
+@pytest.mark.parametrize("figure", [np.nan, 0.0])
+def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float) -> None:
+    still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
+    back = robustness_criteria(robustness_figures(still, PLAN.phases(), 0.0), 10.0)[0]
+    assert back.passed is None
+    assert "motor A moved by less than" in back.reason
+
+
+@pytest.mark.parametrize(
+    ("quantity", "figure"),
+    [
+        *((load, figure) for load in ("load_A", "load_B") for figure in (math.nan, math.inf, -0.1)),
+        *(("F_push", figure) for figure in (math.nan, math.inf)),  # of either sign where it is a number
+    ],
+)
+def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
+    ideal: PlantParameters, quantity: str, figure: float
+) -> None:
+    bench = BenchTop(ideal, plant=Simulator(ideal))
+    bench.run()
+    segments = (Segment(0.5, 0.0, 10.0), replace(Segment(0.5, 0.0, 10.0), **{quantity: figure}))
+    told = bench.send(RunProgram(Program(Law.CASCADE, segments), 1))
+    assert isinstance(told, Refused)
+    assert ("push" if quantity == "F_push" else "load of a motor's shaft") in told.reason
+    assert bench.loop.mode is Mode.RUN
 
 
 class WithoutLoads(Simulator):

@@ -3,6 +3,7 @@
 from typing import Any
 
 import hypothesis
+import pytest
 import schemathesis
 from hypothesis import HealthCheck, Phase, settings
 from schemathesis.checks import not_a_server_error
@@ -16,6 +17,8 @@ from backend.api.export import openapi
 from backend.experiments.catalogue import EXPERIMENTS
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
+
+pytestmark = pytest.mark.timeout(3 * TIMEOUT_S)  # one dry run of those asked for may take its whole time
 
 CHECKS = [not_a_server_error, status_code_conformance, content_type_conformance, response_schema_conformance]
 WITH_BOUNDS = 20

@@ -2,13 +2,14 @@
 
 from fastapi import APIRouter, WebSocket
 
+from backend.api.attendance import LIVE
 from backend.api.auth import signed_in
 from backend.api.service import service_of
 
 router = APIRouter()
 
 
-@router.websocket("/api/live")
+@router.websocket(LIVE)
 async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
     person, service = signed_in(websocket), service_of(websocket)
