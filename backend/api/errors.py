@@ -11,8 +11,9 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from backend.api.invalid import SHOWN, problem_of_form
 from backend.api.offload import WorkerDiedError
-from backend.api.schemas.base import MEANINGS, UNITS, Problem, Refusal
+from backend.api.schemas.base import Problem, Refusal
 from backend.experiments.again import NotEvaluableError
 from backend.experiments.bank_consistency import BankError
 from backend.experiments.playing import BenchNotReadyError
@@ -21,19 +22,16 @@ from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
-from backend.reading import Angles, in_words, reading_of
+from backend.reading import Angles, in_words
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
-from backend.refusal import WORDS, OutOfRangeError, out_of_range
+from backend.refusal import OutOfRangeError
 from backend.storage import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 
 _log = logging.getLogger(__name__)
-
-SHOWN = 40
-"""Characters of a refused text that are repeated."""
 
 _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
@@ -142,7 +140,7 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
-        return await answer(request, 422, partial(_first_problem, error))
+        return await answer(request, 422, partial(_form_problem, request, error.errors()[0]))
 
     @app.exception_handler(HTTPException)
     async def http(_request: Request, error: HTTPException) -> JSONResponse:
@@ -199,34 +197,10 @@ def _setting_problem(error: SettingError, angles: Angles) -> Problem:
     )
 
 
-def _first_problem(error: RequestValidationError, angles: Angles) -> Problem:
-    first = error.errors()[0]
-    path = [part for part in first["loc"] if part not in ("body", "query", "path")]
-    name = next((part for part in reversed(path) if isinstance(part, str)), "body")
-    bounds = first.get("ctx", {})
-    minimum, maximum = (_number(bounds, *keys) for keys in (("ge", "gt"), ("le", "lt")))
-    unit, given = UNITS.get(name), first.get("input")
-    words = MEANINGS.get(name) or WORDS.get(name) or ".".join(str(part) for part in path) or "body"
-    sentence = first["msg"][:1].lower() + first["msg"][1:]
-    if (minimum, maximum) != (None, None) and isinstance(given, int | float):
-        sentence = "; ".join(out_of_range(given, minimum, maximum, unit or "1", angles))
-    elif unit:
-        sentence += f" in {reading_of(unit, angles).unit}" if unit != "1" else ""
-    return Problem(
-        code=str(first["type"]),
-        message=f"{words}: {sentence}",
-        quantity=name,
-        words=words,
-        path=path or None,
-        value=_plain(given),
-        minimum=minimum,
-        maximum=maximum,
-        unit=unit,
-    )
-
-
-def _number(bounds: Mapping[str, Any], *keys: str) -> float | None:
-    return next((bounds[key] for key in keys if isinstance(bounds.get(key), int | float)), None)
+def _form_problem(request: Request, error: Mapping[str, Any], angles: Angles) -> Problem:
+    wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
+    problem = problem_of_form(error, None if wanted is None else wanted.field_info.annotation, angles)
+    return problem.model_copy(update={"value": _plain(problem.value)})
 
 
 def _plain(value: object) -> object:

@@ -1,6 +1,7 @@
 """From what is asked for to plans of identification, and what these would do to the rig."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from backend.api.schemas.experiment import Metric
 from backend.api.schemas.identification import (
@@ -104,8 +105,27 @@ def _spring_plan(request: SpringRequest) -> SpringIdentificationPlan:
 
 def _actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPlan, ...]:
     values = request.model_dump(exclude={"kind", "tensions_N", "tension_N"})
-    tensions = request.tensions_N or [request.tension_N]
-    return tuple(from_values(ActuatorIdentificationPlan, {**values, "tension_N": tension}) for tension in tensions)
+    if request.tensions_N is None:
+        return (from_values(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
+    return tuple(_one_of_several(values, place, tension) for place, tension in enumerate(request.tensions_N))
+
+
+def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
+    try:
+        return from_values(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
+    except OutOfRangeError as error:
+        if error.quantity != "tension_N":
+            raise
+        raise OutOfRangeError(
+            error.quantity,
+            error.value,
+            error.minimum,
+            error.maximum,
+            error.unit,
+            error.remedy,
+            words=f"tension {place + 1}",
+            path=("tensions_N", place),
+        ) from None
 
 
 def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float) -> _Worth:

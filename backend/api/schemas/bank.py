@@ -14,7 +14,7 @@ Text = Annotated[str, Field(max_length=100)]
 class BankRequest(Schema):
     """A new bank, or a new version of the bank of that name, from chosen identification runs."""
 
-    name: str = Field(min_length=1, max_length=60)
+    name: str = Field(min_length=1, max_length=60, description="name of the bank")
     identifications: list[RowNumber] = Field(min_length=1, max_length=20)
 
 
@@ -128,12 +128,12 @@ class BankDifference(Schema):
 class BankFileEntry(Schema):
     """One point in a bank's file."""
 
-    S_nominal: Finite
-    K_q: Finite
-    T_q: Finite
-    K_S: Finite
-    T_S: Finite
-    tension_N: Finite | None = None
+    S_nominal: Finite = quantity("N·m/rad", "stiffness of the point")
+    K_q: Finite = Field(description="K of G_q")
+    T_q: Finite = quantity("s", "T of G_q")
+    K_S: Finite = Field(description="K of G_S")
+    T_S: Finite = quantity("s", "T of G_S")
+    tension_N: Finite | None = quantity("N", "tendon tension of the point", default=None)
 
 
 class BankOrigin(Schema):
@@ -150,7 +150,7 @@ class BankFile(Schema):
 
     format: Text = "sinew-bank"
     version: RowNumber = 1
-    name: str = Field(min_length=1, max_length=60)
+    name: str = Field(min_length=1, max_length=60, description="name of the bank")
     exported_from: BankOrigin | None = None
     units: dict[Text, Text] = Field(default_factory=dict, max_length=20)
     entries: list[BankFileEntry] = Field(min_length=1, max_length=20)

@@ -19,9 +19,6 @@ ANY_SIZE = {"ge": -HUGE, "le": HUGE}
 UNITS: dict[str, str] = {}
 """Unit of each quantity by its name, for refusals; a name has one unit everywhere."""
 
-MEANINGS: dict[str, str] = {}
-"""What each quantity is in the operator's words, by its name; of what can be asked for rather than what is told."""
-
 
 class Schema(BaseModel):
     """A body that refuses unknown fields and numbers that are not finite."""
@@ -33,9 +30,7 @@ class Schema(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         for name, field in cls.model_fields.items():
             if isinstance(field.json_schema_extra, dict) and "unit" in field.json_schema_extra:
-                unit = UNITS[name] = str(field.json_schema_extra["unit"])
-                if field.metadata and field.description:
-                    MEANINGS[name] = field.description.removesuffix(f" [{unit}]")
+                UNITS[name] = str(field.json_schema_extra["unit"])
 
 
 def quantity(unit: str, meaning: str, **constraints: Any) -> Any:

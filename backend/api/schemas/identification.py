@@ -28,7 +28,7 @@ class ActuatorRequest(Schema):
     tension_N: float = _declared(ActuatorIdentificationPlan, "tension_N")
     tensions_N: list[Finite] | None = quantity(
         "N",
-        "tensions of several runs in turn, in place of tension_N",
+        "tensions of several runs in turn",
         default=None,
         min_length=1,
         max_length=8,
@@ -194,7 +194,8 @@ class SpringTableRequest(Schema):
 
     name: str = Field(min_length=1, max_length=120, description="name of the file")
     table: str = Field(
-        max_length=400_000, description="CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading"
+        max_length=400_000,
+        description="table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading",
     )
 
 

@@ -1393,7 +1393,7 @@ export interface components {
             tension_N: number;
             /**
              * Tensions N
-             * @description tensions of several runs in turn, in place of tension_N [N]
+             * @description tensions of several runs in turn [N]
              */
             tensions_N?: number[] | null;
             /**
@@ -1555,7 +1555,10 @@ export interface components {
              * @default 1
              */
             version: number;
-            /** Name */
+            /**
+             * Name
+             * @description name of the bank
+             */
             name: string;
             exported_from?: components["schemas"]["BankOrigin"] | null;
             /** Units */
@@ -1570,17 +1573,35 @@ export interface components {
          * @description One point in a bank's file.
          */
         BankFileEntry: {
-            /** S Nominal */
+            /**
+             * S Nominal
+             * @description stiffness of the point [N·m/rad]
+             */
             S_nominal: number;
-            /** K Q */
+            /**
+             * K Q
+             * @description K of G_q
+             */
             K_q: number;
-            /** T Q */
+            /**
+             * T Q
+             * @description T of G_q [s]
+             */
             T_q: number;
-            /** K S */
+            /**
+             * K S
+             * @description K of G_S
+             */
             K_S: number;
-            /** T S */
+            /**
+             * T S
+             * @description T of G_S [s]
+             */
             T_S: number;
-            /** Tension N */
+            /**
+             * Tension N
+             * @description tendon tension of the point [N]
+             */
             tension_N?: number | null;
         };
         /**
@@ -1622,7 +1643,10 @@ export interface components {
          * @description A new bank, or a new version of the bank of that name, from chosen identification runs.
          */
         BankRequest: {
-            /** Name */
+            /**
+             * Name
+             * @description name of the bank
+             */
             name: string;
             /** Identifications */
             identifications: number[];
@@ -3780,7 +3804,7 @@ export interface components {
             name: string;
             /**
              * Table
-             * @description CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading
+             * @description table of the file; CSV with the columns 'x [m]' or 'x [mm]', and 'F [N]', units in the heading
              */
             table: string;
         };

@@ -1,0 +1,138 @@
+"""What is said of a value that does not even have the right form: which one it is, in the operator's words."""
+
+import asyncio
+import math
+import re
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from starlette.requests import HTTPConnection
+
+from backend.api.errors import install
+from backend.api.identification_orders import plans_of
+from backend.api.schemas.bank import BankFile, BankRequest
+from backend.api.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
+from backend.api.schemas.run import NoteRequest
+from backend.api.schemas.state import Push, References
+from backend.api.schemas.tuning import TrialRequest
+from backend.reading import Angles
+from backend.refusal import OutOfRangeError
+from tests.api.test_units import CODE_NAME, SYMBOL
+
+ENTRY = {"S_nominal": 10, "K_q": 1, "T_q": 0.1, "K_S": 1, "T_S": 0.1}
+BODIES = {
+    "trial": TrialRequest,
+    "push": Push,
+    "references": References,
+    "bank": BankFile,
+    "build": BankRequest,
+    "note": NoteRequest,
+    "table": SpringTableRequest,
+    "identification": IdentificationRequest,
+}
+
+REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
+    ("trial", {"duration_s": 0.2}, ["duration_s"], "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at"),
+    ("trial", {"duration_s": "x"}, ["duration_s"], "how long it stays in force: “x” is no number; give one in s"),
+    ("trial", {"duration_s": 5, "interpolate": "maybe"}, ["interpolate"], "gain scheduling instead of switching: “may"),
+    ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop lets go by itself: a numb"),
+    ("references", {"q_ref": 1}, ["S_ref"], "joint stiffness reference: it is missing"),
+    (
+        "references",
+        {"q_ref": "1 turn", "S_ref": 9},
+        ["q_ref"],
+        "joint position reference: “1 turn” is no number; give o",
+    ),
+    ("bank", [1], None, "what was sent: it needs named values"),
+    ("bank", {"entries": [ENTRY]}, ["name"], "name of the bank: it is missing"),
+    (
+        "bank",
+        {"name": "n" * 61, "entries": [ENTRY]},
+        ["name"],
+        "name of the bank: 61 characters are too many; 60 at mo",
+    ),
+    ("bank", {"name": "", "entries": [ENTRY]}, ["name"], "name of the bank: it must not be empty"),
+    ("bank", {"name": "n", "entries": []}, ["entries"], "entries: 0 are too few; 1 at least"),
+    ("bank", {"name": "n", "entries": [ENTRY] * 21}, ["entries"], "entries: 21 are too many; 20 at most"),
+    (
+        "bank",
+        {"name": "n", "entries": [ENTRY, ENTRY | {"K_q": "a"}]},
+        ["entries", 1, "K_q"],
+        "entry 2, K of G_q: “a” is",
+    ),
+    ("bank", {"name": "n", "entries": [{"S_nominal": 10}]}, ["entries", 0, "K_q"], "entry 1, K of G_q: it is missing"),
+    ("bank", {"name": "n", "entries": [ENTRY | {"q": 2}]}, ["entries", 0, "q"], "entry 1, “q”: it is not known here"),
+    (
+        "build",
+        {"name": "n", "identifications": [0]},
+        ["identifications", 0],
+        "run 1: 0 is less than 1; choose 1 at least",
+    ),
+    ("note", {"note": "x" * 4001}, ["note"], "note: 4001 characters are too many; 4000 at most"),
+    (
+        "table",
+        {"name": "a", "table": "x" * 400_001},
+        ["table"],
+        "table of the file: 400001 characters are too many; 400000 at most",
+    ),
+    ("identification", {"tensions_N": [10, "a"]}, ["tensions_N", 1], "tension 2: “a” is no number; give one in N"),
+    ("identification", {"tensions_N": []}, ["tensions_N"], "tensions of several runs in turn: 0 are too few; 1 at le"),
+    (
+        "identification",
+        {"estimator": "foo"},
+        ["estimator"],
+        "what makes the models from the record: “foo” is refused; c",
+    ),
+    ("identification", {"bits": 7.5}, ["bits"], "length of the shift register: 7.5 is no whole number; give"),
+    ("identification", {"kind": "x"}, ["kind"], "kind: “x” is refused; choose one of actuator, motor, spring"),
+]
+
+
+def answers(path: str, body: Any) -> dict[str, Any]:
+    """Return what the interface's own handlers answer to a body."""
+    app = FastAPI()
+
+    async def degrees(_connection: HTTPConnection) -> Angles:
+        return Angles.DEGREES
+
+    install(app, degrees)
+    for name, schema in BODIES.items():
+
+        async def take(body: Any) -> None:
+            raise AssertionError(f"{body} was taken")
+
+        take.__annotations__["body"] = schema
+        app.post(f"/{name}")(take)
+
+    async def ask() -> httpx.Response:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://sinew") as client:
+            return await client.post(f"/{path}", json=body)
+
+    answer = asyncio.run(ask())
+    assert answer.status_code == 422, answer.text
+    return dict(answer.json()["error"])
+
+
+@pytest.mark.parametrize(("path", "body", "place", "said"), REFUSED)
+def test_it_is_told_in_words_and_at_its_place(path: str, body: Any, place: list[str | int] | None, said: str) -> None:
+    """No name of the code, no word of a parser, no unit of another quantity of the same name."""
+    refusal = answers(path, body)
+    message = refusal["message"]
+    assert message.startswith(said), message
+    assert refusal.get("path", [])[-len(place or []) :] == (place or []), refusal
+    assert not CODE_NAME.search(SYMBOL.sub("", message).replace("G_q", "").replace("G_S", "")), message
+    assert not re.search(r"input|string|valid|extra|tag\b|<|field", message, re.IGNORECASE), message
+
+
+def test_the_tension_that_is_refused_is_told_among_several() -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        plans_of(ActuatorRequest(tensions_N=[10.0, 4000.0]))
+    assert refused.value.path == ("tensions_N", 1)
+    assert refused.value.sentence(Angles.DEGREES).startswith("tension 2: 4000 N is ")
+    with pytest.raises(OutOfRangeError) as refused:
+        plans_of(
+            ActuatorRequest(tensions_N=[10.0], amplitude_rad=math.pi / 2).model_copy(update={"amplitude_rad": 9.0})
+        )
+    assert refused.value.path == ("amplitude_rad",), "what all of them share is not laid to one tension"
