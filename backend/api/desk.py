@@ -7,7 +7,7 @@ from backend.api.people import Person
 from backend.api.schemas.preferences import NEW_HERE, Preferences
 from backend.api.schemas.session import Role
 from backend.api.schemas.tuning import SavedTuning
-from backend.api.tuning_in_use import DEFAULTS, TuningInUse, parts_of
+from backend.api.tuning_in_use import TuningInUse, parts_of
 from backend.experiments.tuning_choice import TuningChoice
 from backend.storage import Database, settings
 from backend.storage.settings import StoredSetting
@@ -31,11 +31,12 @@ class Desk:
         return preferences
 
     async def saved_tuning(self, tuning: TuningInUse) -> SavedTuning:
-        """Return what was saved for the bank in use; the method's defaults where nobody has saved."""
+        """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
         stored = await asyncio.to_thread(self._newest, _tuning_of(tuning))
         if stored is not None:
             return _saved(stored)
-        return SavedTuning(**parts_of(DEFAULTS), who=None, at=None)
+        default = await asyncio.to_thread(tuning.default)
+        return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
 
     async def save_tuning(self, tuning: TuningInUse, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
@@ -57,7 +58,7 @@ def _preferences_of(person: Person) -> str:
 
 
 def _saved(stored: StoredSetting) -> SavedTuning:
-    return SavedTuning(**parts_of(TuningChoice.of(stored.value)), who=stored.who, at=stored.at)
+    return SavedTuning(**parts_of(TuningChoice.of(stored.value)), who=stored.who, at=stored.at, moved="")
 
 
 def _tuning_of(tuning: TuningInUse) -> str:

@@ -2,7 +2,7 @@
 
 import logging
 
-from backend.api.tuning_in_use import Chosen, TuningInUse, initial
+from backend.api.tuning_in_use import Chosen, TuningInUse, by_default, initial
 from backend.experiments import kept_choice
 from backend.experiments.kept_choice import KeptChoice
 from backend.experiments.settings import SettingError
@@ -41,22 +41,27 @@ class KeptTuning:
             return None
 
     def restore(self, parameters: PlantParameters) -> tuple[TuningInUse, str]:
-        """Return what to start with, and a sentence on it for the journal, empty on a new data folder.
+        """Return what to start with, and a sentence on it for the journal; mostly empty on a new data folder.
 
         What was kept for other parameters, or cannot be used any more, gives way to the defaults.
         """
         try:
             kept = kept_choice.newest(self._database, parameters)
             if kept is None:
-                return initial(parameters), ""
+                return by_default(parameters)
             if not kept.same_plant:
-                return initial(parameters), "defaults in force: the tuning of last time was for other parameters"
+                return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
                 bank = None if kept.choice.bank == 0 else banks.get(session, kept.choice.bank)
             tuning = initial(parameters, kept.choice, bank)
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError) as error:
-            return initial(parameters), f"defaults in force: the tuning of last time is refused, {error}"
+            return _defaults(parameters, f"the tuning of last time is refused, {error}")
         return tuning, _said(tuning, kept)
+
+
+def _defaults(parameters: PlantParameters, why: str) -> tuple[TuningInUse, str]:
+    tuning, moved = by_default(parameters)
+    return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
 
 
 def _said(tuning: TuningInUse, kept: KeptChoice) -> str:

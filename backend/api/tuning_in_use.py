@@ -18,6 +18,7 @@ from backend.api.schemas.tuning import (
     TuningView,
 )
 from backend.experiments.bank_building import points_of, tuning_command
+from backend.experiments.default_choice import DefaultChoice, default_choice
 from backend.experiments.tuning_choice import TuningChoice
 from backend.loop.commands import SetTuning
 from backend.refusal import require_within
@@ -29,8 +30,6 @@ from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.preview import Previewer
 from backend.tuning.robustness import Robustness
 from plant.parameters import PlantParameters
-
-DEFAULTS = TuningChoice()
 
 
 @dataclass(frozen=True)
@@ -76,6 +75,10 @@ class TuningInUse(Chosen):
     def difference(self, before: "TuningInUse") -> str:
         """Return in words what differs from ``before``."""
         return ", ".join(self.choice.differences(before.choice)) or "the same tuning again"
+
+    def default(self) -> DefaultChoice:
+        """Return what would be in force on these models where nobody had chosen; takes a while at another λ_motor."""
+        return default_choice(self.parameters, points_of(self.bank), self.previewer)
 
     def view(self, entry: float) -> TuningView:
         """Return what the page shows; ``entry`` is the active entry of the bank."""
@@ -129,9 +132,15 @@ def _motor(robustness: Robustness) -> MotorPreview:
     )
 
 
-def initial(parameters: PlantParameters, choice: TuningChoice = DEFAULTS, bank: Bank | None = None) -> TuningInUse:
+def initial(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None = None) -> TuningInUse:
     """Return a tuning to start from, ``bank`` being what the choice names. Raises OutOfRangeError."""
     return _checked(parameters, choice, bank, None)
+
+
+def by_default(parameters: PlantParameters) -> tuple[TuningInUse, str]:
+    """Return the tuning where nobody has chosen one, and what to say of it: empty where it is the method's."""
+    default = default_choice(parameters)
+    return TuningInUse(default.choice, None, parameters, default.previewer), default.moved
 
 
 def parts_of(choice: TuningChoice) -> dict[str, Any]:

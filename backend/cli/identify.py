@@ -8,7 +8,7 @@ import typer
 
 from backend.cli import identify_data
 from backend.cli.experiment import OutFolder, SetWords
-from backend.cli.ordering import current_user, in_force, ordered, run_headless, run_in_turn, values_of
+from backend.cli.ordering import Standing, current_user, in_force, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail, print_json, print_table
 from backend.cli.output import out as screen
 from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
@@ -100,8 +100,10 @@ def actuator(
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
-    kept = in_force(settings)
-    orders = [_order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, kept) for word in tensions.split(",")]
+    standing = in_force(settings)
+    orders = [
+        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, standing) for word in tensions.split(",")
+    ]
     run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json)
 
 
@@ -116,10 +118,10 @@ def _identify(
     run_headless(settings, order, tuning, out, as_json=as_json)
 
 
-def _order(plan: "type[IdentificationPlan]", values: dict[str, object], kept: dict[str, object]) -> "tuple[Order, str]":
+def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":
     from backend.experiments.runner import Order
 
-    chosen, loop_settings, tuning = ordered(plan, values, kept)
+    chosen, loop_settings, tuning = ordered(plan, values, standing)
     return Order(chosen, loop_settings, current_user()), tuning
 
 

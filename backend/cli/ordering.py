@@ -4,6 +4,7 @@ import asyncio
 import getpass
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -15,6 +16,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.loop_settings import LoopSettings
     from backend.experiments.runner import Order, Outcome
+    from plant.parameters import PlantParameters
 
 _Plan = TypeVar("_Plan")
 
@@ -36,25 +38,28 @@ def values_of(words: list[str]) -> dict[str, object]:
     return values
 
 
-def ordered(
-    plan: "type[_Plan]", values: dict[str, object], kept: dict[str, object]
-) -> "tuple[_Plan, LoopSettings, str]":
-    """Return plan and loop settings: what is said, else what is ``kept`` in force, else the default.
+@dataclass(frozen=True)
+class Standing:
+    """A tuning that holds where nothing is said, part by part, and in words where it comes from."""
+
+    parts: dict[str, object]
+    origin: str
+
+
+def ordered(plan: "type[_Plan]", values: dict[str, object], standing: Standing) -> "tuple[_Plan, LoopSettings, str]":
+    """Return plan and loop settings: what is said, else what stands.
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
     from backend.experiments.loop_settings import split_values
 
-    chosen, loop = split_values(plan, {**kept, **values})
-    parts = [
-        f"{text} ({'set' if name in values else 'in force' if name in kept else 'default'})"
-        for name, text in loop.parts_in_words().items()
-    ]
+    chosen, loop = split_values(plan, {**standing.parts, **values})
+    parts = [f"{text} ({'set' if name in values else standing.origin})" for name, text in loop.parts_in_words().items()]
     return chosen, loop, f"tuning: {', '.join(parts)}"
 
 
-def in_force(settings: Settings) -> dict[str, object]:
-    """Return the tuning that the dashboard left in force for this plant; empty where there is none that can be used."""
+def in_force(settings: Settings) -> Standing:
+    """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
     from backend.experiments import kept_choice
     from backend.experiments.settings import SettingError
     from backend.refusal import OutOfRangeError
@@ -66,13 +71,22 @@ def in_force(settings: Settings) -> dict[str, object]:
             kept = kept_choice.newest(database, parameters)
         except (SettingError, OutOfRangeError) as error:
             errors.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
-            return {}
+            return _defaults(parameters)
     if kept is None:
-        return {}
+        return _defaults(parameters)
     if not kept.same_plant:
         errors.print("defaults: the tuning in force is for other parameters of the plant", highlight=False)
-        return {}
-    return kept.choice.document()
+        return _defaults(parameters)
+    return Standing(kept.choice.document(), "in force")
+
+
+def _defaults(parameters: "PlantParameters") -> Standing:
+    from backend.experiments.default_choice import default_choice
+
+    default = default_choice(parameters)
+    if default.moved:
+        errors.print(default.moved, highlight=False, markup=False, soft_wrap=True)
+    return Standing(default.choice.document(), "default")
 
 
 def run_headless(settings: Settings, order: "Order", tuning: str, folder: Path | None, *, as_json: bool) -> None:

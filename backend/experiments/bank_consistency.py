@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Any
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.experiments.default_choice import default_lam_motor
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
 from backend.storage.banks import BankEntry
 from backend.tuning.formulas import TuningError
@@ -113,6 +114,6 @@ def _require_gain_of_geometry(parameters: PlantParameters, item: NamedEntry) -> 
 
 def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
     try:
-        Previewer(parameters, (item.point,))
+        Previewer(parameters, (item.point,), lam_motor=default_lam_motor(parameters))
     except TuningError as error:
         raise BankError(f"{item.name} gives loops that are not robust at any λ: {error}") from None

@@ -3,6 +3,7 @@
 On the bare K_m/(s (T_m s + 1)) of table 2 the loop looks more robust than it is, the more so the smaller λ is.
 """
 
+from collections.abc import Iterable
 from functools import cache
 
 import control
@@ -37,6 +38,12 @@ def motor_range(motor: MotorModel) -> tuple[float, float]:
     """Smallest and largest λ [s] offered: M_s stays at or below M_S_MAX, λ well below 4 T_m. Raises TuningError."""
     low, _, high = _range(motor)
     return low, high
+
+
+def common_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
+    """Smallest and largest λ [s] offered for all of these motors. Raises TuningError."""
+    ranges = [motor_range(motor) for motor in motors]
+    return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 
 def motor_lambda(motor: MotorModel, M_s: float) -> float:

@@ -21,7 +21,7 @@ from backend.tuning.gains import (
 )
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
-from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
+from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
 from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
 from plant.interface import T_s
 from plant.parameter_sections import SIDES
@@ -103,8 +103,11 @@ class Previewer:
 
     def motor_range(self) -> tuple[float, float]:
         """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""
-        ranges = [motor_range(known) for known in self._motors]
-        return max(low for low, _ in ranges), min(high for _, high in ranges)
+        return common_range(self._motors)
+
+    def is_for(self, lam_motor: float, b: float) -> bool:
+        """Return whether its models and ranges are those of this λ_motor [s] and weight b."""
+        return (self._lam_motor, self._b) == (lam_motor, b)
 
     def motor_at(self, lam_motor: float) -> Robustness:
         """Robustness of the less robust of the two motor loops. Raises OutOfRangeError for a λ that is not offered."""

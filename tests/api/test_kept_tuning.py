@@ -1,18 +1,26 @@
 """The tuning in force outlives the service, where the plant is still the same."""
 
+import asyncio
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from backend.api.desk import Desk
 from backend.api.kept_tuning import KeptTuning
+from backend.api.schemas.tuning import TuningParts, TuningRequest
 from backend.api.tuning_in_use import TuningInUse, initial
 from backend.experiments.kept_choice import NAME
 from backend.experiments.tuning_choice import TuningChoice
-from backend.storage import Database, banks, open_database, settings
+from backend.storage import Database, banks, events, open_database, settings
 from backend.storage.banks import Bank, BankEntry
 from plant.parameters import PlantParameters, load_parameters
+from tests.api.conftest import client_with
+from tests.e2e.service import running_service
+from tests.experiments.parameter_files import weak_motors
 
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 
@@ -43,7 +51,7 @@ def chosen(ideal: PlantParameters, bank: Bank) -> TuningInUse:
 def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters, chosen: TuningInUse) -> None:
     kept = KeptTuning(database)
     assert kept.restore(ideal)[1] == ""
-    kept.put(initial(ideal), "B. Operator")
+    kept.put(initial(ideal, TuningChoice()), "B. Operator")
     kept.put(chosen, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == chosen.choice
@@ -61,7 +69,7 @@ def test_another_plant_starts_with_its_defaults(
     kept.put(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = kept.restore(lab)
-    assert restored.choice == initial(lab).choice
+    assert restored.choice == TuningChoice()
     assert "other parameters" in said
 
 
@@ -78,6 +86,41 @@ def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantPara
     assert said.endswith("b 0, interpolating between entries; b was not kept at that time: its default")
 
 
+def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_path: Path) -> None:
+    """The service itself, with a file of its own: it starts, and journal, page and data say which λ and why."""
+    with running_service(tmp_path, str(weak_motors(tmp_path))) as service, client_with(service, "token") as client:
+        tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
+    lam_q = tuning["lam_q"]
+    assert tuning["lam_q_min"] <= lam_q < tuning["lam_q_min"] + 1e-3
+    said = f"the method's default is not offered for these models, the nearest that is: λ_q 0.5 → {lam_q:g} s"
+    assert (saved["lam_q"], saved["who"], saved["moved"]) == (lam_q, None, said)
+    with closing(open_database(tmp_path)) as database, database.reading() as session:
+        told = [event.text for event in events.between(session, datetime.min.replace(tzinfo=UTC), None)]
+    assert said in told
+
+
+def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: Database, tmp_path: Path) -> None:
+    """Whatever is in force: to revert to what is saved is not refused."""
+    weak = load_parameters(str(weak_motors(tmp_path)))
+    for choice in (TuningChoice(lam_q=1.2), TuningChoice(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
+        tuning = initial(weak, choice)
+        saved = asyncio.run(Desk(database).saved_tuning(tuning))
+        wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
+        assert tuning.changed(TuningRequest(**wanted)).choice == TuningChoice(**wanted)
+        assert "λ_q 0.5 → " in saved.moved
+
+
+def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: TuningInUse, tmp_path: Path) -> None:
+    kept = KeptTuning(database)
+    kept.put(chosen, "A. Operator")
+    restored, said = kept.restore(load_parameters(str(weak_motors(tmp_path))))
+    assert restored.choice == replace(TuningChoice(), lam_q=restored.choice.lam_q)
+    assert said == (
+        "defaults in force: the tuning of last time was for other parameters; the method's default is not offered for "
+        f"these models, the nearest that is: λ_q 0.5 → {restored.choice.lam_q:g} s"
+    )
+
+
 @pytest.mark.parametrize(("name", "value"), [("bank", 99), ("lam_q", 0.1), ("lam_motor", 3.5), ("b", 1.5)])
 def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
     database: Database, ideal: PlantParameters, chosen: TuningInUse, name: str, value: float
@@ -89,5 +132,5 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
         assert stored is not None
         settings.put(session, NAME, {**stored.value, name: value}, "A. Operator")
     restored, said = kept.restore(ideal)
-    assert restored.choice == initial(ideal).choice
+    assert restored.choice == TuningChoice()
     assert str(value) in said

@@ -15,6 +15,7 @@ from backend.experiments import kept_choice
 from backend.experiments.tuning_choice import TuningChoice
 from backend.storage import open_database, runs
 from plant.parameters import load_parameters
+from tests.experiments.parameter_files import weak_motors
 from tests.recording.test_retention import recorded
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
@@ -70,6 +71,15 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(tmp_path: Path) 
     assert TuningChoice.of(used) == TuningChoice(lam_q=0.7, b=1.0)
     assert kept is not None
     assert kept.choice == TuningChoice(lam_q=0.7, b=0.5)  # of an experiment nothing stays
+
+
+def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(tmp_path: Path) -> None:
+    order = ["experiment", "sequence", "--params", str(weak_motors(tmp_path)), "--data", str(tmp_path)]
+    ended = sinew(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
+    assert ended.returncode == 0, ended.stderr
+    moved, lam_q = ended.stderr.strip().rsplit(" → ", 1)
+    assert moved == "the method's default is not offered for these models, the nearest that is: λ_q 0.5"
+    assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
 
 
 def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[str, object]]) -> None:

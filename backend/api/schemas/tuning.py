@@ -61,10 +61,11 @@ class TrialRequest(TuningRequest):
 
 
 class SavedTuning(TuningParts):
-    """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the method's defaults then."""
+    """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the defaults then."""
 
     who: str | None
     at: datetime | None
+    moved: str = Field(description="which λ of the method's defaults is not offered here, and what stands for it")
 
 
 class PrintedFormula(Schema):

@@ -3597,7 +3597,7 @@ export interface components {
         };
         /**
          * SavedTuning
-         * @description What the bank in use is meant to run with; ``who`` is null while nobody has saved: the method's defaults then.
+         * @description What the bank in use is meant to run with; ``who`` is null while nobody has saved: the defaults then.
          */
         SavedTuning: {
             /**
@@ -3629,6 +3629,11 @@ export interface components {
             who: string | null;
             /** At */
             at: string | null;
+            /**
+             * Moved
+             * @description which λ of the method's defaults is not offered here, and what stands for it
+             */
+            moved: string;
         };
         /**
          * Sensor

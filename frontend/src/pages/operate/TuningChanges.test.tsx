@@ -41,7 +41,7 @@ beforeEach(() => {
     if (path === "/api/control")
       return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
     if (path === "/api/session") return Response.json({ name: "A. Operator", role: "operator" });
-    return Response.json(path === "/api/tuning/saved" ? { ...SAVED, who: null, at: null } : {});
+    return Response.json(path === "/api/tuning/saved" ? { ...SAVED, who: null, at: null, moved: "" } : {});
   });
 });
 afterEach(cleanup);
@@ -61,6 +61,18 @@ it.each(Object.keys(SAVED) as Part[])(
     expect(await put()?.clone().json()).toEqual(SAVED);
   },
 );
+
+it("tells which of the method's defaults is not offered on these models", async () => {
+  const moved = "the method's default is not offered for these models, the nearest that is: λ_q 0.5 → 0.965 s";
+  const answer = fetched.getMockImplementation();
+  fetched.mockImplementation(async (request) =>
+    request.url.endsWith("/api/tuning/saved")
+      ? Response.json({ ...SAVED, lam_q: 0.965, who: null, at: null, moved })
+      : (answer as NonNullable<typeof answer>)(request),
+  );
+  open(OTHER);
+  await waitFor(() => expect(revert().title).toBe(`Nothing was saved yet; ${moved}`));
+});
 
 it("has nothing to walk back where all is as saved", async () => {
   open(SAVED);

@@ -12,7 +12,7 @@ import { fixed } from "../../samples/format";
 import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from "../../service/commands";
 import { savedTuningQuery } from "../../service/queries";
 import type { LambdaName, Staging } from "../../service/useStaged";
-import type { Trial, Tuning } from "../../wire/types";
+import type { SavedTuning, Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
 
 /** Every part of a tuning but the bank, for which it is saved: what differs in one of them is another tuning. */
@@ -76,7 +76,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
               variant="default"
               size="compact-xs"
               disabled={!changed || busy}
-              title={saved?.who ? `Saved by ${saved.who}` : "The method's defaults: nothing was saved yet"}
+              title={origin(saved)}
               onClick={() =>
                 saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
               }
@@ -165,6 +165,13 @@ function TrialRow({ trial, tuning, busy, onEnd }: TrialRowProps) {
       </Button>
     </div>
   );
+}
+
+function origin(saved: SavedTuning | undefined): string {
+  if (saved?.who) return `Saved by ${saved.who}`;
+  return saved?.moved
+    ? `Nothing was saved yet; ${saved.moved}`
+    : "The method's defaults: nothing was saved yet";
 }
 
 type Part = (typeof PARTS)[number][0];

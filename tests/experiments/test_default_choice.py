@@ -1,0 +1,80 @@
+"""The tuning where nobody has chosen one: the method's where it is safe, else the nearest that is."""
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.experiments.bank_consistency import NamedEntry, require_consistent
+from backend.experiments.default_choice import default_choice
+from backend.experiments.headless_station import headless_station
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.tuning_choice import TuningChoice
+from backend.refusal import OutOfRangeError
+from backend.storage import open_database
+from backend.storage.banks import BankEntry
+from backend.tuning.models import PointModel
+from backend.tuning.motor_loop import LAM_MOTOR_MIN
+from backend.tuning.preview import Previewer
+from plant.parameters import PlantParameters, load_parameters
+from tests.experiments.parameter_files import quick_motors, weak_motors
+
+METHOD = TuningChoice()
+POINT = PointModel(10.55, 0.05, 0.342, 0.7209, 0.342)
+
+
+@pytest.fixture(scope="module")
+def weak(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
+    return load_parameters(str(weak_motors(tmp_path_factory.mktemp("weak"))))
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
+    return load_parameters(str(quick_motors(tmp_path_factory.mktemp("quick"))))
+
+
+@pytest.mark.parametrize("name", ["ideal", "lab"])
+def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
+    default = default_choice(load_parameters(name))
+    assert (default.choice, default.moved) == (METHOD, "")
+
+
+def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
+    tmp_path: Path, weak: PlantParameters
+) -> None:
+    default = default_choice(weak)
+    assert replace(default.choice, lam_q=METHOD.lam_q) == METHOD
+    assert default.moved.endswith(f"λ_q 0.5 → {default.choice.lam_q:g} s")
+    settings = LoopSettings(**default.choice.document())
+    with closing(open_database(tmp_path)) as database:
+        with headless_station(database, weak, settings):
+            pass
+        for refused in (settings.lam_q - 2e-3, METHOD.lam_q):
+            with (
+                pytest.raises(OutOfRangeError, match="λ_q"),
+                headless_station(database, weak, replace(settings, lam_q=refused)),
+            ):
+                pass
+
+
+def test_a_quick_motor_gets_the_largest_motor_lambda_that_leaves_its_loop_a_damping(quick: PlantParameters) -> None:
+    default = default_choice(quick)
+    assert default.choice.lam_motor == pytest.approx(3.8 * quick.identified.T_m)
+    assert LAM_MOTOR_MIN < default.choice.lam_motor < METHOD.lam_motor
+    assert default.moved.endswith("λ_motor 0.0854 → 0.076 s")
+
+
+def test_the_models_of_a_bank_decide_too() -> None:
+    """With the T of a joint with friction (table 1 has 0.8 s and more) λ_q is out of range on any plant."""
+    ideal, points = load_parameters("ideal"), (replace(POINT, T_q=0.9),)
+    default = default_choice(ideal, points)
+    with pytest.raises(OutOfRangeError, match="λ_q"):
+        Previewer(ideal, points).require_safe(METHOD.lambdas)
+    Previewer(ideal, points).require_safe(default.choice.lambdas)
+    assert default.choice.lam_q > 0.8
+
+
+def test_a_bank_is_judged_at_a_motor_lambda_that_is_offered(quick: PlantParameters) -> None:
+    entry = BankEntry(10.55, {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342})
+    assert require_consistent(quick, [NamedEntry("the entry", entry)]) == (entry,)
