@@ -4,6 +4,8 @@ fresh; a bank in force with a tuning of the operator's own; after an experiment 
 restart of the service. They follow each other on one data folder.
 """
 
+import csv
+import io
 import json
 import math
 from contextlib import ExitStack
@@ -112,6 +114,12 @@ class Stage:
             kept = runs.get(session, run).settings
         database.close()
         return {**kept.get("plan", {}), **kept.get("loop", {})}
+
+    def recorded(self, run: int, signal: str) -> list[float]:
+        """One signal of a run's download."""
+        answer = self.page.request.get(f"{self.service.url}/api/runs/{run}/data.csv")
+        assert answer.ok, answer.text()
+        return [float(row[signal]) for row in csv.DictReader(io.StringIO(answer.text()))]
 
     def session(self) -> int:
         """Run for a moment, recorded as a session, and return its number."""

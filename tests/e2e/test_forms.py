@@ -140,6 +140,45 @@ def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, s
         assert stage.in_force() == before
 
 
+def test_a_trial_is_what_is_staged_in_force_and_taken_back(stage: Stage, state: str) -> None:
+    page, before = stage.page, stage.in_force()
+    stage.operator.go("Operate")
+    page.get_by_role("switch", name="Stage changes").check()
+    stage.operator.enter("λ_q value [s]", 0.83)
+    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("60")
+    assert stage.in_force() == before
+    sent, told = forms.pressed(page, page.get_by_role("button", name="Try for", exact=True), "/api/tuning/trial")
+    assert sent == {"lam_q": 0.83, "duration_s": 60.0}
+    assert 59.0 < told["trial"]["remaining_s"] <= 60.0
+    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text(
+        f"back to {before['lam_q']:.3f}, {before['lam_S']:.3f} s"
+    )
+    assert differences(stage.stored(stage.session()), {**before, "lam_q": 0.83}) == []
+    page.get_by_role("button", name="Revert now").click()
+    stage.operator.wait(lambda: stage.in_force() == before)
+    page.get_by_role("switch", name="Stage changes").uncheck()
+
+
+def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
+    page = stage.page
+    stage.operator.go("Operate")
+    stage.operator.press("Run")
+    stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is not None)
+    run = int(stage.get("/api/state")["recording_run"])
+    stage.operator.enter("Push [N]", -4.5)
+    stage.operator.enter("Push for [s]", 1.7)
+    group = page.get_by_role("group", name="Push", exact=True)
+    sent, _ = forms.pressed(page, group.get_by_role("button", name="Push", exact=True), "/api/push")
+    assert sent == {"F_push": -4.5, "duration_s": 1.7}
+    felt = page.get_by_text("Pushed with \u22124.5 N.")
+    expect(felt).to_be_visible()
+    expect(felt).to_be_hidden()
+    stage.operator.press("Pretension")
+    stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is None)
+    pushes = [F_push for F_push in stage.recorded(run, "F_push") if F_push != 0.0]
+    assert pushes == [-4.5] * 1700
+
+
 def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:
     stage.bring("after a restart")
     own = stage.in_force()

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 from pypdf import PdfReader
 
+from tests.e2e.forms import pressed
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
@@ -77,7 +78,15 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
     page.get_by_role("checkbox", name=f"Use {run.lower()}", exact=True).check()
     page.get_by_role("textbox", name="Bank name", exact=True).fill("bench")
     expect(page.get_by_role("button", name="Build bank", exact=True)).to_be_in_viewport(ratio=1)
-    operator.press("Build bank")
+    sent, built = pressed(page, page.get_by_role("button", name="Build bank", exact=True), "/api/banks")
+    number = int(run.split()[-1])
+    assert sent == {"name": "bench", "identifications": [number]}
+    found = page.request.get(f"{operator.service.url}/api/identifications/{number}").json()
+    (entry,) = built["entries"]
+    assert (built["name"], entry["identification"], entry["tension_N"]) == ("bench", number, 20.0)
+    for channel in ("q", "S"):
+        model = found[f"G_{channel}"]
+        assert (entry[f"K_{channel}"], entry[f"T_{channel}"]) == (model["K"], model["T"])
     expect(page.get_by_role("link", name="bench v1", exact=True)).to_be_visible()
     operator.go("Banks")
     operator.press("Activate bench v1")
