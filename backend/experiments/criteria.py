@@ -24,6 +24,7 @@ class Criterion:
     """One criterion. ``relation`` is "<" or ">".
 
     ``passed`` is None when it was not measured, and ``reason`` says why; ``figure`` is then what was seen, if anything.
+    With a reason one that failed was not seen whole either: its figure is at least that.
     """
 
     name: str
@@ -76,4 +77,4 @@ def judge(
     held = figure < bound if relation == "<" else figure > bound
     if held and reason:
         return Criterion(name, title, relation, bound, figure, unit, None, reason)
-    return Criterion(name, title, relation, bound, figure, unit, held, "")
+    return Criterion(name, title, relation, bound, figure, unit, held, reason)

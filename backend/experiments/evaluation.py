@@ -90,7 +90,9 @@ def _loaded(
     document = _outline(columns, plan, run)
     figures = robustness_figures(columns, plan.phases(), parameters.sensors.motor_step)
     early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
-    criteria = robustness_criteria(figures, parameters.motor.u_max, unseen(missed, early))
+    criteria = robustness_criteria(
+        figures, run.settings["loop"]["lam_motor"], parameters.motor.u_max, unseen(missed, early)
+    )
     return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
 
 

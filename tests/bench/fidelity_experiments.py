@@ -92,7 +92,7 @@ def robustness_rows(parameters: PlantParameters, ideal: PlantParameters) -> Iter
 def loaded_row(name: str, parameters: PlantParameters, plan: RobustnessPlan) -> list[str]:
     """One row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
     found = robustness_figures(played(parameters, plan), plan.phases(), parameters.sensors.motor_step)
-    back = f"{found.back_s:.2f}" if found.back_s is not None else found.reasons["back_s"]
+    back = f"{found.back_s:.2f}" if not found.reasons else f"not within {plan.hold_s:g}"
     return [
         name, f"{plan.load_Nm} N·m", f"{found.deviation_A_rad:.4f}, {found.deviation_B_rad:.4f}", back,
         f"{found.deviation_q:.4f}", f"{found.min_tension_N:.1f} to {found.max_tension_N:.1f}",

@@ -3,7 +3,9 @@
 import asyncio
 import math
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from backend.experiments.headless_station import headless_station
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.metrics import NoSamplesError
 from backend.experiments.robustness import (
-    MAX_BACK_S,
+    BACK_LAMBDAS,
+    BACK_SHARE,
     Columns,
     robustness_criteria,
     robustness_figures,
@@ -35,6 +38,7 @@ from plant.simulator import Simulator
 from tests.loop.bench_top import BenchTop
 
 PLAN = RobustnessPlan(hold_s=2.5)
+LAM = LoopSettings().lam_motor
 COUNT_RAD = 2.0 * np.pi / 8000
 
 
@@ -93,7 +97,7 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
         assert integral == pytest.approx(PLAN.load_Nm / (K_t * law.k_i), rel=0.05)
     assert found.back_s is not None
     assert found.peak_voltage_V < ideal.motor.u_max
-    assert all(item.passed for item in robustness_criteria(found, ideal.motor.u_max))
+    assert all(item.passed for item in robustness_criteria(found, LAM, ideal.motor.u_max))
 
 
 def test_the_load_is_on_when_the_plan_says_so(columns: Columns) -> None:
@@ -109,10 +113,41 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
         (robustness_figures(lasting, PLAN.phases(), 0.0), "was not back on its reference"),
         (coarse, "less than 20 encoder counts"),
     ):
-        assert found.back_s is None
-        back = robustness_criteria(found, 10.0)[0]
-        assert (back.passed, back.bound) == (None, MAX_BACK_S)
+        back = robustness_criteria(found, LAM, 10.0)[0]
+        assert (back.passed, back.figure) == ((None, None) if found is coarse else (False, PLAN.hold_s))
         assert reason in back.reason
+
+
+@pytest.mark.parametrize("lam", [0.05, LAM, 0.2])
+def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: PlantParameters, lam: float) -> None:
+    law, motor = motor_loops(ideal, lam).A, ideal.dynamics().motor_A
+    behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
+    rest = motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
+    loop = np.polyadd(np.polymul([motor.J_m, motor.B_m, 0.0], behind), rest)
+    t = np.arange(0.0, 40.0 * lam, T_s)
+    turned = np.abs(lsim((behind, loop), np.ones(t.size), t)[1])
+    back_s = t[np.flatnonzero(turned > 0.05 * turned.max())[-1]]
+    assert BACK_LAMBDAS * lam == pytest.approx(2.0 * back_s, rel=0.02)
+
+
+def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: Path) -> None:
+    """On ``lab`` friction grows with the load, to half of it; 0.05 rad of hunting are far more than 5 % of 0.1 rad."""
+    plan = RobustnessPlan(hold_s=3.5)
+    with closing(open_database(tmp_path)) as database:
+        with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
+            outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+        source = load_source(database, outcome.run.id)
+    assert source.result is not None
+    back = source.result.criteria[0]
+    assert (back["passed"], back["figure"]) == (False, plan.hold_s)
+    assert back["reason"].startswith("motor B was not back on its reference when the load changed again after 3.5 s")
+    swing = float(back["reason"].partition(" up to ")[2].partition(" %")[0])
+    window = slice(*(round((LEAD_IN_S + turns * plan.hold_s) / T_s) for turns in (2, 3)))
+    error = np.abs(source.columns["theta_B_ref"] - source.columns["theta_B"])[window]
+    late = error[error.size // 2 :].max()
+    assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
+    assert late > 5.0 * BACK_SHARE * error.max()
+    assert build_report(source).outcome == "failed"
 
 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
@@ -138,7 +173,7 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> 
 @pytest.mark.parametrize("figure", [np.nan, 0.0])
 def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
-    back = robustness_criteria(robustness_figures(still, PLAN.phases(), 0.0), 10.0)[0]
+    back = robustness_criteria(robustness_figures(still, PLAN.phases(), 0.0), LAM, 10.0)[0]
     assert back.passed is None
     assert "motor A moved by less than" in back.reason
 
