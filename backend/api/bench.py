@@ -149,7 +149,8 @@ class Bench:
         if self.picture.plant != "simulator":
             raise ApiError(409, "the simulator only is pushed by command: push a rig by hand", code="not_a_simulator")
         require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
+        remedy = "order it again to push for longer"
+        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
         # before it is sent: whoever loses control meanwhile has it let go after it has begun
         self._pushed = push.F_push != 0.0
         accepted = await self._command(commands.Push(push.F_push, push.duration_s))

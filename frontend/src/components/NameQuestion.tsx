@@ -1,12 +1,14 @@
 /** Asks once who is there: everybody who opens the sign-in link would be called by their role. */
 
-import { Button, TextInput } from "@mantine/core";
+import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
 import { useSetName } from "../service/commands";
 import { sessionQuery } from "../service/queries";
+import { RefusedFields } from "../service/refusedFields";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
+import { TextField } from "./TextField";
 
 /** Under which this browser keeps that its person goes by the role. */
 const LEFT_OUT = "sinew-goes-by-role";
@@ -38,32 +40,38 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   }
 
   return (
-    <form className={styles.question} aria-label="Your name" onSubmit={submit}>
-      <label className={styles.label} htmlFor="own-name">
-        {wanted ? "What do the others here call you?" : `You are signed in as ${role}: what is your name?`}
-      </label>
-      <TextInput
-        id="own-name"
-        size="xs"
-        w={180}
-        maxLength={40}
-        autoComplete="name"
-        value={name}
-        onChange={(event) => setName(event.currentTarget.value)}
-      />
-      <Button type="submit" size="compact-sm" disabled={name.trim() === ""} loading={set.isPending}>
-        Save name
-      </Button>
-      <Button size="compact-sm" variant="subtle" color="gray" onClick={close}>
-        {wanted ? "Leave as it is" : `Go on as ${role}`}
-      </Button>
-      <div className={styles.refusal}>
-        <Refusal
-          error={set.error}
-          about={name}
-          hint="It stands beside what you command, and your settings of the page are kept under it."
+    <RefusedFields error={set.error} about={name} only="name">
+      <form className={styles.question} aria-label="Your name" onSubmit={submit}>
+        <label className={styles.label} htmlFor="own-name">
+          {wanted ? "What do the others here call you?" : `You are signed in as ${role}: what is your name?`}
+        </label>
+        <TextField
+          id="own-name"
+          name="name"
+          saidAt="refusal-of-name"
+          size="xs"
+          w={180}
+          maxLength={40}
+          autoComplete="name"
+          value={name}
+          onChange={setName}
         />
-      </div>
-    </form>
+        <Button type="submit" size="compact-sm" disabled={name.trim() === ""} loading={set.isPending}>
+          Save name
+        </Button>
+        <Button size="compact-sm" variant="subtle" color="gray" onClick={close}>
+          {wanted ? "Leave as it is" : `Go on as ${role}`}
+        </Button>
+        <div className={styles.refusal}>
+          <Refusal
+            id="refusal-of-name"
+            error={set.error}
+            forFields
+            about={name}
+            hint="It stands beside what you command, and your settings of the page are kept under it."
+          />
+        </div>
+      </form>
+    </RefusedFields>
   );
 }

@@ -1,12 +1,12 @@
 /** A number of a form. Text that is no number stays as it is, marked, and is handed on as text: no form sends it. */
 
 import { TextInput, type TextInputProps } from "@mantine/core";
-import { useEffect, useRef, useState } from "react";
+import { useRef, useState } from "react";
 import { notANumber } from "../samples/number";
 import { boxText, inSI } from "../samples/quantity";
 import { useAngles } from "../service/angles";
-import { useRefusedField } from "../service/refusedFields";
-import { useDescribedBy } from "./useDescribedBy";
+import { useRefusedInput } from "../service/refusedFields";
+import { useDescribedBy } from "../service/useDescribedBy";
 
 interface NumberFieldProps
   extends Pick<
@@ -18,7 +18,7 @@ interface NumberFieldProps
   readonly unit?: string;
   /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
   readonly place?: string;
-  /** Where there is no room below the box: the element that says why it is refused. */
+  /** Where there is no room below the box: the element that says why it is refused, or no number. */
   readonly saidAt?: string;
   onChange(value: number | string): void;
 }
@@ -28,17 +28,10 @@ export function NumberField(props: NumberFieldProps) {
   const angles = useAngles();
   const [typed, setTyped] = useState<string | null>(null);
   const before = useRef(value);
-  const box = useRef<HTMLInputElement>(null);
-  const refused = useRefusedField(rest.disabled ? undefined : place);
-  const cause = refused?.error ?? null;
-  useEffect(() => {
-    if (cause === null) return;
-    box.current?.closest("details")?.setAttribute("open", "");
-    box.current?.focus();
-  }, [cause]);
-  useDescribedBy(box, refused === null ? undefined : saidAt);
-  const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : undefined;
-  const said = odd ?? refused?.text;
+  const { ref, said } = useRefusedInput<HTMLInputElement>(rest.disabled ? undefined : place, saidAt);
+  const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : null;
+  useDescribedBy(ref, odd === null ? undefined : saidAt);
+  const problem = odd ?? said;
   // while "1." is being typed it is the number 1, and its point stays
   const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
   return (
@@ -47,8 +40,8 @@ export function NumberField(props: NumberFieldProps) {
       autoComplete="off"
       inputWrapperOrder={["label", "input", "description", "error"]}
       value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
-      ref={box}
-      error={odd === undefined && saidAt !== undefined ? refused !== null : said}
+      ref={ref}
+      error={saidAt === undefined ? problem : problem !== null}
       onFocus={() => {
         before.current = value;
       }}

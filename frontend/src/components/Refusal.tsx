@@ -15,14 +15,16 @@ interface RefusalProps {
   readonly id?: string;
   /** What keeps something from being done, found here and now. */
   readonly text?: string | null | undefined;
+  /** Whether it speaks for fields that have no room to say so themselves. */
+  readonly forFields?: boolean;
   /** Shown while nothing is refused. */
   readonly hint?: string;
 }
 
-export function Refusal({ error, about, id, text, hint = "" }: RefusalProps) {
+export function Refusal({ error, about, id, text, forFields = false, hint = "" }: RefusalProps) {
   const standing = useStanding(error, about);
   const angles = useAngles();
-  const elsewhere = useToldAtField(standing);
+  const elsewhere = useToldAtField(standing) && !forFields;
   const said = standing === null ? text : elsewhere ? null : standing.message;
   const refused = said !== null && said !== undefined;
   const reason = refused ? inWords(said, angles) : undefined;

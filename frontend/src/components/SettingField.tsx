@@ -1,10 +1,12 @@
 /** One declared setting as an input with its unit and bounds. */
 
-import { NativeSelect, Switch, TextInput } from "@mantine/core";
 import { labelWith, rangeText } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import type { Setting } from "../wire/types";
+import { ChoiceField } from "./ChoiceField";
 import { NumberField } from "./NumberField";
+import { SwitchField } from "./SwitchField";
+import { TextField } from "./TextField";
 
 export type SettingValue = boolean | number | string;
 
@@ -22,26 +24,17 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
   const angles = useAngles();
   const label = labelWith(capital(meaning), unit, angles);
   if (typeof value === "boolean") {
-    return (
-      <Switch
-        name={name}
-        label={label}
-        description={origin}
-        checked={value}
-        onChange={(event) => onChange(event.currentTarget.checked)}
-      />
-    );
+    return <SwitchField name={name} label={label} description={origin} checked={value} onChange={onChange} />;
   }
   if (choices && choices.length > 0) {
     return (
-      <NativeSelect
+      <ChoiceField
         name={name}
         label={label}
         description={origin}
-        inputWrapperOrder={["label", "input", "description", "error"]}
         data={[...choices]}
         value={String(value)}
-        onChange={(event) => onChange(event.currentTarget.value)}
+        onChange={onChange}
       />
     );
   }
@@ -58,14 +51,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
       />
     );
   }
-  return (
-    <TextInput
-      name={name}
-      label={label}
-      value={String(value)}
-      onChange={(event) => onChange(event.currentTarget.value)}
-    />
-  );
+  return <TextField name={name} label={label} value={String(value)} onChange={onChange} />;
 }
 
 /** Whether a setting takes a number. */

@@ -1,9 +1,10 @@
 /** A number box that is sent on Enter or when it is left, and given up on Escape. What is no number is never sent. */
 
 import { TextInput } from "@mantine/core";
-import { type KeyboardEvent, useRef, useState } from "react";
+import { type KeyboardEvent, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
-import { useDescribedBy } from "./useDescribedBy";
+import { useRefusedInput } from "../service/refusedFields";
+import { useDescribedBy } from "../service/useDescribedBy";
 
 interface ValueBoxProps {
   readonly label: string;
@@ -13,8 +14,12 @@ interface ValueBoxProps {
   readonly step: number;
   readonly width: number;
   readonly disabled?: boolean;
-  /** The element that says why the value is refused; left out while it is not. */
-  readonly refusedAt?: string | undefined;
+  /** The element that says why the value is not taken. */
+  readonly saidAt: string;
+  /** Whether the service refused the value, where that is known otherwise than by `place`. */
+  readonly refused?: boolean;
+  /** Where the value stands in what is sent, as refusals name it. */
+  readonly place?: string;
   /** A number as it is shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
   /** Why what was typed is not sent; null once it is changed or given up. */
@@ -30,18 +35,20 @@ export function ValueBox(props: ValueBoxProps) {
     step,
     width,
     disabled = false,
-    refusedAt,
+    saidAt,
+    refused = false,
+    place,
     onCommit,
     onProblem,
   } = props;
   const [typed, setTyped] = useState<string | null>(null);
-  const [refused, setRefused] = useState(false);
-  const box = useRef<HTMLInputElement>(null);
-  useDescribedBy(box, refusedAt);
+  const [odd, setOdd] = useState(false);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  useDescribedBy(ref, odd || refused ? saidAt : undefined);
 
   function take(text: string | null, problem: string | null = null): void {
     setTyped(text);
-    setRefused(problem !== null);
+    setOdd(problem !== null);
     onProblem(problem);
   }
 
@@ -71,8 +78,8 @@ export function ValueBox(props: ValueBoxProps) {
     <TextInput
       aria-label={label}
       value={typed ?? shown(value, decimals)}
-      error={refused || refusedAt !== undefined}
-      ref={box}
+      error={odd || refused || said !== null}
+      ref={ref}
       disabled={disabled}
       autoComplete="off"
       w={width}

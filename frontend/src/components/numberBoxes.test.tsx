@@ -20,7 +20,7 @@ const press = (key: string) => fireEvent.keyDown(box(), { key });
 function openBox() {
   const sent = vi.fn();
   const told = vi.fn();
-  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100 };
+  const props = { label: "q_ref", unit: "deg", value: 12, decimals: 1, step: 1, width: 100, saidAt: "why" };
   render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });
   return { sent, told };
 }

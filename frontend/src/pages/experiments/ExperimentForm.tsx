@@ -1,8 +1,9 @@
 /** Set-up of one kind of experiment: start it, queue it, or play it on a simulator first. What it shows is what it sends. */
 
-import { Button, NativeSelect } from "@mantine/core";
+import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
+import { ChoiceField } from "../../components/ChoiceField";
 import { MotorMargins } from "../../components/MotorMargins";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -138,14 +139,13 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
   }
   const known = choices.some((choice) => choice.value === String(value));
   return (
-    <NativeSelect
+    <ChoiceField
       name={setting.name}
       label="Models that the gains come from"
       description={origin}
-      inputWrapperOrder={["label", "input", "description", "error"]}
       data={known ? [...choices] : [...choices, { value: String(value), label: `bank ${value}` }]}
       value={String(value)}
-      onChange={(event) => onChange(Number(event.currentTarget.value))}
+      onChange={(id) => onChange(Number(id))}
     />
   );
 }

@@ -1,15 +1,24 @@
 /** Own sequence of references, one row per segment. */
 
-import { ActionIcon, Button, NativeSelect } from "@mantine/core";
+import { ActionIcon, Button } from "@mantine/core";
 import { IconPlus, IconX } from "@tabler/icons-react";
 import { Fragment } from "react";
+import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useRefusedWithin } from "../../service/refusedFields";
 import styles from "./SegmentsEditor.module.css";
-import { further, parseSegments, type Segment, SHAPES, totalOf, writeSegments } from "./segments";
+import {
+  further,
+  parseSegments,
+  type Segment,
+  SHAPES,
+  segmentProblem,
+  totalOf,
+  writeSegments,
+} from "./segments";
 
 const COLUMNS = [
   { name: "duration_s", words: "Time", unit: "s" },
@@ -43,14 +52,15 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
         // biome-ignore lint/suspicious/noArrayIndexKey: a segment is its place in the sequence
         <Fragment key={index}>
           <div className={styles.row}>
-            <NativeSelect
+            <ChoiceField
               aria-label={`Shape of segment ${index + 1}`}
               data={[...SHAPES]}
               value={segment.shape}
-              onChange={(event) => {
-                const shape = event.currentTarget.value as Segment["shape"];
-                send(segments.with(index, { ...segment, shape }));
-              }}
+              place={`segments.${index}.shape`}
+              saidAt={`segment-${index}-refused`}
+              onChange={(shape) =>
+                send(segments.with(index, { ...segment, shape: shape as Segment["shape"] }))
+              }
             />
             {COLUMNS.map(({ name, words, unit }) => (
               <NumberField
@@ -74,7 +84,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
               <IconX size={14} />
             </ActionIcon>
           </div>
-          <RowRefusal index={index} />
+          <RowRefusal index={index} problem={segmentProblem(segment)} />
         </Fragment>
       ))}
       <Button
@@ -90,11 +100,12 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
 }
 
 /** Below the row, as the boxes are too narrow for a sentence. */
-function RowRefusal({ index }: { index: number }) {
+function RowRefusal({ index, problem }: { index: number; problem: string | null }) {
   const refused = useRefusedWithin(`segments.${index}`);
-  return refused === null ? null : (
+  const said = problem ?? refused;
+  return said === null ? null : (
     <div id={`segment-${index}-refused`} role="alert" className={styles.refused}>
-      {refused}
+      {said}
     </div>
   );
 }

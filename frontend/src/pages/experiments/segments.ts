@@ -52,10 +52,17 @@ export function writeSegments(segments: readonly Segment[]): string {
 /** Why these segments cannot be sent: the first box that holds no number; null when all do, or there are none. */
 export function segmentsProblem(json: unknown): string | null {
   for (const [index, segment] of (typeof json === "string" ? (parseSegments(json) ?? []) : []).entries()) {
-    for (const [name, words] of Object.entries(NAMES)) {
-      const value = segment[name as keyof typeof NAMES];
-      if (typeof value === "string") return `Segment ${index + 1}, ${words}: ${notANumber(value)}.`;
-    }
+    const problem = segmentProblem(segment);
+    if (problem !== null) return `Segment ${index + 1}, ${problem}.`;
+  }
+  return null;
+}
+
+/** The first box of a segment that holds no number, and what it holds; null when all do. */
+export function segmentProblem(segment: Segment): string | null {
+  for (const [name, words] of Object.entries(NAMES)) {
+    const value = segment[name as keyof typeof NAMES];
+    if (typeof value === "string") return `${words}: ${notANumber(value)}`;
   }
   return null;
 }

@@ -1,12 +1,13 @@
 /** Makes a bank of controllers from the chosen runs. */
 
-import { Button, TextInput } from "@mantine/core";
+import { Button } from "@mantine/core";
 import { type FormEvent, useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
+import { TextField } from "../../components/TextField";
 import { useBuildBank } from "../../service/commands";
-import { RefusedFields, useRefusedField } from "../../service/refusedFields";
+import { RefusedFields } from "../../service/refusedFields";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 
@@ -30,7 +31,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
               ? "Tick the runs to use in the list."
               : `Chosen: ${runs.map((run) => `run ${run}`).join(", ")}`}
           </span>
-          <NameField value={name} onChange={setName} />
+          <TextField name="name" label="Bank name" value={name} onChange={setName} />
           <Button type="submit" variant="default" disabled={!ready} loading={build.isPending}>
             Build bank
           </Button>
@@ -44,17 +45,5 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
         </form>
       </RefusedFields>
     </Card>
-  );
-}
-
-function NameField({ value, onChange }: { value: string; onChange: (value: string) => void }) {
-  return (
-    <TextInput
-      name="name"
-      label="Bank name"
-      value={value}
-      error={useRefusedField("name")?.text}
-      onChange={(event) => onChange(event.currentTarget.value)}
-    />
   );
 }

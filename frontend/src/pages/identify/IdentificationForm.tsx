@@ -1,12 +1,14 @@
 /** Set-up of an identification: what to identify, its settings, and what to expect before it starts. */
 
-import { Button, NativeSelect, SegmentedControl, TextInput } from "@mantine/core";
+import { Button, SegmentedControl } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useEffect, useState } from "react";
 import { Card } from "../../components/Card";
+import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
+import { TextField } from "../../components/TextField";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { type Angles, labelWith, rangeText } from "../../samples/quantity";
@@ -20,31 +22,11 @@ import { tuningInWords, tuningOf } from "../experiments/order";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
-import { type Kind, originOf, requestOf, type Values, valuesOf } from "./order";
+import { type Kind, labelOf, originOf, requestOf, type Values, valuesOf } from "./order";
 import type { Told } from "./PredictionView";
 import { SpringTableForm } from "./SpringTableForm";
 
 const NOMINAL_TENSIONS_N = [10, 20, 30, 40];
-
-/** Short labels; the setting's own meaning stands below the box. */
-const LABELS: Record<string, string> = {
-  tension_N: "Tension",
-  amplitude_rad: "PRBS amplitude",
-  chip_s: "Chip length",
-  bits: "Register bits",
-  periods: "Periods",
-  settle_s: "Settling",
-  estimator: "Estimator",
-  u_low: "Smallest step",
-  u_high: "Largest step",
-  levels: "Voltages",
-  travel_rad: "Travel",
-  step_s: "Longest step",
-  F_low: "Lowest tension",
-  F_high: "Highest tension",
-  sweep_s: "One way",
-  cycles: "Times up and down",
-};
 
 interface FormProps {
   onStarted(run: number): void;
@@ -115,12 +97,13 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   }
 
   return (
-    <RefusedFields error={start.error} about={[changed, tensions]}>
+    <RefusedFields error={start.error} foreseen={prediction.error} about={[changed, tensions]}>
       <form className={page.fields} aria-label="New identification" onSubmit={submit}>
         {kind.kind === "actuator" && (
           <TensionFields
             tension_N={values.tension_N ?? ""}
             tensions={tensions}
+            problem={asked.place === "tensions_N" ? asked.problem : null}
             onTension={(value) => set("tension_N", value)}
             onTensions={setTensions}
           />
@@ -130,21 +113,20 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             .filter((setting) => setting.name !== "tension_N")
             .map((setting) =>
               setting.choices ? (
-                <NativeSelect
+                <ChoiceField
                   key={setting.name}
                   name={setting.name}
-                  label={LABELS[setting.name] ?? setting.meaning}
+                  label={labelOf(setting)}
                   description={describe(setting, originOf(setting, changed, angles), angles)}
-                  inputWrapperOrder={["label", "input", "description", "error"]}
                   data={[...setting.choices]}
                   value={String(values[setting.name] ?? "")}
-                  onChange={(event) => set(setting.name, event.currentTarget.value)}
+                  onChange={(value) => set(setting.name, value)}
                 />
               ) : (
                 <NumberField
                   key={setting.name}
                   name={setting.name}
-                  label={labelWith(LABELS[setting.name] ?? setting.meaning, setting.unit, angles)}
+                  label={labelWith(labelOf(setting), setting.unit, angles)}
                   description={describe(setting, originOf(setting, changed, angles), angles)}
                   unit={setting.unit}
                   value={values[setting.name] ?? ""}
@@ -193,12 +175,14 @@ function useWhereabouts(): string {
 interface TensionProps {
   readonly tension_N: number | string;
   readonly tensions: string;
+  /** Why the text lists no tensions. */
+  readonly problem: string | null;
   onTension(value: number | string): void;
   onTensions(text: string): void;
 }
 
 /** One tension, or several, one run after the other. */
-function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionProps) {
+function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: TensionProps) {
   const inTurn = tensions.trim() !== "";
   return (
     <>
@@ -230,12 +214,13 @@ function TensionFields({ tension_N, tensions, onTension, onTensions }: TensionPr
         </Button.Group>
       </div>
       <div className={styles.tension}>
-        <TextInput
+        <TextField
           name="tensions_N"
           label="Several tensions in turn [N]"
           placeholder="none: the one above"
           value={tensions}
-          onChange={(event) => onTensions(event.currentTarget.value)}
+          problem={problem}
+          onChange={onTensions}
         />
         <Button
           variant={inTurn ? "light" : "default"}

@@ -62,7 +62,8 @@ describe("requestOf", () => {
   it("says what is no number instead of asking", () => {
     expect(requestOf(ACTUATOR, { chip_s: "" }, "")).toMatchObject({
       request: null,
-      problem: expect.stringContaining("chip_s"),
+      problem: "Chip length: needs a number.",
+      place: "chip_s",
     });
     for (const text of ["10, twenty", "0x10", "1e"]) {
       expect(requestOf(ACTUATOR, {}, text)).toMatchObject({ request: null });

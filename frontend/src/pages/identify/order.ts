@@ -11,9 +11,35 @@ export interface Asked {
   /** Null while something in the form is no number. */
   readonly request: IdentificationRequest | null;
   readonly problem: string | null;
+  /** Of the field that the problem is about. */
+  readonly place?: string;
 }
 
 const MAX_TENSIONS = 8;
+
+/** Short labels; the setting's own meaning stands below the box. */
+const LABELS: Record<string, string> = {
+  tension_N: "Tension",
+  amplitude_rad: "PRBS amplitude",
+  chip_s: "Chip length",
+  bits: "Register bits",
+  periods: "Periods",
+  settle_s: "Settling",
+  estimator: "Estimator",
+  u_low: "Smallest step",
+  u_high: "Largest step",
+  levels: "Voltages",
+  travel_rad: "Travel",
+  step_s: "Longest step",
+  F_low: "Lowest tension",
+  F_high: "Highest tension",
+  sweep_s: "One way",
+  cycles: "Times up and down",
+};
+
+export function labelOf({ name, meaning }: Setting): string {
+  return LABELS[name] ?? meaning;
+}
 
 /** Every setting: what a person changed, else its default. All of it is shown, and sent. */
 export function valuesOf(kind: IdentificationKind, changed: Values): Values {
@@ -39,13 +65,21 @@ export function requestOf(kind: IdentificationKind, values: Values, tensions: st
   const used = Object.entries(values).filter(([name]) => list.length === 0 || name !== "tension_N");
   const chosen = kind.settings.filter((setting) => setting.choices).map((setting) => setting.name);
   const odd = used.find(([name, value]) => typeof value !== "number" && !chosen.includes(name));
-  if (odd !== undefined) return { request: null, problem: `${odd[0]}: ${notANumber(String(odd[1]))}.` };
+  if (odd !== undefined) {
+    const [place, value] = odd;
+    const setting = kind.settings.find(({ name }) => name === place);
+    const label = setting === undefined ? place : labelOf(setting);
+    return { request: null, problem: `${label}: ${notANumber(String(value))}.`, place };
+  }
   const numbers = list.map(numberIn).filter((number) => number !== null);
-  if (numbers.length < list.length) {
-    return { request: null, problem: "Several tensions: write numbers separated by commas." };
+  const place = "tensions_N";
+  const word = list.find((one) => numberIn(one) === null);
+  if (word !== undefined) {
+    const problem = `Several tensions: ${notANumber(word)}; write numbers separated by commas.`;
+    return { request: null, problem, place };
   }
   if (numbers.length > MAX_TENSIONS) {
-    return { request: null, problem: `Several tensions: at most ${MAX_TENSIONS} in turn.` };
+    return { request: null, problem: `Several tensions: at most ${MAX_TENSIONS} in turn.`, place };
   }
   const several = numbers.length > 0 ? { tensions_N: numbers } : {};
   return {

@@ -51,7 +51,7 @@ export function LambdaControl(props: LambdaControlProps) {
     ? `${fixed(sent.value, DECIMALS)} s is not sent yet: Enter takes it, Escape leaves it.`
     : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
-  const refusedAt = useStanding(refusal, value) === null ? undefined : `refusal-of-${name}`;
+  const refused = useStanding(refusal, value) !== null;
   const drafted = sent.editing ? sent.value : undefined;
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
@@ -80,7 +80,8 @@ export function LambdaControl(props: LambdaControlProps) {
           width={84}
           onCommit={sent.commit}
           onProblem={setProblem}
-          refusedAt={refusedAt}
+          saidAt={`refusal-of-${name}`}
+          refused={refused}
         />
         <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
           <IconPlus size={14} />

@@ -8,6 +8,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore, useNow } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { usePush } from "../../service/commands";
+import { RefusedFields } from "../../service/refusedFields";
 import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
@@ -24,57 +25,72 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const push = usePush();
   const [F_push, setForce] = useState(10);
   const [duration_s, setDuration] = useState(2);
-  const [problem, setProblem] = useState<string | null>(null);
+  const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
   useNow(100);
   const felt = store.window.newest("F_push");
   const pushed = Number.isFinite(felt) && felt !== 0;
   const reason = whyNoPush(state);
+  const problem = problems.find((one) => one !== null) ?? null;
+  const refusal = problem === null && reason === null ? push.error : null;
+  const about = [F_push, duration_s];
   return (
     <Card title="Push" aside={<span className={styles.bounds}>simulator only</span>}>
-      {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-      <div className={styles.pushRow} role="group" aria-label="Push">
-        <ValueBox
-          label="Push [N]"
-          unit="N"
-          value={F_push}
-          decimals={1}
-          step={1}
-          width={86}
-          onCommit={setForce}
-          onProblem={setProblem}
+      <RefusedFields error={refusal} about={about}>
+        {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+        <div className={styles.pushRow} role="group" aria-label="Push">
+          <ValueBox
+            label="Push [N]"
+            unit="N"
+            value={F_push}
+            decimals={1}
+            step={1}
+            width={86}
+            saidAt="refusal-of-push"
+            place="F_push"
+            onCommit={setForce}
+            onProblem={(found) => setProblems((before) => before.with(0, found))}
+          />
+          <ValueBox
+            label="Push for [s]"
+            unit="s"
+            value={duration_s}
+            decimals={1}
+            step={0.5}
+            width={72}
+            saidAt="refusal-of-push"
+            place="duration_s"
+            onCommit={setDuration}
+            onProblem={(found) => setProblems((before) => before.with(1, found))}
+          />
+          <Button
+            size="compact-sm"
+            variant="default"
+            aria-disabled={reason !== null}
+            data-disabled={reason !== null || undefined}
+            onClick={(event) => {
+              if (reason === null && problem === null) push.mutate({ F_push, duration_s });
+              else event.preventDefault();
+            }}
+          >
+            Push
+          </Button>
+          <Button
+            size="compact-sm"
+            variant="default"
+            onClick={() => push.mutate({ F_push: 0, duration_s: 0 })}
+          >
+            Let go
+          </Button>
+        </div>
+        <Refusal
+          id="refusal-of-push"
+          error={refusal}
+          about={about}
+          forFields
+          text={problem ?? (pushed ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
+          hint={`${fixed(-F_push_max, 0)} … ${fixed(F_push_max, 0)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
         />
-        <ValueBox
-          label="Push for [s]"
-          unit="s"
-          value={duration_s}
-          decimals={1}
-          step={0.5}
-          width={72}
-          onCommit={setDuration}
-          onProblem={setProblem}
-        />
-        <Button
-          size="compact-sm"
-          variant="default"
-          aria-disabled={reason !== null}
-          data-disabled={reason !== null || undefined}
-          onClick={(event) => {
-            if (reason === null && problem === null) push.mutate({ F_push, duration_s });
-            else event.preventDefault();
-          }}
-        >
-          Push
-        </Button>
-        <Button size="compact-sm" variant="default" onClick={() => push.mutate({ F_push: 0, duration_s: 0 })}>
-          Let go
-        </Button>
-      </div>
-      <Refusal
-        error={problem === null && reason === null ? push.error : null}
-        about={[F_push, duration_s]}
-        text={problem ?? (pushed ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
-        hint={`${fixed(-F_push_max, 0)} … ${fixed(F_push_max, 0)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
-      />
+      </RefusedFields>
     </Card>
   );
 }

@@ -96,7 +96,7 @@ function ReferenceControl(props: ReferenceControlProps) {
     ? `${fixed(sent.value, decimals)} ${unit} is not sent yet: Enter commands it, Escape leaves it.`
     : null;
   const refusal = problem === null && target === null ? sent.refusal : null;
-  const refusedAt = useStanding(refusal, inForce) === null ? undefined : `refusal-of-${name}`;
+  const refused = useStanding(refusal, inForce) !== null;
   return (
     <div className={styles.control}>
       <div className={styles.referenceRow}>
@@ -150,7 +150,8 @@ function ReferenceControl(props: ReferenceControlProps) {
           width={124}
           onCommit={sent.commit}
           onProblem={setProblem}
-          refusedAt={refusedAt}
+          saidAt={`refusal-of-${name}`}
+          refused={refused}
         />
       </div>
       <Refusal

@@ -9,8 +9,10 @@ import { SignalName } from "../../components/SignalName";
 import { UndoTuning } from "../../components/UndoTuning";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { notANumber } from "../../samples/number";
 import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from "../../service/commands";
 import { savedTuningQuery } from "../../service/queries";
+import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
 import styles from "./TuningChanges.module.css";
@@ -38,7 +40,11 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
   const [seconds, setSeconds] = useState<number | string>(TRIAL_S);
   const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
-  const failure = set.error ?? save.error ?? tryOut.error ?? end.error ?? undo.error;
+  const failure = lastRefusal(set, save, tryOut, end, undo);
+  const about = [...PARTS.map(([name]) => tuning[name]), seconds];
+  const offersTrial = staged.staging && trial === null;
+  const odd =
+    offersTrial && typeof seconds !== "number" ? `Length of the trial: ${notANumber(seconds)}.` : null;
   const busy = set.isPending || save.isPending || tryOut.isPending || end.isPending;
 
   return (
@@ -69,74 +75,84 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
           ))}
         </tbody>
       </table>
-      <div className={styles.decide}>
-        {trial === null ? (
-          <div className={styles.actions}>
-            <Button
-              variant="default"
-              size="compact-xs"
-              disabled={!changed || busy}
-              title={origin(saved)}
-              onClick={() =>
-                saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
-              }
-            >
-              Revert to saved
-            </Button>
-            <Button
-              variant="default"
-              size="compact-xs"
-              disabled={!changed || busy}
-              onClick={() => save.mutate()}
-            >
-              Save
-            </Button>
-            <UndoTuning undo={undo} size="compact-xs" />
-            <Switch
-              size="xs"
-              label="Stage changes"
-              checked={staged.staging}
-              onChange={(event) => staged.turn(event.currentTarget.checked)}
-            />
-          </div>
-        ) : (
-          <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
-        )}
-        {staged.staging && trial === null && (
-          <div className={styles.actions}>
-            <Button
-              size="compact-xs"
-              disabled={!something || busy}
-              onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
-            >
-              Apply
-            </Button>
-            <Button
-              variant="default"
-              size="compact-xs"
-              disabled={!something || busy || typeof seconds !== "number"}
-              onClick={() =>
-                typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
-              }
-            >
-              Try for
-            </Button>
-            <NumberField
-              aria-label="Length of the trial [s]"
-              size="xs"
-              w={54}
-              value={seconds}
-              onChange={setSeconds}
-              styles={{ input: { height: 22, minHeight: 22 } }}
-            />
-            <span>s</span>
-            <Button variant="default" size="compact-xs" disabled={!something} onClick={staged.discard}>
-              Discard
-            </Button>
-          </div>
-        )}
-        <Refusal error={failure} about={PARTS.map(([name]) => tuning[name])} />
-      </div>
+      <RefusedFields error={odd === null ? failure : null} about={about}>
+        <div className={styles.decide}>
+          {trial === null ? (
+            <div className={styles.actions}>
+              <Button
+                variant="default"
+                size="compact-xs"
+                disabled={!changed || busy}
+                title={origin(saved)}
+                onClick={() =>
+                  saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
+                }
+              >
+                Revert to saved
+              </Button>
+              <Button
+                variant="default"
+                size="compact-xs"
+                disabled={!changed || busy}
+                onClick={() => save.mutate()}
+              >
+                Save
+              </Button>
+              <UndoTuning undo={undo} size="compact-xs" />
+              <Switch
+                size="xs"
+                label="Stage changes"
+                checked={staged.staging}
+                onChange={(event) => staged.turn(event.currentTarget.checked)}
+              />
+            </div>
+          ) : (
+            <TrialRow trial={trial} tuning={tuning} busy={busy} onEnd={(keep) => end.mutate(keep)} />
+          )}
+          {offersTrial && (
+            <div className={styles.actions}>
+              <Button
+                size="compact-xs"
+                disabled={!something || busy}
+                onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
+              >
+                Apply
+              </Button>
+              <Button
+                variant="default"
+                size="compact-xs"
+                disabled={!something || busy || typeof seconds !== "number"}
+                onClick={() =>
+                  typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
+                }
+              >
+                Try for
+              </Button>
+              <NumberField
+                aria-label="Length of the trial [s]"
+                place="duration_s"
+                saidAt="refusal-of-tuning"
+                size="xs"
+                w={54}
+                value={seconds}
+                onChange={setSeconds}
+                styles={{ input: { height: 22, minHeight: 22 } }}
+              />
+              <span>s</span>
+              <Button variant="default" size="compact-xs" disabled={!something} onClick={staged.discard}>
+                Discard
+              </Button>
+            </div>
+          )}
+          <Refusal
+            id="refusal-of-tuning"
+            error={odd === null ? failure : null}
+            about={about}
+            text={odd}
+            forFields
+          />
+        </div>
+      </RefusedFields>
     </section>
   );
 }

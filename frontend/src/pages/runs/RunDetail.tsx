@@ -1,28 +1,20 @@
 /** One run: what it came to and its curves first, then what it was and with which settings. */
 
-import { Button, Textarea } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { Downloads } from "../../components/Downloads";
-import { OperatorsOnly } from "../../components/OperatorsOnly";
-import { Refusal } from "../../components/Refusal";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { useSetNote } from "../../service/commands";
 import { runQuery } from "../../service/queries";
-import { useMayCommand } from "../../service/useMayCommand";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 import { CompareWith } from "./CompareWith";
 import { LineageCard } from "./LineageCard";
+import { NoteCard } from "./NoteCard";
 import { RunCharts } from "./RunCharts";
 import { RunResult } from "./RunResult";
 import { SettingsCard } from "./SettingsCard";
-
-const WITH_REPORT = new Set(["tracking", "compliance", "robustness"]);
 
 export function RunDetail({ id, other }: { id: number; other: number | undefined }) {
   const { data, error } = useQuery(runQuery(id));
@@ -84,42 +76,6 @@ function Facts({ run }: { run: Run }) {
             `; the samples were deleted ${dateTime(run.samples_deleted)} to make room`}
         </dd>
       </dl>
-    </Card>
-  );
-}
-
-function NoteCard({ run }: { run: Run }) {
-  const [note, setNote] = useState(run.note);
-  const save = useSetNote(run.id);
-  return (
-    <Card title="Note and downloads">
-      <div className={page.fields}>
-        <Textarea
-          label="Note"
-          autosize
-          minRows={2}
-          maxRows={6}
-          value={note}
-          readOnly={useMayCommand() === false}
-          onChange={(event) => setNote(event.currentTarget.value)}
-        />
-        <div className={page.actions}>
-          <OperatorsOnly>
-            <Button
-              variant="default"
-              disabled={note === run.note}
-              loading={save.isPending}
-              onClick={() => save.mutate(note)}
-            >
-              Save note
-            </Button>
-          </OperatorsOnly>
-          <Refusal error={save.error} />
-        </div>
-        <div className={page.actions}>
-          <Downloads run={run.id} report={WITH_REPORT.has(run.kind)} />
-        </div>
-      </div>
     </Card>
   );
 }

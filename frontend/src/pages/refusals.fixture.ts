@@ -1,0 +1,47 @@
+/** A bench at rest and the forms that it offers, as the service declares them. */
+
+import type { ExperimentKind, State } from "../wire/types";
+
+export const TUNING = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false, bank: null };
+export const STATE = {
+  mode: "run",
+  legal_modes: ["experiment", "identify"],
+  limits: { F_push_max: 30 },
+  tuning: { ...TUNING, lam_motor_min: 0.05, lam_motor_max: 0.2 },
+  own_tuning: null,
+  task: null,
+  trial: null,
+  fault: null,
+  link: { alive: true, starts: 1 },
+} as unknown as State;
+const SEGMENTS = JSON.stringify([{ duration_s: 4, q_ref: 0, S_ref: 10 }]);
+export const SEQUENCE = {
+  name: "sequence",
+  title: "Sequence",
+  description: "",
+  duration_s: 4,
+  settings: [
+    { name: "segments", meaning: "segments", unit: "1", default: SEGMENTS },
+    { name: "law", meaning: "law in use", unit: "1", default: "cascade", choices: ["cascade", "pd"] },
+    { name: "interpolate", meaning: "gain scheduling", unit: "1", default: false },
+    { name: "bank", meaning: "bank", unit: "1", default: 0 },
+  ],
+} as unknown as ExperimentKind;
+const NUMBER = { unit: "N", default: 20, minimum: 5, maximum: 45 };
+export const KINDS = [
+  {
+    kind: "actuator",
+    title: "Actuator",
+    description: "",
+    settings: [
+      { ...NUMBER, name: "tension_N", meaning: "tension held" },
+      {
+        name: "estimator",
+        meaning: "what makes the models",
+        unit: "1",
+        default: "default",
+        choices: ["default", "arx"],
+      },
+    ],
+  },
+];

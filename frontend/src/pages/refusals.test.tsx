@@ -1,0 +1,268 @@
+// @vitest-environment jsdom
+/** Whatever kind of field a refusal means: it is told whole there, once, the field is marked and gone to. */
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import type { ReactElement } from "react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  return replacement;
+});
+
+import { NameQuestion } from "../components/NameQuestion";
+import { LiveProvider } from "../live/react";
+import { LiveStore } from "../live/store";
+import type { Run, Tuning } from "../wire/types";
+import { BankImport } from "./banks/BankImport";
+import { ExperimentForm } from "./experiments/ExperimentForm";
+import { BankBuilder } from "./identify/BankBuilder";
+import { IdentificationForm } from "./identify/IdentificationForm";
+import { SpringTableForm } from "./identify/SpringTableForm";
+import { PushCard } from "./operate/PushCard";
+import { TuningChanges } from "./operate/TuningChanges";
+import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
+import { NoteCard } from "./runs/NoteCard";
+
+const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
+const SENTENCE = "what was given: 120 deg is outside −80 to 80 deg; choose a value between the two";
+
+/** Path and what is said; anything else is answered as by a service with nothing stored. */
+let refusal: { path: string; place?: (string | number)[] | undefined };
+
+function answer({ url, method }: Request): Response {
+  const path = new URL(url).pathname;
+  if (path === refusal.path && method !== "GET") {
+    const error = { code: "bad_value", message: SENTENCE, ...(refusal.place ? { path: refusal.place } : {}) };
+    return Response.json({ error }, { status: 422 });
+  }
+  if (path === "/api/session") return Response.json({ name: "A. Operator", role: "operator" });
+  if (path === "/api/control") return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+  if (path === "/api/banks") return Response.json({ banks: [] });
+  if (path === "/api/tuning/saved") return Response.json({ ...TUNING, who: null, at: null });
+  if (path === "/api/identification-kinds") return Response.json({ kinds: KINDS });
+  if (path === "/api/preferences") return Response.json({ angles: "deg" });
+  return Response.json({ error: { code: "not_found", message: "nothing here" } }, { status: 404 });
+}
+
+function open(page: ReactElement): void {
+  const store = new LiveStore(0);
+  store.setState(STATE);
+  const client = new QueryClient({ defaultOptions: { queries: { retry: false } } });
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={client}>
+        <LiveProvider store={store}>{page}</LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+beforeEach(() => {
+  // a box that grows with what is written into it listens for fonts
+  Object.defineProperty(document, "fonts", { value: new EventTarget(), configurable: true });
+  fetched.mockReset().mockImplementation(async (request) => answer(request));
+});
+afterEach(cleanup);
+
+const press = (name: string) => async () => {
+  const button = await screen.findByRole("button", { name });
+  await waitFor(() => expect(button.getAttribute("aria-disabled") ?? "false").toBe("false"));
+  fireEvent.click(button);
+};
+const choose = (text: string) => async () => {
+  const file = new File([text], "file.csv");
+  file.text = async () => text;
+  const input = document.querySelector("input[type=file]") as HTMLInputElement;
+  fireEvent.change(input, { target: { files: [file] } });
+};
+const type = (label: string, value: string) => async () => {
+  fireEvent.change(await screen.findByLabelText(label), { target: { value } });
+};
+const nothing = () => undefined;
+const experiment = <ExperimentForm kind={SEQUENCE} onStarted={nothing} onDryRun={nothing} />;
+const identification = <IdentificationForm onStarted={nothing} onTable={nothing} onForecast={nothing} />;
+const note = <NoteCard run={{ id: 3, note: "", kind: "session" } as Run} />;
+
+type Case = [
+  string,
+  ReactElement,
+  (() => Promise<void>)[],
+  string,
+  (string | number)[] | undefined,
+  () => HTMLElement,
+];
+
+const field = (name: string | RegExp) => () => screen.getByLabelText(name);
+
+it.each<Case>([
+  [
+    "length of a trial",
+    <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} />,
+    [press("Try for")],
+    "/api/tuning/trial",
+    ["duration_s"],
+    field("Length of the trial [s]"),
+  ],
+  ["push", <PushCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
+  [
+    "time of a push",
+    <PushCard key="" />,
+    [press("Push")],
+    "/api/push",
+    ["duration_s"],
+    field("Push for [s]"),
+  ],
+  [
+    "file of a bank",
+    <BankImport key="" />,
+    [choose("{}")],
+    "/api/banks/file",
+    ["entries", 0, "K_q"],
+    () => screen.getByRole("button", { name: /Import bank/ }),
+  ],
+  [
+    "file of a bank, as a whole",
+    <BankImport key="" />,
+    [choose("{}")],
+    "/api/banks/file",
+    undefined,
+    () => screen.getByRole("button", { name: /Import bank/ }),
+  ],
+  ["note", note, [type("Note", "long"), press("Save note")], "/api/runs/3", ["note"], field("Note")],
+  [
+    "table of a spring",
+    <SpringTableForm key="" onTable={nothing} />,
+    [choose("x,F")],
+    "/api/spring-tables",
+    undefined,
+    () => screen.getByRole("button", { name: /table measured elsewhere/ }),
+  ],
+  [
+    "one of several tensions",
+    identification,
+    [type("Several tensions in turn [N]", "10, 90"), press("Start identification")],
+    "/api/identifications",
+    ["tensions_N", 1],
+    field("Several tensions in turn [N]"),
+  ],
+  [
+    "choice of an identification",
+    identification,
+    [press("Start identification")],
+    "/api/identifications",
+    ["actuator", "estimator"],
+    field("Estimator"),
+  ],
+  ["choice", experiment, [press("Start sequence")], "/api/experiments", ["law"], field("Law in use")],
+  [
+    "switch",
+    experiment,
+    [press("Start sequence")],
+    "/api/experiments",
+    ["interpolate"],
+    () => screen.getByRole("switch"),
+  ],
+  [
+    "bank to use",
+    experiment,
+    [press("Start sequence")],
+    "/api/experiments",
+    ["bank"],
+    field("Models that the gains come from"),
+  ],
+  [
+    "shape of a segment",
+    experiment,
+    [press("Start sequence")],
+    "/api/experiments",
+    ["segments", 0, "shape"],
+    field("Shape of segment 1"),
+  ],
+  [
+    "name of a person",
+    <NameQuestion key="" wanted onDone={nothing} />,
+    [type("What do the others here call you?", "Ana"), press("Save name")],
+    "/api/session/name",
+    undefined,
+    field("What do the others here call you?"),
+  ],
+  [
+    "name of a bank",
+    <BankBuilder key="" chosen={new Set([1])} onBuilt={nothing} />,
+    [type("Bank name", "lab"), press("Build bank")],
+    "/api/banks",
+    ["name"],
+    field("Bank name"),
+  ],
+])("tells a refused %s there", async (_kind, page, steps, path, place, meant) => {
+  refusal = { path, place };
+  open(page);
+  for (const step of steps) await step();
+  const said = await screen.findByText(SENTENCE);
+  expect(screen.getAllByText(SENTENCE)).toEqual([said]);
+  const box = meant();
+  const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
+  expect(described.some((id) => document.getElementById(id)?.contains(said))).toBe(true);
+  await waitFor(() => expect(document.activeElement).toBe(box));
+  const marked = [...document.querySelectorAll("[aria-invalid=true], [data-refused=true][type=button]")];
+  expect(marked).toEqual([box]);
+});
+
+it.each([
+  ["10; a", "“a” is not a number"],
+  ["1 2 3 4 5 6 7 8 9", "at most 8"],
+])("finds at the field itself that %j are no tensions", async (text, why) => {
+  refusal = { path: "" };
+  open(identification);
+  await type("Several tensions in turn [N]", text)();
+  const box = screen.getByLabelText("Several tensions in turn [N]");
+  expect(box.getAttribute("aria-invalid")).toBe("true");
+  const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
+  expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(why);
+});
+
+it("says in words which box of an identification holds no number", async () => {
+  refusal = { path: "" };
+  open(identification);
+  await type("Tension [N]", "much")();
+  const said = screen.getByRole("status", { name: "Refusal" }).textContent;
+  expect(said).toBe("Tension: “much” is not a number.");
+});
+
+it("does not take the typing away to what a forecast blames", async () => {
+  refusal = { path: "/api/identifications/prediction", place: ["actuator", "estimator"] };
+  open(identification);
+  const box = await screen.findByLabelText("Tension [N]");
+  act(() => box.focus());
+  await type("Tension [N]", "44")();
+  await waitFor(() => expect(field("Estimator")().getAttribute("aria-invalid")).toBe("true"));
+  expect(document.activeElement).toBe(box);
+  expect(screen.getAllByText(SENTENCE)).toHaveLength(1);
+});
+
+it("says how long a trial may not be where it is no number", async () => {
+  refusal = { path: "" };
+  open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} />);
+  await type("Length of the trial [s]", "ten")();
+  const box = screen.getByLabelText("Length of the trial [s]");
+  expect(box.getAttribute("aria-invalid")).toBe("true");
+  const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
+  expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(
+    "“ten” is not a number",
+  );
+  await act(async () => fireEvent.click(screen.getByRole("button", { name: "Try for" })));
+  expect(fetched.mock.calls.filter(([{ url }]) => url.endsWith("/trial"))).toEqual([]);
+});

@@ -1,0 +1,48 @@
+"""What the service refuses is told at the field that is meant, also at a file and where there is room for a number."""
+
+import json
+from pathlib import Path
+
+from playwright.sync_api import Browser, Locator, expect
+
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service
+
+
+def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
+    browser: Browser, service: Service, tmp_path: Path
+) -> None:
+    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    operator = Operator(page, service)
+    operator.sign_in()
+    operator.go("Banks")
+    button = page.get_by_role("button", name="Import bank")
+    with page.expect_file_chooser() as chooser:
+        button.click()
+    file = tmp_path / "bank.json"
+    file.write_text(json.dumps({"name": "lab", "entries": [{"S_nominal": 10}]}))
+    chooser.value.set_files(file)
+    expect_told_at(button, "entry 1, K of G_q: it is missing")
+
+    operator.go("Operate")
+    operator.take_control()
+    page.get_by_role("switch", name="Stage changes").check()
+    operator.enter("λ_q value [s]", 0.7)
+    box = page.get_by_role("textbox", name="Length of the trial [s]")
+    box.fill("0.2")
+    page.get_by_role("button", name="Try for").click()
+    expect_told_at(box, "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at least")
+    expect(box).to_have_attribute("aria-invalid", "true")
+    page.context.close()
+
+
+def expect_told_at(field: Locator, said: str) -> None:
+    """Wait until one sentence says it, by which the field is described, and the field has the focus."""
+    page = field.page
+    sentence = page.get_by_text(said, exact=True)
+    expect(sentence).to_have_count(1)
+    expect(field).to_be_focused()
+    place = sentence.get_attribute("id")
+    assert place is not None
+    assert place in (field.get_attribute("aria-describedby") or "").split()
