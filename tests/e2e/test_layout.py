@@ -101,6 +101,14 @@ def test_on_a_phone_what_is_so_comes_before_what_is_done(browser: Browser, servi
     main.evaluate("main => main.scrollTo(0, 0)")
     _swipe_up(page, CHARTS[1])
     operator.wait(lambda: main.evaluate("main => main.scrollTop") > 50)  # a finger on a chart scrolls the page
+    stop.click()
+    fault = page.get_by_role("alert", name="Fault", exact=True)
+    expect(fault).to_contain_text("STOP was pressed")
+    told = fault.bounding_box()
+    assert told is not None
+    assert told["width"] > 0.8 * PHONE["width"]  # in lines of words, not of letters
+    page.get_by_role("button", name="Reset", exact=True).click()
+    operator.expect_mode("off")
     context.close()
 
 

@@ -6,37 +6,58 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { RunState } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
+import type { useDryRun } from "../../service/commands";
 import { usePanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
-import type { DryRun } from "../../wire/types";
+import type { DryRun, ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
 import { Figures } from "./Figures";
 import { OrderWords } from "./OrderWords";
 
 interface DryRunResultProps {
-  /** Kind of experiment that was played. */
-  readonly name: string;
-  readonly result: DryRun;
-  onClose(): void;
+  readonly dryRun: ReturnType<typeof useDryRun>;
+  readonly kinds: readonly ExperimentKind[];
 }
 
-export function DryRunResult({ name, result, onClose }: DryRunResultProps) {
+export function DryRunResult({ dryRun: { variables, data, isPending, reset }, kinds }: DryRunResultProps) {
+  if (variables === undefined || (data === undefined && !isPending)) return null;
+  const title = kinds.find(({ name }) => name === variables.name)?.title ?? variables.name;
   return (
-    <Card title="Dry run" aside={<CloseButton aria-label="Close dry run" size="sm" onClick={onClose} />}>
-      <div className={page.fields}>
-        <span>
-          Simulated, nothing moved and nothing was stored: {result.status}, {duration(result.duration_s)}.{" "}
-          <Told text={result.message} />
-        </span>
-        <Outcome of={result} />
-        <OrderWords name={name} settings={result.settings} />
-        <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
-        {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
-      </div>
+    <Card
+      title="Dry run"
+      aside={data && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
+    >
+      {data === undefined ? (
+        <p className={page.empty}>{title}: being played on a simulator of its own; nothing moves.</p>
+      ) : (
+        <Played name={variables.name} title={title} result={data} />
+      )}
     </Card>
+  );
+}
+
+interface PlayedProps {
+  readonly name: string;
+  readonly title: string;
+  readonly result: DryRun;
+}
+
+function Played({ name, title, result }: PlayedProps) {
+  return (
+    <div className={page.fields}>
+      <span>
+        {title}, {duration(result.duration_s)} simulated; nothing moved and nothing was stored.{" "}
+        <RunState state={result.status} /> <Told text={result.message} />
+      </span>
+      <Outcome of={result} />
+      <OrderWords name={name} settings={result.settings} />
+      <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
+      {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
+    </div>
   );
 }
 

@@ -13,6 +13,7 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { useDryRun } from "../../service/commands";
 import type { ExperimentKind, State } from "../../wire/types";
 import { ExperimentForm } from "./ExperimentForm";
 
@@ -82,12 +83,16 @@ function open(state: State): LiveStore {
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
         <LiveProvider store={store}>
-          <ExperimentForm kind={KIND} onStarted={() => undefined} onDryRun={() => undefined} />
+          <Form />
         </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,
   );
   return store;
+}
+
+function Form() {
+  return <ExperimentForm kind={KIND} onStarted={() => undefined} dryRun={useDryRun()} />;
 }
 
 /** What stands in the boxes, read as a person would. */

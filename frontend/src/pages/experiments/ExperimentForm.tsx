@@ -10,10 +10,10 @@ import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
 import { useAngles } from "../../service/angles";
-import { useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
+import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery, tuningKey } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
-import type { DryRun, ExperimentKind } from "../../wire/types";
+import type { ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
 import {
@@ -31,15 +31,15 @@ import { segmentsProblem } from "./segments";
 interface ExperimentFormProps {
   readonly kind: ExperimentKind;
   onStarted(id: number): void;
-  onDryRun(result: DryRun): void;
+  /** The page's: its result is shown beside whichever form is open by then. */
+  readonly dryRun: ReturnType<typeof useDryRun>;
 }
 
-export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProps) {
+export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps) {
   const [changed, setChanged] = useState<Values>({});
   const state = useLive((live) => live.state);
   const { data: banks = [] } = useQuery(banksQuery);
   const start = useStartExperiment();
-  const dryRun = useDryRun();
   const queue = useQueueCommand();
   const shown = shownSettings(kind, state, changed, useAngles());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
@@ -48,7 +48,8 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
   const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
   const order = problem === null ? asked.order : null;
   const reason = problem ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
-  const failure = problem === null ? lastRefusal(start, dryRun, queue) : null;
+  const attempts = dryRun.variables?.name === kind.name ? [start, queue, dryRun] : [start, queue];
+  const failure = problem === null ? lastRefusal(...attempts) : null;
 
   function submit(event: FormEvent): void {
     event.preventDefault();
@@ -113,7 +114,7 @@ export function ExperimentForm({ kind, onStarted, onDryRun }: ExperimentFormProp
               disabled={order === null}
               loading={dryRun.isPending}
               title="Play it on a simulator of its own, faster than real time; nothing moves"
-              onClick={() => order && dryRun.mutate(order, { onSuccess: onDryRun })}
+              onClick={() => order && dryRun.mutate(order)}
             >
               Dry run
             </Button>

@@ -6,8 +6,8 @@ import { useState } from "react";
 import { useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
+import { useDryRun } from "../../service/commands";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
-import type { DryRun } from "../../wire/types";
 import page from "../Page.module.css";
 import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
@@ -19,7 +19,7 @@ export default function ExperimentsPage() {
   const { id } = useParams();
   const [, go] = useLocation();
   const [chosen, choose] = useState<string | null>(null);
-  const [dryRun, setDryRun] = useState<{ name: string; result: DryRun } | null>(null);
+  const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
   const names = kinds.data?.map((kind) => kind.name).join(",") ?? "";
   const runs = useQuery({
@@ -50,14 +50,14 @@ export default function ExperimentsPage() {
                 key={kind.name}
                 kind={kind}
                 onStarted={(started) => go(`/experiments/${started}`)}
-                onDryRun={(result) => setDryRun({ name: kind.name, result })}
+                dryRun={dryRun}
               />
             </Card>
           )}
           <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
-          {dryRun !== null && <DryRunResult {...dryRun} onClose={() => setDryRun(null)} />}
+          <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
         </div>

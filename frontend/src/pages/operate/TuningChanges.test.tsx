@@ -63,7 +63,8 @@ it.each(Object.keys(SAVED) as Part[])(
 );
 
 it("tells which of the method's defaults is not offered on these models", async () => {
-  const moved = "the method's default is not offered for these models, the nearest that is: λ_q 0.5 → 0.965 s";
+  const moved =
+    "the method's default is not offered for these models, the nearest that is: λ_q 0.5 → 0.965 s";
   const answer = fetched.getMockImplementation();
   fetched.mockImplementation(async (request) =>
     request.url.endsWith("/api/tuning/saved")
