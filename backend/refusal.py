@@ -3,7 +3,10 @@
 import math
 from abc import ABC, abstractmethod
 
-from backend.reading import DIGITS, Angles, in_digits, read, reading_of, told
+from backend.reading import Angles, in_digits, read, reading_of, told
+
+_DIGITS_OF_BOUND = 4
+"""Significant digits of a bound that six do not hold: enough to choose by."""
 
 Path = tuple[str | int, ...]
 """Where a value stands in what was asked for: names, and places in lists from 0; ("segments", 2, "q_ref")."""
@@ -86,14 +89,15 @@ def out_of_range(
 
 
 def bound_text(bound: float, unit: str, angles: Angles, *, upper: bool) -> str:
-    """Write a bound so that the number which is read lies within it: rounded towards the inside."""
+    """Write a bound so that the number which is read lies within it: exactly, or rounded towards the inside."""
+    if isinstance(bound, int) and reading_of(unit, angles).factor == 1.0:
+        return str(bound)
     shown = read(bound, unit, angles)
     text = in_digits(shown)
-    beyond = float(text) - shown if upper else shown - float(text)
-    if beyond <= 1e-12 * abs(shown):
+    if abs(float(text) - shown) <= 1e-12 * abs(shown):
         return text
-    place = 10.0 ** (math.floor(math.log10(abs(shown))) - DIGITS + 1)
-    return in_digits(float(text) - place if upper else float(text) + place)
+    place = 10.0 ** (math.floor(math.log10(abs(shown))) - _DIGITS_OF_BOUND + 1)
+    return in_digits((math.floor if upper else math.ceil)(shown / place) * place)
 
 
 def require_within(

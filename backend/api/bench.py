@@ -24,6 +24,7 @@ from backend.loop.hand_push import PUSH_MAX_S
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
+from backend.reading import in_digits
 from backend.refusal import require_within
 from backend.supervision import KeptTask, Part, Supervision
 from plant.breakage import Broken
@@ -139,7 +140,7 @@ class Bench:
         require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
         require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
         accepted = await self._command(commands.SetReferences(q_ref, S_ref))
-        text = f"q_ref {q_ref:.3f} rad, S_ref {S_ref:.2f} N·m/rad"
+        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref)} N·m/rad"
         self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
         self.changed()
         return References(q_ref=q_ref, S_ref=S_ref)

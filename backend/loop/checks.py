@@ -5,6 +5,7 @@ import math
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
 from backend.loop.sensor_checks import SensorChecks
+from backend.reading import in_digits
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, T_s
 from plant.parameters import PlantParameters
 
@@ -58,5 +59,6 @@ class Checks:
         if max(m.F_A, m.F_B) > bounds.F_max:
             return Fault.FORCE_LIMIT, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N; the bound is {bounds.F_max:g} N"
         if abs(m.q) > bounds.q_trip:
-            return Fault.JOINT_LIMIT, f"q = {m.q:.3f} rad; the bound is {bounds.q_trip:.3f} rad to either side"
+            q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # whoever reads degrees is to read 90
+            return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
         return Fault.NONE, ""

@@ -7,9 +7,11 @@ from backend.identification.actuator import joint_method
 from backend.identification.published import TABLE_1
 from backend.identification.residuals import judged
 from backend.identification.result import Grade, worst
+from backend.reading import told
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.identification_figures import (
     CHANNELS,
+    STEP_RAD,
     bode_panels,
     model_of,
     record_panels,
@@ -151,8 +153,8 @@ def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
         Figure(
             "step",
             step_panels(channels, "step", angles),
-            "Response of (A) G_q and (B) G_S to a step of θ_A,ref by 1 rad, and of their first-order reductions "
-            "(dashed).",
+            f"Response of (A) G_q and (B) G_S to a step of θ_A,ref by {told(STEP_RAD[angles], 'rad', angles)}, and of "
+            "their first-order reductions (dashed).",
         ),
         Figure(
             "residuals",

@@ -1,5 +1,6 @@
 """Figures of an actuator identification: record and model, frequency and step responses, residual tests."""
 
+import math
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -35,6 +36,9 @@ Channel = Mapping[str, Any]
 
 CHANNELS = {"G_q": ("q", "$G_q$", "rad"), "G_S": ("S", "$G_S$", "N·m/rad")}
 """Per transfer function: its output, how it is written, the output's unit."""
+
+STEP_RAD = {Angles.DEGREES: math.radians(10.0), Angles.RADIANS: 1.0}
+"""The step whose response is drawn, round as it is read; the models are linear [rad]."""
 
 _DASHES = (0, (4, 2))
 _REST_S = 0.5
@@ -101,7 +105,7 @@ def bode_panels(columns: Columns, start: int, channels: Mapping[str, Channel], p
 
 
 def step_panels(channels: Mapping[str, Channel], name: str, angles: Angles) -> str:
-    """Draw the response of both models and of their first-order reductions to a step of theta_A by 1 rad."""
+    """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
     with figure(1, 2, height_in=2.1) as (drawn, axes):
         for panel, (key, (output, label, unit)), letter in zip(axes, CHANNELS.items(), "AB", strict=True):
             model, first_order = model_of(channels[key]), channels[key]["first_order"]
@@ -109,6 +113,7 @@ def step_panels(channels: Mapping[str, Channel], name: str, angles: Angles) -> s
             _, y = step(([model.gain], model.denominator[::-1]), T=t)
             reduced = first_order["K"] * (1.0 - np.exp(-t / first_order["T"]))
             read = partial(in_unit, unit=unit, angles=angles)
+            y, reduced = STEP_RAD[angles] * y, STEP_RAD[angles] * reduced
             panel.plot(t, read(y), color=COLOURS[output], label=label)
             panel.plot(t, read(reduced), color=LIMIT_GREY, linestyle=_DASHES, label="first order")
             panel.set(xlabel="t [s]", ylabel=axis_label(output, unit, angles), xlim=(0.0, t[-1]))

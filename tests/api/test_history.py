@@ -1,5 +1,6 @@
 """Lineage, marks and checklist through the interface, and the checklist's rules on a database of its own."""
 
+import math
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -9,6 +10,7 @@ import httpx
 import pytest
 
 from backend.api import checklist
+from backend.reading import Angles, in_words
 from backend.storage import Database, banks, identifications, open_database, runs
 from backend.storage.banks import BankEntry
 from backend.storage.identifications import NewIdentification
@@ -20,14 +22,15 @@ PARAMETERS = {"r_m": 0.0075}
 
 def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Client) -> None:
     run = running.get("/api/state").json()["recording_run"]
-    running.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
+    running.put("/api/references", json={"q_ref": math.radians(15.0), "S_ref": 10.25}).raise_for_status()
     running.post("/api/mode", json={"mode": "stopping"}).raise_for_status()
     wait_for(running, "mode", "off")
     for _ in range(500):
         marks = running.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]
-        if any("q_ref 0.200" in mark["text"] for mark in marks):
+        if any(mark["text"].startswith("q_ref ") for mark in marks):
             break
-    [mark] = [mark for mark in marks if "q_ref 0.200" in mark["text"]]
+    [mark] = [mark for mark in marks if mark["text"].startswith("q_ref ")]
+    assert in_words(mark["text"], Angles.DEGREES) == "q_ref 15 deg, S_ref 10.25 N·m/rad"
     assert 0.0 <= mark["t"] < 60.0
     assert mark["who"] == "operator"
     lineage = running.get(f"/api/runs/{run}/lineage").raise_for_status().json()

@@ -1,10 +1,15 @@
-"""The limit flags in the sample say which limit acted, in the tick it acted."""
+"""The limit flags in the sample say which limit acted, in the tick it acted; a fault tells the limit as it is."""
+
+import math
 
 import numpy as np
 import pytest
 
-from backend.faults import Limit
+from backend.faults import Fault, Limit
+from backend.loop.checks import Checks
 from backend.loop.commands import Push, SetReferences
+from backend.reading import Angles, in_words
+from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
 
@@ -34,3 +39,13 @@ def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTo
     held_back = (flags.astype(int) & Limit.GOVERNOR) != 0
     assert np.array_equal(held_back, governed != S_ref)
     assert 0 < np.count_nonzero(held_back) < 1000
+
+
+def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
+    """In degrees too, in which most people read it: the bound is 90, not what three decimals of a radian make of it."""
+    checks = Checks(load_parameters("ideal"), unattended_max_s=0.1)
+    fault, seen = checks.standing(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
+    assert fault is Fault.JOINT_LIMIT
+    told, bound = in_words(seen, Angles.DEGREES).split("; ")
+    assert bound == "the bound is 90 deg to either side"
+    assert float(told.removeprefix("q = ").removesuffix(" deg")) == pytest.approx(-91.25, abs=5e-4)

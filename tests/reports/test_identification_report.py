@@ -1,12 +1,15 @@
 """The report of an actuator identification, from a record made with known transfer functions."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure as Drawn
 
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.result import Model
+from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html
@@ -18,6 +21,7 @@ from backend.storage.identifications import Identification
 from plant.interface import T_s
 from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 
+DEG, RAD = Angles.DEGREES, Angles.RADIANS
 REST = 1_000
 
 
@@ -111,6 +115,27 @@ def test_report_renders_with_its_four_figures(report: Report) -> None:
     assert figures == ["record", "bode", "step", "residuals"]
     assert to_html(report).count("<svg") == 4
     assert to_pdf(report).startswith(b"%PDF-")
+
+
+@pytest.mark.parametrize(("angles", "words", "ends"), [(DEG, "10 deg", (0.5, 0.1256)), (RAD, "1 rad", (0.05, 0.72))])
+def test_the_step_that_is_drawn_is_round_as_it_is_read(
+    angles: Angles, words: str, ends: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The caption names the step, and the first order reductions end at K times it, in the unit of the axis."""
+    seen: dict[str, float] = {}
+    saved = Drawn.savefig
+
+    def looked_at(self: Drawn, *args: Any, **how: Any) -> None:
+        seen.update({axis.get_ylabel(): float(axis.lines[1].get_ydata()[-1]) for axis in self.axes if axis.lines[1:]})
+        saved(self, *args, **how)
+
+    monkeypatch.setattr(Drawn, "savefig", looked_at)
+    made = build_report(replace(source(identification(), {"complete": True, "figures": []}), angles=angles))
+    captions = [block.caption for section in made.sections for block in section.blocks if isinstance(block, Figure)]
+    assert any(f"to a step of θ_A,ref by {words}, and of their first" in caption for caption in captions)
+    to_html(made)
+    assert seen[f"q [{angles}]"] == pytest.approx(ends[0], rel=5e-3)
+    assert seen["S [N·m/rad]"] == pytest.approx(ends[1], rel=5e-3)
 
 
 def test_a_run_without_a_model_says_why() -> None:

@@ -20,7 +20,7 @@ NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
 BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
 """A radian that is not part of a gain (N·m/rad, rad/(V·s), rad/rad, "per rad") or of an angular frequency."""
 
-TRIP = "q = 1.602 rad; the bound is 1.571 rad to either side"
+TRIP = "q = 1.60207 rad; the bound is 1.5708 rad to either side"
 
 
 def tripped(source: Source) -> Source:
@@ -109,7 +109,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Sourc
     assert (amplitude["Value"], amplitude["Unit"]) == ("60", "deg")
     first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
     assert (first["Step"], first["to"]) == ("q [deg]", "60.0")
-    assert any("q = 91.79 deg; the bound is 90.01 deg" in fact.text for fact in degrees.facts)
+    assert any("q = 91.7918 deg; the bound is 90 deg" in fact.text for fact in degrees.facts)
     assert any(TRIP in fact.text for fact in radians.facts)
 
 

@@ -75,7 +75,7 @@ const AMPLITUDE = {
 } as Setting;
 
 it.each([
-  ["deg", "Joint position steps [deg]", "0.572958 … 80.2141"],
+  ["deg", "Joint position steps [deg]", "0.573 … 80.21"],
   ["rad", "Joint position steps [rad]", "0.01 … 1.4"],
 ] as const)("labels a setting and its range in %s", (angles, label, range) => {
   open(<SettingField setting={AMPLITUDE} value={SIXTH} onChange={() => undefined} />, angles);

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { type Angles, angleText, boxText, inSI, inWords, readingOf, told } from "./quantity";
+import { type Angles, angleText, boxText, inSI, inWords, rangeText, readingOf, told } from "./quantity";
 
 /** Angles in degrees with up to six decimals, the same at each run. */
 function* someAngles(): Generator<number> {
@@ -57,6 +57,20 @@ it.each([
   expect(readingOf(unit, "deg").unit).toBe(shown);
   expect(readingOf(unit, "deg").factor).toBeCloseTo(factor, 14);
   expect(readingOf(unit, "rad")).toEqual({ unit, factor: 1 });
+});
+
+it.each([
+  [0.01, 2, "rad", "0.573 … 114.5"],
+  [-1.4, 1.4, "rad", "−80.21 … 80.21"],
+  [(0.5 * Math.PI) / 180, (114.25 * Math.PI) / 180, "rad", "0.5 … 114.25"],
+  [0.354416386, 3, "s", "0.3545 … 3"],
+  [0, 2147483647, "1", "0 … 2147483647"],
+  [9999.6321, 123456.7, "1", "10000 … 123400"],
+])("offers %d to %d %s as a range of which every end is accepted", (low, high, unit, range) => {
+  expect(rangeText(low, high, unit, "deg")).toBe(range);
+  const ends = range.split(" … ").map((end) => inSI(end.replace("−", "-"), unit, "deg") as number);
+  expect(Math.min(...ends)).toBeGreaterThanOrEqual(low - 1e-12 * Math.abs(low));
+  expect(Math.max(...ends)).toBeLessThanOrEqual(high * (1 + 1e-12));
 });
 
 it("tells a quantity with its unit", () => {

@@ -28,6 +28,8 @@ const IN_DEGREES: Readonly<Record<string, Reading>> = {
 const TYPED = 12;
 /** Most digits of a number that nobody typed. */
 const READ = 6;
+/** Digits of a bound that six do not hold: enough to choose by. */
+const BOUND = 4;
 /** A number that comes back with so few characters was typed, or might have been. */
 const SHORT = 9;
 
@@ -69,10 +71,20 @@ export function told(value: number, unit: string, angles: Angles): string {
   return unit === "1" || unit === "" ? number : `${number} ${readingOf(unit, angles).unit}`;
 }
 
-/** A range in SI as a hint below a box: "−80.2141 … 80.2141"; the unit stands in the label. */
+/** A range in SI as a hint below a box: "−80.21 … 80.21"; the unit stands in the label. Who types an end is accepted. */
 export function rangeText(minimum: number, maximum: number, unit: string, angles: Angles): string {
   const { factor } = readingOf(unit, angles);
-  return `${told(minimum * factor, "1", angles)} … ${told(maximum * factor, "1", angles)}`;
+  return `${boundText(minimum * factor, Math.ceil)} … ${boundText(maximum * factor, Math.floor)}`;
+}
+
+/** A bound as `backend/refusal.py` writes it: exactly, or in four digits rounded towards the inside. */
+function boundText(shown: number, inwards: (value: number) => number): string {
+  const read = Number(shown.toPrecision(READ));
+  if (Number.isInteger(shown) || Math.abs(read - shown) <= 1e-12 * Math.abs(shown)) {
+    return String(Number(shown.toPrecision(TYPED))).replaceAll("-", MINUS);
+  }
+  const place = 10 ** (Math.floor(Math.log10(Math.abs(shown))) - BOUND + 1);
+  return String(Number((inwards(shown / place) * place).toPrecision(READ))).replaceAll("-", MINUS);
 }
 
 /** What stands over a box, a column or an axis: with the unit, where there is one. */

@@ -23,6 +23,9 @@ const CHANNELS: Record<string, { hue: string; unit: string; output: string; outp
   G_S: { hue: HUES.S, unit: "N·m/rad per rad", output: "S", outputUnit: "N·m/rad" },
 };
 
+/** The step whose response is drawn, round as it is read; the models are linear [rad]. */
+const STEP = { deg: Math.PI / 18, rad: 1 } as const;
+
 const UNKNOWN = { hue: "text", unit: "", output: "", outputUnit: "1" };
 
 export function ActuatorResult({ identification }: { identification: Identification }) {
@@ -49,6 +52,7 @@ function Channel({ channel }: { channel: ChannelCurves }) {
   const { hue, unit, output, outputUnit } = CHANNELS[channel.name] ?? UNKNOWN;
   const angles = useAngles();
   const read = (value: number) => value * readingOf(outputUnit, angles).factor;
+  const stepped = (value: number) => read(STEP[angles] * value);
   const { model, first_order, measured } = channel;
   const trusted = (values: readonly number[]) =>
     measured === null
@@ -99,14 +103,14 @@ function Channel({ channel }: { channel: ChannelCurves }) {
         />
       )}
       <CurvePlot
-        title={`Step of θ_A by ${told(1, "rad", angles)}`}
+        title={`Step of θ_A by ${told(STEP[angles], "rad", angles)}`}
         xLabel="t [s]"
         yLabel={labelWith(output, outputUnit, angles)}
         height={150}
         summary="Step response of the model and of its first-order reduction."
         curves={[
-          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model.map(read) },
-          { ...reduced, x: channel.step_t, y: channel.step_first_order.map(read) },
+          { label: "model", colour: hue, x: channel.step_t, y: channel.step_model.map(stepped) },
+          { ...reduced, x: channel.step_t, y: channel.step_first_order.map(stepped) },
         ]}
       />
       <Residuals
