@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 
-from backend.api.schemas.state import LinkView, References, TimingView
+from backend.api.schemas.state import LinkView, ReferencesView, TimingView
 from backend.faults import FAULTS, Fault
 from backend.loop.mode import MODES, Mode
 from backend.loop.ring import Ring
@@ -64,14 +64,15 @@ def fault_of(sample: Sample | None) -> Fault:
     return Fault.NONE if sample is None else FAULTS[int(sample["fault"])]
 
 
-def references_of(sample: Sample | None) -> References:
+def references_of(sample: Sample | None) -> ReferencesView:
     """Return the references in force; where none are, what the joint does, from where a mode would start."""
     if sample is None:
-        return References(q_ref=0.0, S_ref=0.0)
+        return ReferencesView(q_ref=0.0, S_ref=0.0, in_force=False)
     q_ref, S_ref = sample["q_ref"], sample["S_ref"]
-    return References(
+    return ReferencesView(
         q_ref=_number(sample["q"]) if math.isnan(q_ref) else q_ref,
         S_ref=_number(sample["S"]) if math.isnan(S_ref) else S_ref,
+        in_force=not (math.isnan(q_ref) or math.isnan(S_ref)),
     )
 
 

@@ -37,6 +37,12 @@ class References(Schema):
     S_ref: float = quantity("N·m/rad", "joint stiffness reference", **ANY_SIZE)
 
 
+class ReferencesView(References):
+    """References as the page shows them; where none are in force, what is measured, from where a mode would start."""
+
+    in_force: bool = Field(description="whether something is asked to follow them; else they are what is measured")
+
+
 class Push(Schema):
     """An external force on the joint, held for a time; the simulator only."""
 
@@ -126,7 +132,7 @@ class State(Schema):
     tick: int
     link: LinkView
     timing: TimingView
-    references: References
+    references: ReferencesView
     tuning: TuningView
     limits: LimitsView
     fault: FaultView | None

@@ -3413,6 +3413,27 @@ export interface components {
             S_ref: number;
         };
         /**
+         * ReferencesView
+         * @description References as the page shows them; where none are in force, what is measured, from where a mode would start.
+         */
+        ReferencesView: {
+            /**
+             * Q Ref
+             * @description joint position reference [rad]
+             */
+            q_ref: number;
+            /**
+             * S Ref
+             * @description joint stiffness reference [N·m/rad]
+             */
+            S_ref: number;
+            /**
+             * In Force
+             * @description whether something is asked to follow them; else they are what is measured
+             */
+            in_force: boolean;
+        };
+        /**
          * Refusal
          * @description Body of every answer that is not a success.
          */
@@ -3894,7 +3915,7 @@ export interface components {
             tick: number;
             link: components["schemas"]["LinkView"];
             timing: components["schemas"]["TimingView"];
-            references: components["schemas"]["References"];
+            references: components["schemas"]["ReferencesView"];
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
             fault: components["schemas"]["FaultView"] | null;
@@ -3949,7 +3970,7 @@ export interface components {
             tick: number;
             link: components["schemas"]["LinkView"];
             timing: components["schemas"]["TimingView"];
-            references: components["schemas"]["References"];
+            references: components["schemas"]["ReferencesView"];
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
             fault: components["schemas"]["FaultView"] | null;

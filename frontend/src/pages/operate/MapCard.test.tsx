@@ -23,7 +23,7 @@ import { MapCard } from "./MapCard";
 
 const STATE = {
   mode: "run",
-  references: { q_ref: 0, S_ref: 10 },
+  references: { q_ref: 0, S_ref: 10, in_force: true },
   limits: { q_min: -1.4, q_max: 1.4, q_trip: 1.57, S_min: 8, S_max: 15, tensions: [] },
   tuning: { bank: null },
   link: { alive: true, silent_s: 0, starts: 1 },
@@ -101,9 +101,9 @@ it("refuses a value until another one is in force, however that was sent", async
   vi.advanceTimersByTime(5000);
   told({ mode: "compliance" });
   expect(message()).toBe(OUT_OF_RANGE.message);
-  told({ references: { q_ref: 0.2, S_ref: 10 } });
+  told({ references: { q_ref: 0.2, S_ref: 10, in_force: true } });
   expect(message()).toMatch(/^A click aims/);
-  told({ references: { q_ref: 0, S_ref: 10 } });
+  told({ references: { q_ref: 0, S_ref: 10, in_force: true } });
   expect(message()).toMatch(/^A click aims/);
 });
 
@@ -115,7 +115,7 @@ it("says who holds control until somebody else does, or nobody", async () => {
   expect(message()).toBe(HELD.message);
   vi.advanceTimersByTime(5000);
   told({
-    references: { q_ref: 0.2, S_ref: 10 },
+    references: { q_ref: 0.2, S_ref: 10, in_force: true },
     holder: { name: "Ben", epoch: 8, page: true, silent_s: 1, lost: false },
   });
   expect(message()).toBe(HELD.message);

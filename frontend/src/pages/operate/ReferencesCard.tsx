@@ -15,7 +15,7 @@ import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
-import type { Limits, References } from "../../wire/types";
+import type { Limits, State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
 export function ReferencesCard() {
@@ -34,7 +34,7 @@ export function ReferencesCard() {
 }
 
 interface ControlsProps {
-  readonly references: References;
+  readonly references: State["references"];
   readonly limits: Limits;
   /** Whether the joint loop is open. */
   readonly open: boolean;
@@ -44,7 +44,8 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
   const send = useSetReferences();
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
-  const { q_ref, S_ref } = references;
+  const { q_ref, S_ref, in_force } = references;
+  const measured = in_force ? null : "measured, as no reference is in force";
   return (
     <>
       <ReferenceControl
@@ -56,7 +57,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
-        remark={open ? "joint loop open, by geometry" : null}
+        remark={measured ?? (open ? "joint loop open, by geometry" : null)}
         send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
       />
       <ReferenceControl
@@ -67,7 +68,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.S_max}
         step={0.1}
         decimals={2}
-        remark={null}
+        remark={measured}
         send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
       />
     </>

@@ -15,11 +15,11 @@ export function ViewOnly() {
   return (
     <Card title="In force">
       <dl className={page.facts}>
-        <dt>Position reference</dt>
+        <dt>{references.in_force ? "Position reference" : "Position, without reference"}</dt>
         <dd>
           {angleText(references.q_ref, 1, angles)} {angles}
         </dd>
-        <dt>Stiffness reference</dt>
+        <dt>{references.in_force ? "Stiffness reference" : "Stiffness, without reference"}</dt>
         <dd>{fixed(references.S_ref, 2)} N·m/rad</dd>
         <dt>λ_q, λ_S, λ_motor</dt>
         <dd>

@@ -32,14 +32,14 @@ const LIMITS = {
   ],
 };
 const STATE = {
-  references: { q_ref: 10 / DEGREES, S_ref: 10 },
+  references: { q_ref: 10 / DEGREES, S_ref: 10, in_force: true },
   limits: LIMITS,
   tuning: { bank: null },
 } as unknown as State;
 
-function open(card: ReactElement): void {
+function open(card: ReactElement, state = STATE): void {
   const store = new LiveStore(0);
-  store.setState(STATE);
+  store.setState(state);
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
@@ -136,4 +136,17 @@ it("forgets a target that is left", async () => {
   await settled();
   expect(await commanded()).toEqual([]);
   expect(screen.queryByText(/not sent yet/)).toBeNull();
+});
+
+it.each([
+  [true, "7 … 15 N·m/rad"],
+  [false, "7 … 15 N·m/rad; measured, as no reference is in force"],
+])("says what a number below the range is (reference in force: %s)", (in_force, hint) => {
+  const references = { q_ref: 0, S_ref: in_force ? 10 : 3.73, in_force };
+  open(<ReferencesCard />, { ...STATE, references });
+  expect(screen.getByLabelText<HTMLInputElement>("S_ref value [N·m/rad]").value).toBe(
+    in_force ? "10.00" : "3.73",
+  );
+  expect(screen.getByText(hint)).toBeTruthy();
+  expect(screen.queryAllByText(/measured, as no reference/).length).toBe(in_force ? 0 : 2);
 });
