@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { FramePacer } from "./pacer";
+import { FramePacer, paceWindow } from "./pacer";
 
 /** Times at which a pacer draws when drawn frames take `cost_ms` and idle ones 16 ms. */
 function draws(pacer: FramePacer, cost_ms: number, until_ms: number): number[] {
@@ -40,5 +40,47 @@ describe("FramePacer", () => {
     pacer.due(start);
     pacer.drew(start);
     expect(pacer.due(start + 16)).toBe(true);
+  });
+});
+
+/** A window whose frames come every 16 ms, and later by what was done on the one before. */
+function pacedWindow(rest: number) {
+  const due: FrameRequestCallback[] = [];
+  const view = { now_ms: 0, late_ms: 0, requestAnimationFrame: (one: FrameRequestCallback) => due.push(one) };
+  const run = (until_ms: number) => {
+    while (view.now_ms < until_ms) {
+      view.now_ms += 16 + view.late_ms;
+      view.late_ms = 0;
+      for (const one of due.splice(0)) one(view.now_ms);
+    }
+  };
+  paceWindow(view as unknown as Window, new FramePacer(rest));
+  return { view, run };
+}
+
+describe("paceWindow", () => {
+  it("does not take idleness for a slow frame", () => {
+    const { view, run } = pacedWindow(4);
+    const drawn: number[] = [];
+    for (const at_ms of [0, 1000, 60_000]) {
+      run(at_ms);
+      view.requestAnimationFrame((now_ms) => drawn.push(now_ms - at_ms));
+    }
+    run(61_000);
+    expect(drawn).toHaveLength(3);
+    expect(Math.max(...drawn)).toBeLessThanOrEqual(40);
+  });
+
+  it("lets a window rest after a slow frame, whether it asked for the next at once or later", () => {
+    const { view, run } = pacedWindow(4);
+    view.requestAnimationFrame(() => {
+      view.late_ms = 300;
+    });
+    run(400);
+    const drawn: number[] = [];
+    view.requestAnimationFrame((now_ms) => drawn.push(now_ms));
+    run(3000);
+    expect(drawn[0]).toBeGreaterThanOrEqual(16 + 316 + 4 * 316);
+    expect(drawn[0]).toBeLessThan(16 + 316 + 4 * 316 + 40);
   });
 });

@@ -40,5 +40,7 @@ export function paceWindow(target: Window, pacer: FramePacer): void {
       }
       callback(now_ms);
       pacer.drew(now_ms);
+      // looked at on the very next frame: a window that asks for none for a while was idle, not slow
+      request((next_ms) => pacer.due(next_ms));
     });
 }
