@@ -18,6 +18,7 @@ WRITTEN_FOR = {"HALF": "\\ud800", "DIGITS": "9" * 400, "BEYOND": str(2**63), "DE
 """What the words in the cases below stand for."""
 
 NEW = '"scheme": "auto", "window_s": 20, "statistics": false, "solid": null, "toured": true, "angles": "deg"'
+NEW += ', "solid_unaided": null, "camera": "Side"'
 ENTRY = '"S_nominal": 10, "K_q": 1, "T_q": 1, "K_S": 1, "T_S": 1'
 SEGMENT = r"\"duration_s\": 1, \"S_ref\": 10"
 

@@ -21,7 +21,16 @@ class Preferences(Schema):
     hidden: list[SignalName] = Field(max_length=40, description="signals switched off in the charts")
     window_s: float = quantity("s", "length of the following window", ge=5.0, le=120.0)
     statistics: bool = Field(description="figures of the visible range are shown")
-    solid: bool | None = Field(description="3D view instead of the flat drawing; null: as the browser can")
+    solid: bool | None = Field(
+        description="3D view instead of the flat drawing where the browser has a graphics processor; null: not chosen"
+    )
+    solid_unaided: bool | None = Field(
+        description="the same where the browser paints without a graphics processor, which slows the page; "
+        "null: not chosen"
+    )
+    camera: str = Field(
+        max_length=20, pattern="^[A-Za-z]{1,20}$", description="name of the camera that the 3D view is seen from"
+    )
     toured: bool = Field(description="the first-run tour was seen or dismissed")
     angles: Angles = Field(description="unit in which angles are read: on the page, in refusals and in reports")
 
@@ -33,6 +42,8 @@ NEW_HERE = Preferences(
     window_s=20.0,
     statistics=False,
     solid=None,
+    solid_unaided=None,
+    camera="Front",
     toured=False,
     angles=Angles.DEGREES,
 )

@@ -11,6 +11,8 @@ const DEFAULTS: Preferences = {
   window_s: 20,
   statistics: false,
   solid: null,
+  solid_unaided: null,
+  camera: "Front",
   toured: false,
   angles: "deg",
 };

@@ -3246,9 +3246,19 @@ export interface components {
             statistics: boolean;
             /**
              * Solid
-             * @description 3D view instead of the flat drawing; null: as the browser can
+             * @description 3D view instead of the flat drawing where the browser has a graphics processor; null: not chosen
              */
             solid: boolean | null;
+            /**
+             * Solid Unaided
+             * @description the same where the browser paints without a graphics processor, which slows the page; null: not chosen
+             */
+            solid_unaided: boolean | null;
+            /**
+             * Camera
+             * @description name of the camera that the 3D view is seen from
+             */
+            camera: string;
             /**
              * Toured
              * @description the first-run tour was seen or dismissed

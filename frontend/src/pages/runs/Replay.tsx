@@ -10,6 +10,7 @@ import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
+import { useSceneView } from "../../service/useSceneView";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 import { useMoments } from "./useMoments";
@@ -29,8 +30,7 @@ interface ReplayProps {
 export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
   const { at_s, playing } = usePlayhead(playhead);
   const [speed, setSpeed] = useState(1);
-  const [solid, setSolid] = useState(false);
-  const [camera, setCamera] = useState("Front");
+  const { solid, camera, known, toggle: toggleView, look } = useSceneView(false);
   useMomentIn3D(solid, run, playhead);
   const moment = useMoments(run, at_s, duration_s, source);
   const read = useCallback((name: string) => moment(name, playhead.at_s), [moment, playhead]);
@@ -65,10 +65,10 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
         <ActuatorDrawing read={read} />
       )}
       <div className={styles.controls}>
-        <Button size="compact-xs" variant="default" onClick={() => setSolid(!solid)}>
+        <Button size="compact-xs" variant="default" disabled={!known} onClick={toggleView}>
           {solid ? "Show flat" : "Show in 3D"}
         </Button>
-        {solid && <CameraChoice camera={camera} onChange={setCamera} />}
+        {solid && <CameraChoice camera={camera} onChange={look} />}
       </div>
       <div className={styles.controls}>
         <ActionIcon variant="default" size={30} aria-label={playing ? "Pause" : "Play"} onClick={toggle}>
