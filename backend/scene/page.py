@@ -10,9 +10,7 @@ POLICY = (
 
 # Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
 # dashboard's business, and the dashboard's background is to show through, so the client follows its light or dark: it
-# reads that from its address, once, like the view of the camera that the dashboard asks for. Without a graphics card a
-# picture takes long, and the client would draw one after the other and leave the dashboard no time: after a slow
-# picture it rests three times as long.
+# reads that from its address, once, like the view of the camera that the dashboard asks for.
 _HEAD = """<head>
 <script>
   document.hasFocus = () => true
@@ -21,19 +19,57 @@ _HEAD = """<head>
   const camera = [...new URLSearchParams(location.search)].filter(([name]) => name.startsWith("initialCamera"))
   const asked = camera.map(([name, value]) => `&${name}=${value}`).join("")
   history.replaceState(null, "", (dark() ? "?hideViserLogo&darkMode" : "?hideViserLogo") + asked)
-  const nextFrame = window.requestAnimationFrame.bind(window)
-  let restUntil = 0
-  window.requestAnimationFrame = (draw) => nextFrame(function look(now) {
-    if (now < restUntil) return nextFrame(look)
-    nextFrame((next) => { if (next - now > 50) restUntil = next + Math.min(3 * (next - now), 1000) })
-    draw(now)
-  })
   if (parent !== window) new MutationObserver(() => location.reload()).observe(dashboard, { attributeFilter: [scheme] })
 </script>
 <style>
   .mantine-Paper-root, .mantine-Notifications-root { display: none !important }
   html, body, #root div { background-color: transparent !important }
 </style>"""
+
+# The dashboard says what the view waits for, so the page writes down how far it has come, and says when it changes
+# (frontend/src/components/sceneStage.ts). The client's websocket lives in a worker; what that says is heard in passing.
+# A connection alone is no stage, as the service may have no place: the scene is there with its first message. It is
+# shown in the frame after one in which a mesh of it was drawn: the client draws some frames without any before.
+# A worker's late word on a connection that is closed counts for nothing.
+_STAGES = """
+<script>{
+  const root = document.documentElement
+  const tell = (stage) => {
+    if (root.dataset.stage === stage) return
+    root.dataset.stage = stage
+    parent.postMessage("stage", location.origin)
+  }
+  const nextFrame = window.requestAnimationFrame.bind(window)
+  const gl = WebGL2RenderingContext.prototype, draw = gl.drawElements
+  const sizes = new Set()
+  const look = function (mode, count, ...rest) {
+    if (sizes.has(count)) {
+      gl.drawElements = draw
+      nextFrame(() => { if (root.dataset.stage === "drawing") tell("shown") })
+    }
+    draw.call(this, mode, count, ...rest)
+  }
+  const tellWhenDrawn = () => { tell("drawing"); gl.drawElements = look }
+  let open = false
+  const heard = {
+    connected: () => { open = true },
+    message_batch: ({ messages }) => {
+      if (!open) return
+      for (const { props } of messages) if (props?.faces) sizes.add(props.faces.length)
+      if (["connecting", "lost"].includes(root.dataset.stage)) tellWhenDrawn()
+    },
+    closed: () => { open = false; if (root.dataset.stage !== "connecting") tell("lost") },
+  }
+  window.Worker = class extends Worker {
+    constructor(...given) {
+      super(...given)
+      this.addEventListener("message", ({ data }) => heard[data?.type]?.(data))
+    }
+  }
+  addEventListener("webglcontextlost", () => tell("dropped"), true)
+  addEventListener("webglcontextrestored", () => open ? tellWhenDrawn() : tell("lost"), true)
+  tell("connecting")
+}</script>"""
 
 
 def page() -> str:
@@ -42,4 +78,4 @@ def page() -> str:
     before, head, after = html.partition("<head>")
     if not head:
         raise RuntimeError("viser's client page has no <head>: this version of viser is not known to work")
-    return before + _HEAD + after
+    return before + _HEAD + _STAGES + after

@@ -23,6 +23,9 @@ class Relay:
     def __init__(self, port: int) -> None:
         self._to = port
         self._lines: list[_Line] = []
+        self._free = asyncio.Event()
+        self._free.set()
+        self._held = ""
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
@@ -40,6 +43,16 @@ class Relay:
             if line.request.startswith(f"GET {path} ".encode()):
                 for end in line.ends:
                     self._loop.call_soon_threadsafe(end.transport.abort)
+
+    def hold(self, path: str) -> None:
+        """Cut these connections, and keep new ones waiting until ``release``."""
+        self._held = path
+        self._loop.call_soon_threadsafe(self._free.clear)
+        self.cut(path)
+
+    def release(self) -> None:
+        """Let those go on that wait."""
+        self._loop.call_soon_threadsafe(self._free.set)
 
     def close(self) -> None:
         """Cut all and end."""
@@ -59,6 +72,8 @@ class Relay:
         far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._to)
         first = await reader.read(65536)
         self._lines.append(_Line(first, (writer, far_writer)))
+        if first.startswith(f"GET {self._held} ".encode()):
+            await self._free.wait()
         far_writer.write(first)
         await asyncio.gather(_pump(reader, far_writer), _pump(far_reader, writer), return_exceptions=True)
 

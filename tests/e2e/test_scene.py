@@ -1,19 +1,73 @@
 """The 3D view in the page: it shows what viser draws, comes back after a drop, and leaves the page able to act."""
 
 import io
+import re
 
 from PIL import Image
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Error, Locator, Page, Route, expect
 
+from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.relay import relayed
+from tests.e2e.service import Service
+
+PICTURE_TIMEOUT_MS = 120_000
+"""Long enough for a picture that the processor draws while it is busy with other things."""
+
+SCENE = re.compile(r"/scene/\?")
+ITS_PAGE = "The 3D view is loading: it waits for its page from the service."
+
+
+def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, service: Service) -> None:
+    operator = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
+    page = operator.page
+    errors: list[Error] = []
+    page.on("pageerror", lambda error: errors.append(error))
+    asked: list[Route] = []
+    page.route(SCENE, lambda route: asked.append(route))
+    operator.sign_in()
+    with page.expect_request(SCENE):
+        show_in_3d(page)
+    words = page.get_by_role("status", name="3D view status")
+    expect(words).to_have_text(ITS_PAGE)
+    asked.pop().abort()
+    failed = "The 3D view failed: its page did not come from the service."
+    expect(words).to_have_text(failed, timeout=MOTION_TIMEOUT_MS)
+    assert errors == []
+    with page.expect_request(SCENE):
+        operator.press("Try again")
+    expect(words).to_have_text(ITS_PAGE)
+    asked.pop().continue_()
+    expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
+    assert colours(canvas_of(page, "3D view").screenshot()) > 100  # it says nothing because there is a picture
+    page.context.close()
+
+
+def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser, service: Service) -> None:
+    here = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
+    here.page.route(SCENE, lambda _: None)  # whether there is a picture is not asked here
+    here.sign_in()
+    show_in_3d(here.page)
+    with here.page.expect_response("**/api/preferences"):
+        here.page.get_by_role("combobox", name="Camera").select_option("Springs")
+    here.page.context.close()
+    there = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
+    there.page.route(SCENE, lambda _: None)
+    there.sign_in()
+    expect(there.page.get_by_role("combobox", name="Camera")).to_have_value("Springs", timeout=MOTION_TIMEOUT_MS)
+    expect(there.page.get_by_title("3D view", exact=True)).to_have_attribute("src", re.compile("Position=0.4,-5,-1.4"))
+    with there.page.expect_response("**/api/preferences"):
+        there.press("Show flat")
+    there.page.reload()
+    expect(there.page.get_by_role("button", name="Show in 3D")).to_be_enabled(timeout=MOTION_TIMEOUT_MS)
+    there.page.context.close()
 
 
 def test_the_actuator_is_drawn_and_stop_still_acts(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
     operator.bring_up()
-    page.get_by_role("button", name="Show in 3D", exact=True).click()
+    show_in_3d(page)
     operator.wait(lambda: colours(canvas_of(page, "3D view").screenshot()) > 100)
     page.get_by_role("button", name="STOP", exact=True).click()
     operator.expect_mode("tripped")
@@ -24,12 +78,15 @@ def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operato
     with relayed(operator.service) as (operator.service, relay):
         operator.sign_in()
         operator.be_in_run()
-        page.get_by_role("button", name="Show in 3D", exact=True).click()
+        show_in_3d(page)
         canvas = canvas_of(page, "3D view")
         operator.wait(lambda: colours(canvas.screenshot()) > 100)
-        begun = relay.count("/scene")
-        relay.cut("/scene")
-        operator.wait(lambda: relay.count("/scene") > begun)
+        words = page.get_by_role("status", name="3D view status")
+        expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
+        relay.hold("/scene")
+        expect(words).to_contain_text("The 3D view is cut off from the service", timeout=MOTION_TIMEOUT_MS)
+        relay.release()
+        expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
         operator.wait(lambda: colours(canvas.screenshot()) > 100)
         before = canvas.screenshot()
         operator.enter("q_ref value [deg]", 40.0)
@@ -44,7 +101,7 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     operator.go("Runs")
     page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
     replay = page.get_by_role("region", name="Replay", exact=True)
-    replay.get_by_role("button", name="Show in 3D", exact=True).click()
+    show_in_3d(page)
     canvas = canvas_of(page, "3D view of the replay")
     operator.wait(lambda: colours(canvas.screenshot()) > 100)
     position = page.get_by_role("slider", name="Replay position", exact=True)
@@ -56,6 +113,15 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     for _ in range(10):  # the end itself is a sample later than the last
         position.press("ArrowLeft")
     operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01)
+
+
+def show_in_3d(page: Page) -> None:
+    """Press the button, unless this person had the 3D view before."""
+    button = page.get_by_role("button", name=re.compile("^Show (flat|in 3D)$"))
+    expect(button).to_be_enabled(timeout=MOTION_TIMEOUT_MS)
+    if button.inner_text() == "Show in 3D":
+        button.click()
+    expect(button).to_have_text("Show flat")
 
 
 def canvas_of(page: Page, frame: str) -> Locator:

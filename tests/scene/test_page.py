@@ -1,5 +1,8 @@
 """viser's page as the dashboard serves it."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 from backend.scene.page import POLICY, page
@@ -19,3 +22,10 @@ def test_the_page_may_load_nothing_from_elsewhere(directive: str) -> None:
 
 def test_the_view_of_the_camera_stays_in_the_address() -> None:
     assert 'name.startsWith("initialCamera")' in page()
+
+
+def test_the_stages_that_it_tells_are_those_that_the_dashboard_has_words_for() -> None:
+    told = set(re.findall(r'tell\("(\w+)"\)', page()))
+    source = (Path(__file__).parents[2] / "frontend" / "src" / "components" / "sceneStage.ts").read_text()
+    (known,) = re.findall(r"const TOLD = \[(.*?)\]", source)
+    assert told == set(re.findall(r"\w+", known))

@@ -19,6 +19,13 @@ function rendererIsSoftware(): boolean {
   return SOFTWARE.test(name);
 }
 
+/** Whether this browser can draw in 3D at all: what the 3D view draws with. */
+export function canDrawSolid(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return gl !== null;
+}
+
 /**
  * Run `build` so that the 2D canvases it makes live in main memory. On an emulated graphics processor curves of some
  * thousand points cost about ten times as much as when they are painted there; uPlot has no option for it.

@@ -1,0 +1,147 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+const browser = { solid: true, software: true };
+vi.mock("../charts/canvas", () => ({
+  canDrawSolid: () => browser.solid,
+  paintsInSoftware: () => browser.software,
+}));
+
+import { StopProvider } from "../service/StopProvider";
+import { SceneFrame } from "./SceneFrame";
+import { PATIENCE_S } from "./sceneStage";
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  Object.assign(browser, { solid: true, software: true });
+});
+afterEach(() => {
+  cleanup();
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
+
+const view = (address: string) => (
+  <MantineProvider>
+    <StopProvider>
+      <SceneFrame address={address} title="3D view" />
+    </StopProvider>
+  </MantineProvider>
+);
+const frame = () => screen.getByTitle<HTMLIFrameElement>("3D view");
+const words = () => screen.getByRole("status", { name: "3D view status" }).textContent;
+const again = () => screen.queryByRole("button", { name: "Try again" });
+
+function mark(stage: string): void {
+  frame().contentDocument?.documentElement.setAttribute("data-stage", stage);
+}
+
+/** What backend/scene/page.py does: it writes down how far it has come, and says that it has. */
+function reaches(stage: string, source: Window | null = frame().contentWindow): void {
+  mark(stage);
+  act(() => void window.dispatchEvent(new MessageEvent("message", { data: "stage", source })));
+}
+
+it("says what it waits for, step by step, and nothing once there is a picture", () => {
+  render(view("about:blank?"));
+  expect(words()).toBe("The 3D view is loading: it waits for its page from the service.");
+  reaches("connecting");
+  expect(words()).toBe("The 3D view is loading: it waits for the scene from the service.");
+  fireEvent.load(frame());
+  expect(words()).toContain("it waits for the scene");
+  reaches("drawing");
+  expect(words()).toContain("the browser to draw it, which takes some seconds without a graphics processor");
+  reaches("shown");
+  expect(words()).toBe("");
+  expect(again()).toBeNull();
+});
+
+it("promises no seconds where there is a graphics processor", () => {
+  browser.software = false;
+  render(view("about:blank?"));
+  reaches("drawing");
+  expect(words()).toBe("The 3D view is loading: it waits for the browser to draw it.");
+});
+
+it("offers to try again when nothing comes, and takes it back when something does", () => {
+  render(view("about:blank?"));
+  act(() => void vi.advanceTimersByTime(PATIENCE_S * 1000 - 1));
+  expect(again()).toBeNull();
+  act(() => void vi.advanceTimersByTime(1));
+  expect(words()).toContain("for more than 20 s");
+  expect(again()).not.toBeNull();
+  reaches("connecting");
+  expect(words()).not.toContain("more than");
+  expect(again()).toBeNull();
+});
+
+it("says when what came is not its page, and asks for another when told to try again", () => {
+  render(view("about:blank?"));
+  fireEvent.load(frame());
+  expect(words()).toContain("The 3D view failed: its page did not come from the service");
+  const before = frame();
+  fireEvent.click(screen.getByRole("button", { name: "Try again" }));
+  expect(frame()).not.toBe(before);
+  expect(frame().getAttribute("src")).not.toBe(before.getAttribute("src"));
+  expect(words()).toContain("it waits for its page");
+});
+
+it("does not take what it showed before for what it shows when its page comes again without the scene", () => {
+  render(view("about:blank?"));
+  reaches("shown");
+  frame().contentDocument?.documentElement.removeAttribute("data-stage");
+  fireEvent.load(frame());
+  expect(words()).toContain("failed");
+});
+
+it("says that it is cut off until there is a picture again", () => {
+  render(view("about:blank?"));
+  reaches("shown");
+  reaches("lost");
+  expect(words()).toContain("cut off from the service: the actuator stands as it was");
+  reaches("drawing");
+  expect(words()).toContain("the browser to draw it");
+  reaches("shown");
+  expect(words()).toBe("");
+});
+
+it("says that the browser has given up drawing", () => {
+  render(view("about:blank?"));
+  reaches("shown");
+  reaches("dropped");
+  expect(words()).toContain("The browser has stopped drawing the 3D view");
+  expect(again()).not.toBeNull();
+});
+
+it("listens to its own frame only, and to no stage that there is not", () => {
+  render(view("about:blank?"));
+  reaches("shown", window);
+  expect(words()).toContain("it waits for its page");
+  reaches("all is well");
+  expect(words()).toContain("failed");
+});
+
+it("says so where the browser cannot draw in 3D", () => {
+  browser.solid = false;
+  render(view("about:blank?"));
+  expect(words()).toContain("This browser cannot draw in 3D: it has no WebGL 2");
+  expect(again()).toBeNull();
+});
+
+it("hears STOP in the view, after another camera was chosen too", () => {
+  const asked = vi.fn(() => new Promise<Response>(() => {}));
+  vi.stubGlobal("fetch", asked);
+  const { rerender } = render(view("about:blank?1"));
+  for (const address of ["about:blank?1", "about:blank?2"]) {
+    rerender(view(address));
+    mark("shown");
+    fireEvent.load(frame());
+    asked.mockClear();
+    const inside = frame().contentWindow as Window;
+    fireEvent.keyDown(inside.document.documentElement, { code: "KeyE", ctrlKey: true, shiftKey: true });
+    expect(asked, address).toHaveBeenCalledTimes(1);
+  }
+});
