@@ -107,3 +107,9 @@ EXPLAINED: dict[Fault, Explanation] = {
         "The service was told to end and stopped the loop.", "Start the service again; it comes up without the fault."
     ),
 }
+
+
+def explained(fault: Fault, seen: str = "") -> str:
+    """Say what a fault means and, after a colon, what was seen of it."""
+    message = EXPLAINED[fault].message
+    return f"{message.removesuffix('.')}: {seen.removesuffix('.')}." if seen else message

@@ -21,5 +21,7 @@ export default defineConfig({
   test: {
     include: ["src/**/*.test.{ts,tsx}"],
     restoreMocks: true,
+    setupFiles: ["src/testSetup.ts"],
+    testTimeout: 60_000,
   },
 });

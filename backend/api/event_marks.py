@@ -2,9 +2,8 @@
 
 from typing import NamedTuple, assert_never
 
-from backend.api.picture import described
 from backend.api.schemas.live import MarkKind
-from backend.faults import Fault
+from backend.faults import Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (
     Accepted,
@@ -39,8 +38,8 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
-        case Stopped(arrived_tick=tick):
-            return Mark(MarkKind.FAULT, described(event), tick)
+        case Stopped(fault=fault, arrived_tick=tick, detail=seen):
+            return Mark(MarkKind.FAULT, explained(fault, seen), tick)
         case PlantFailing(tick, reason):
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):

@@ -11,7 +11,7 @@ from backend.api.schemas.session import Health, PersonView
 from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
 from backend.api.tuning_in_use import Chosen, TuningInUse, chosen_view
 from backend.controllers.limits import Bounds, bounds_for
-from backend.faults import EXPLAINED, Fault
+from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (
     Accepted,
@@ -196,21 +196,15 @@ class Picture:
         fault = fault_of(sample)
         if fault is Fault.NONE:
             return None
-        message, remedy = EXPLAINED[fault]
-        if self._stop is None or self._stop.fault is not fault:
-            return FaultView(code=fault, message=message, remedy=remedy, tick=self.tick)
-        return FaultView(code=fault, message=described(self._stop), remedy=remedy, tick=self._stop.arrived_tick)
+        seen, tick = "", self.tick
+        if self._stop is not None and self._stop.fault is fault:
+            seen, tick = self._stop.detail, self._stop.arrived_tick
+        return FaultView(code=fault, message=explained(fault, seen), remedy=EXPLAINED[fault].remedy, tick=tick)
 
 
 def proof_of(stopped: Stopped) -> StopProof:
     """Return the proof as the page shows it."""
     return StopProof(arrived_tick=stopped.arrived_tick, zero_tick=stopped.zero_tick, milliseconds=stopped.milliseconds)
-
-
-def described(stopped: Stopped) -> str:
-    """Return why the loop stopped, with what was seen where a check found it."""
-    message = EXPLAINED[stopped.fault].message
-    return message if stopped.detail in ("", "asked for") else f"{message} {stopped.detail}"
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:

@@ -36,7 +36,7 @@ class Checks:
         if fault is Fault.SENSOR_INVALID:
             return fault, seen
         if m.safety_trip:
-            return Fault.SAFETY_MODULE, "the independent safety module has cut the motors"
+            return Fault.SAFETY_MODULE, ""
         doubtful, contradiction = self._sensors.step(raw, m, self.command, zeroed, missed)
         if doubtful is Fault.SENSOR_JUMP or fault is Fault.NONE:
             fault, seen = doubtful, contradiction

@@ -93,12 +93,12 @@ class Inject:
 class Stop:
     """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts).
 
-    ``detail`` is put on record with the fault: by what it was asked for.
+    ``detail`` is put on record with the fault: what was seen, or who ended what.
     """
 
     fault: Fault = Fault.STOP_PRESSED
     hard: bool = True
-    detail: str = "asked for"
+    detail: str = ""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ _MOTOR_MARGIN = 3.0
 """Times the motor's fastest speed without load: a reading that moves faster has jumped."""
 
 _NAMES = ("q", "theta_A", "theta_B", "F_A", "F_B")
+_UNITS = ("rad", "rad", "rad", "N", "N")
 _MARGIN_N = 1.0
 
 
@@ -63,7 +64,8 @@ class SensorChecks:
             change = readings[index] - past[index]
             self._unchanged_s[index] = 0.0 if change else self._unchanged_s[index] + T_s
             if abs(change) > reach * periods:
-                return Fault.SENSOR_JUMP, f"{_NAMES[index]} went from {past[index]:.3f} to {readings[index]:.3f}"
+                way = f"{past[index]:.3f} to {readings[index]:.3f} {_UNITS[index]}"
+                return Fault.SENSOR_JUMP, f"{_NAMES[index]} went from {way}"
         excess = contradictions(self._tendons, m) if zeroed else (0.0, 0.0)
         known_slack = [zeroed and m[3 + side] - excess[side] <= 0.0 for side in (0, 1)]
         stuck = self._stuck(raw, command, known_slack)

@@ -13,7 +13,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from backend.faults import EXPLAINED
+from backend.faults import explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, Stopped
 from backend.loop.ring import Ring
@@ -102,7 +102,7 @@ class FlightRecorder:
         """Take note of a trip; a listener for ``LoopAccess.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail):
-                text = " ".join(filter(None, (EXPLAINED[fault].message, detail)))
+                text = explained(fault, detail)
                 ring = self._ring()
                 self._trip(_Trip(ring, fault, tick, text, _time_of(ring, tick)))
             case LoopDied(reason):

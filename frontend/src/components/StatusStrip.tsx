@@ -29,7 +29,7 @@ export function StatusStrip() {
   const reset = useReset();
   const may = useMayCommand();
   const refused = useStanding(reset.error);
-  const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms));
+  const status = currentStatus(state, health(link, now_ms), age_ms(link, now_ms), may !== false);
   const Icon = ICONS[status.tone];
   return (
     <div className={styles.strip} data-tone={status.tone}>

@@ -53,6 +53,15 @@ describe("currentStatus", () => {
     expect(status).toMatchObject({ tone: "warn", text: "Disk full.", task: TASK });
   });
 
+  it("tells what to do next only to who may do it", () => {
+    const off = state({ mode: "off" });
+    expect(currentStatus(off, "live", 10)).toMatchObject({
+      text: "Motors off.",
+      remedy: "Start Pretension to wind the tendons up.",
+    });
+    expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: "Motors off.", remedy: "" });
+  });
+
   it("says what comes next, and what is recorded", () => {
     expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toContain("Ready to run");
     expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain("Recording run 7");

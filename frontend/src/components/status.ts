@@ -16,7 +16,7 @@ export interface Status {
 }
 
 const HINTS: Record<State["mode"], string> = {
-  off: "Motors off. Start Pretension to wind the tendons up.",
+  off: "Motors off.",
   pretension: "Winding up the tendons to pretension.",
   run: "Loops closed.",
   compliance: "Compliance: joint loop open, q_ref acts through geometry alone; stiffness loop closed.",
@@ -26,11 +26,19 @@ const HINTS: Record<State["mode"], string> = {
   tripped: "Stopped and latched.",
 };
 
+/** What whoever may command does next. */
+const NEXT: Partial<Record<State["mode"], string>> = { off: "Start Pretension to wind the tendons up." };
+
 function sentence(tone: Tone, text: string, more: Partial<Status> = {}): Status {
   return { tone, text, remedy: "", task: null, resettable: false, ...more };
 }
 
-export function currentStatus(state: State | null, health: Health, age_ms: number | null): Status {
+export function currentStatus(
+  state: State | null,
+  health: Health,
+  age_ms: number | null,
+  mayCommand = true,
+): Status {
   if (health === "down") {
     const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
     return sentence("warn", `No connection to the service${since}. Values shown are old; trying again.`);
@@ -54,7 +62,9 @@ export function currentStatus(state: State | null, health: Health, age_ms: numbe
     return sentence("calm", "Pretension held in both tendons. Ready to run.");
   }
   const recording = state.recording_run === null ? "" : ` Recording run ${state.recording_run}.`;
-  return sentence("calm", HINTS[state.mode] + recording);
+  return sentence("calm", HINTS[state.mode] + recording, {
+    remedy: (mayCommand && NEXT[state.mode]) || "",
+  });
 }
 
 export function taskName(task: Task): string {

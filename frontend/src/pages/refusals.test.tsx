@@ -25,6 +25,7 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { useDryRun } from "../service/commands";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BankImport";
 import { ExperimentForm } from "./experiments/ExperimentForm";
@@ -92,7 +93,8 @@ const type = (label: string, value: string) => async () => {
   fireEvent.change(await screen.findByLabelText(label), { target: { value } });
 };
 const nothing = () => undefined;
-const experiment = <ExperimentForm kind={SEQUENCE} onStarted={nothing} onDryRun={nothing} />;
+const Experiment = () => <ExperimentForm kind={SEQUENCE} onStarted={nothing} dryRun={useDryRun()} />;
+const experiment = <Experiment />;
 const identification = <IdentificationForm onStarted={nothing} onTable={nothing} onForecast={nothing} />;
 const note = <NoteCard run={{ id: 3, note: "", kind: "session" } as Run} />;
 

@@ -1,7 +1,7 @@
 // @vitest-environment jsdom
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
 // the REST client takes hold of fetch when it is made, and so do the charts of the screen's density
@@ -64,12 +64,12 @@ function shown(): string {
 it("says what was played, and keeps no result beside another that is being played", async () => {
   expect(shown()).toBe("");
   fireEvent.click(screen.getByText("tracking"));
-  await vi.waitFor(() => expect(shown()).toContain("Tracking of position and stiffness: being played"));
+  await waitFor(() => expect(shown()).toContain("Tracking of position and stiffness: being played"));
   answers[0]?.(Response.json({ ...RESULT, status: "completed" }));
-  await vi.waitFor(() => expect(shown()).toContain("Tracking of position and stiffness, 12.0 s simulated"));
+  await waitFor(() => expect(shown()).toContain("Tracking of position and stiffness, 12.0 s simulated"));
   fireEvent.click(screen.getByText("sequence"));
-  await vi.waitFor(() => expect(shown()).toContain("Own sequence: being played"));
+  await waitFor(() => expect(shown()).toContain("Own sequence: being played"));
   expect(shown()).not.toContain("Tracking");
   answers[1]?.(Response.json({ error: { message: "no", code: "busy" } }, { status: 429 }));
-  await vi.waitFor(() => expect(shown()).toBe(""));
+  await waitFor(() => expect(shown()).toBe(""));
 });

@@ -168,6 +168,22 @@ it("lets geometry be chosen while a bank is in force, and sends it", async () =>
   );
 });
 
+it("gives a viewer no reason why a start is refused that is not offered", async () => {
+  fetched.mockImplementation(async (request) =>
+    new URL(request.url).pathname === "/api/session"
+      ? Response.json({ name: "V. Viewer", role: "viewer" })
+      : answer(request),
+  );
+  open({ ...stateOf(GEOMETRY), mode: "off", legal_modes: ["pretension"] });
+  await waitFor(() => expect(screen.queryByRole("button", { name: "Start tracking" })).toBeNull());
+  expect(screen.getByRole("form").textContent).not.toContain("Pretension");
+  cleanup();
+  fetched.mockImplementation(async (request) => answer(request));
+  open({ ...stateOf(GEOMETRY), mode: "off", legal_modes: ["pretension"] });
+  await screen.findByRole("button", { name: "Start tracking" });
+  expect(screen.getByRole("form").textContent).toContain("Pretension");
+});
+
 it.each(["5-3", "", "1e"])("sends nothing while a box holds %j", async (text) => {
   open(stateOf(GEOMETRY));
   fireEvent.change(screen.getByLabelText("What b is"), { target: { value: text } });

@@ -13,6 +13,7 @@ import { useAngles } from "../../service/angles";
 import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery, tuningKey } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
+import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
@@ -41,6 +42,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const { data: banks = [] } = useQuery(banksQuery);
   const start = useStartExperiment();
   const queue = useQueueCommand();
+  const may = useMayCommand();
   const shown = shownSettings(kind, state, changed, useAngles());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
@@ -119,7 +121,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               Dry run
             </Button>
           </div>
-          <Refusal error={failure} about={changed} text={reason} />
+          <Refusal error={failure} about={changed} text={may === false ? problem : reason} />
         </div>
       </form>
     </RefusedFields>
