@@ -39,9 +39,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
             </span>
             <span className="visually-hidden">{trace.name}</span>
           </button>
-          <span className={styles.value} data-role={`value-${trace.name}`}>
-            –
-          </span>
+          <span className={styles.value} data-role={`value-${trace.name}`} />
           <span className={styles.delta} data-role={`delta-${trace.name}`} />
         </span>
       ))}

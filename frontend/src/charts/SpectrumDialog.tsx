@@ -74,7 +74,7 @@ function Content({ panels, table }: { panels: readonly Panel[]; table: SampleTab
           <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />
           <output className={styles.foot} aria-label="Spectrum facts">
             {unit} over Hz; {fixed(length_s, 3)} s, {first.segments} Hann windows that overlap by half,
-            resolution {significant(first.frequencies[0], 3)} Hz
+            resolution {significant(first.frequencies[0] ?? Number.NaN, 3)} Hz
           </output>
         </>
       )}

@@ -1,6 +1,7 @@
 /** Least, greatest, mean and deviation of every signal in sight, renewed twice a second. */
 
 import { useEffect, useState } from "react";
+import { Shown } from "../components/Absent";
 import { SignalName } from "../components/SignalName";
 import { fixed } from "../samples/format";
 import { type Statistics, statistics } from "../samples/statistics";
@@ -44,8 +45,11 @@ export function StatisticsTable({ panels, hidden, table }: StatisticsTableProps)
         <tbody>
           {rows.map(({ panel, name }) => {
             const figure = figures.get(name);
-            const shown = (value: number | undefined, decimals: number) =>
-              fixed(value === undefined ? undefined : value * panel.factor, decimals);
+            const shown = (value: number | undefined, decimals: number) => (
+              <Shown value={value} why="no value of it in sight">
+                {(some) => fixed(some * panel.factor, decimals)}
+              </Shown>
+            );
             return (
               <tr key={name}>
                 <th scope="row">

@@ -1,5 +1,6 @@
 /** Numbers and cursors that follow the charts, written straight into the page about ten times a second. */
 
+import { writeAbsent, writeValue } from "../components/Absent";
 import { fixed } from "../samples/format";
 import type { Panel } from "../theme/signals";
 import type { Playhead } from "./playhead";
@@ -8,6 +9,10 @@ import type { Stretch } from "./viewport";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;
+/** Why there is no value: nothing was sampled then, or what is sampled beside it is followed by no loop. */
+const NO_SAMPLE = "no sample at this moment";
+const NOT_IN_FORCE = "none in force at this moment";
+const NOT_AT_BOTH = "not there at both cursors";
 
 export class Readout {
   private frame: HTMLElement | null = null;
@@ -91,12 +96,16 @@ export class Readout {
     const at_s =
       this.hovered === null ? this.newest(seen) : seen.from_s + this.hovered * (seen.to_s - seen.from_s);
     for (const panel of this.panels) {
+      const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, at_s)));
       for (const trace of panel.traces) {
         const value = panel.factor * this.source.at(trace.name, at_s);
-        this.text(`value-${trace.name}`, fixed(value, panel.decimals));
+        const why = measured ? NOT_IN_FORCE : NO_SAMPLE;
+        this.text(`value-${trace.name}`, Number.isNaN(value) ? null : fixed(value, panel.decimals), why);
         if (this.cursors === null) continue;
         const [a, b] = this.cursors.map((cursor) => panel.factor * this.source.at(trace.name, cursor));
-        this.text(`delta-${trace.name}`, `Δ ${fixed((b as number) - (a as number), panel.decimals)}`);
+        const apart = (b as number) - (a as number);
+        const told = Number.isNaN(apart) ? null : `Δ ${fixed(apart, panel.decimals)}`;
+        this.text(`delta-${trace.name}`, told, NOT_AT_BOTH);
       }
     }
     if (this.cursors !== null) this.text("delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
@@ -117,8 +126,11 @@ export class Readout {
     return line;
   }
 
-  private text(role: string, text: string): void {
-    const element = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`);
-    if (element && element.textContent !== text) element.textContent = text;
+  /** `text` is null where there is none; `why` says why. */
+  private text(role: string, text: string | null, why = ""): void {
+    const element = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`) ?? null;
+    if (element === null) return;
+    if (text === null) writeAbsent(element, why);
+    else writeValue(element, text);
   }
 }

@@ -9,7 +9,7 @@ export function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   const old = age_ms(link, now_ms);
   const value = {
     live: link.latency_ms === null ? "connected" : age(link.latency_ms),
-    stale: `stale ${age(old)}`,
+    stale: old === null ? "stale" : `stale ${age(old)}`,
     down: old === null ? "connecting" : `down ${age(old)}`,
   }[condition];
   return (

@@ -43,8 +43,10 @@ export function currentStatus(
     const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
     return sentence("warn", `No connection to the service${since}. Values shown are old; trying again.`);
   }
-  if (health === "stale")
-    return sentence("warn", `Nothing heard from the service for ${age(age_ms)}. Values are old.`);
+  if (health === "stale") {
+    const since = age_ms === null ? "" : ` for ${age(age_ms)}`;
+    return sentence("warn", `Nothing heard from the service${since}. Values are old.`);
+  }
   if (state === null) return sentence("calm", "Waiting for the state of the loop.");
   if (!state.link.alive) {
     return sentence("fault", "The loop process is not running.", {

@@ -8,13 +8,15 @@ describe("numbers", () => {
     expect(fixed(12, 1)).toBe("12.0");
   });
 
-  it("are a dash when there is none", () => {
-    expect([
-      fixed(null, 2),
-      fixed(undefined, 2),
-      fixed(Number.NaN, 2),
-      fixed(Number.POSITIVE_INFINITY, 2),
-    ]).toEqual(Array(4).fill("–"));
+  it("say in words that one is none, and are not asked for what is not there", () => {
+    const numbers = [Number.NaN, Number.POSITIVE_INFINITY];
+    expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
+      Array(4).fill("no number"),
+    );
+    // @ts-expect-error what may be absent goes through `Shown`, which asks for the reason
+    expect(fixed(null, 2)).toBe("no number");
+    // @ts-expect-error the same
+    expect(significant(undefined, 2)).toBe("no number");
   });
 
   it("keep significant digits", () => {
@@ -27,7 +29,7 @@ describe("numbers", () => {
 
 describe("times", () => {
   it("read as an age", () => {
-    expect([age(12.3), age(1400), age(125_000), age(null)]).toEqual(["12 ms", "1.4 s", "2 min", "–"]);
+    expect([age(12.3), age(1400), age(125_000)]).toEqual(["12 ms", "1.4 s", "2 min"]);
   });
 
   it("read as the length of a run", () => {
@@ -50,7 +52,7 @@ describe("times", () => {
   it("show a date in the zone of the page, and a dash for none", () => {
     const local = new Date(2026, 0, 9, 7, 5, 3);
     expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
-    expect(dateTime("")).toBe("–");
+    expect(dateTime("")).toBe("time not known");
   });
 });
 

@@ -1,13 +1,13 @@
-/** Numbers and times as text of steady width. Pure. */
+/** Numbers and times as text of steady width. What is not there is not told here but by `Absent`, with the reason. Pure. */
 
 export const MINUS = "−";
-/** Stands for a value that is not there; as wide as a digit. */
-export const ABSENT = "–";
+/** What a number that is none is called; where it may be expected the reason is asked for before. */
+const NO_NUMBER = "no number";
 export const NOT_MEASURED = "not measured";
 
 /** A number with fixed decimals, a true minus sign, and no negative zero. */
-export function fixed(value: number | null | undefined, decimals: number): string {
-  if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+export function fixed(value: number, decimals: number): string {
+  if (!Number.isFinite(value)) return NO_NUMBER;
   const text = value.toFixed(decimals);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
 }
@@ -20,8 +20,8 @@ export function decimalsOf(step: number): number {
 }
 
 /** A number with so many significant digits, without exponent where that stays short. */
-export function significant(value: number | null | undefined, digits: number): string {
-  if (value === null || value === undefined || !Number.isFinite(value)) return ABSENT;
+export function significant(value: number, digits: number): string {
+  if (!Number.isFinite(value)) return NO_NUMBER;
   if (value === 0) return "0";
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
   if (magnitude < -5 || magnitude > 6) return value.toExponential(digits - 1).replaceAll("-", MINUS);
@@ -51,8 +51,7 @@ export function kilohertz(rate_Hz: number): string {
 }
 
 /** An age or a latency: milliseconds below a second, then seconds, then minutes. */
-export function age(ms: number | null): string {
-  if (ms === null) return ABSENT;
+export function age(ms: number): string {
   if (ms < 1000) return `${fixed(ms, 0)} ms`;
   if (ms < 60_000) return `${fixed(ms / 1000, 1)} s`;
   return `${fixed(Math.floor(ms / 60_000), 0)} min`;
@@ -82,7 +81,7 @@ export function clockTime(seconds: number, step_s: number): string {
 /** Date and time in the person's own zone, to the second. */
 export function dateTime(iso: string): string {
   const when = new Date(iso);
-  if (Number.isNaN(when.getTime())) return ABSENT;
+  if (Number.isNaN(when.getTime())) return "time not known";
   const two = (part: number) => String(part).padStart(2, "0");
   const date = `${when.getFullYear()}-${two(when.getMonth() + 1)}-${two(when.getDate())}`;
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;

@@ -3,6 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
@@ -58,16 +59,20 @@ export function BankEntries({ bank }: { bank: Bank }) {
               };
               return LOOPS.map((loop) => (
                 <Table.Tr key={`${entry.S_nominal} ${loop}`}>
-                  <Table.Td style={{ whiteSpace: "nowrap" }}>
-                    {loop === "position" ? entryName(entry) : ""}
-                  </Table.Td>
-                  <Table.Td className={page.number}>
-                    {loop === "position" ? fixed(entry.S_nominal, 2) : ""}
-                  </Table.Td>
+                  {loop === "position" && (
+                    <>
+                      <Table.Td rowSpan={2} style={{ whiteSpace: "nowrap" }}>
+                        {entryName(entry)}
+                      </Table.Td>
+                      <Table.Td rowSpan={2} className={page.number}>
+                        {fixed(entry.S_nominal, 2)}
+                      </Table.Td>
+                    </>
+                  )}
                   <Table.Td>
                     <SignalName name={loop === "position" ? "G_q" : "G_S"} />
                   </Table.Td>
-                  <Figures figures={{ ...models[loop], ...figures?.[loop] }} />
+                  <Figures figures={{ ...models[loop], ...figures?.[loop] }} why={shownAt} />
                   <Table.Td>
                     <Fit fit={detail.data?.entries[index]?.lineage?.[loop]} />
                   </Table.Td>
@@ -89,16 +94,27 @@ export function BankEntries({ bank }: { bank: Bank }) {
   );
 }
 
-function Figures({ figures }: { figures: Partial<LoopFigures> }) {
+/** `why` says why a gain is not known. */
+function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string }) {
   const unstable = figures.M_s === null;
   return (
     <>
       {FIGURES.map((name) => (
         <Table.Td key={name} className={page.number}>
-          {significant(figures[name], 4)}
+          <Shown value={figures[name]} why={why}>
+            {(value) => significant(value, 4)}
+          </Shown>
         </Table.Td>
       ))}
-      <Table.Td className={page.number}>{unstable ? "unstable" : fixed(figures.M_s, 3)}</Table.Td>
+      <Table.Td className={page.number}>
+        {unstable ? (
+          "unstable"
+        ) : (
+          <Shown value={figures.M_s} why={why}>
+            {(value) => fixed(value, 3)}
+          </Shown>
+        )}
+      </Table.Td>
     </>
   );
 }

@@ -71,7 +71,7 @@ function Row({ name, loop, before, after }: RowProps) {
     figures === undefined ? undefined : figures.M_s === null ? "unstable" : fixed(figures.M_s, 3);
   return (
     <Table.Tr>
-      <Table.Td>{loop === "position" ? name : ""}</Table.Td>
+      {loop === "position" && <Table.Td rowSpan={2}>{name}</Table.Td>}
       <Table.Td>
         <SignalName name={loop === "position" ? "G_q" : "G_S"} />
       </Table.Td>

@@ -1,6 +1,7 @@
 /** Criteria with pass or fail, and metrics, as tables. */
 
 import { Table } from "@mantine/core";
+import { Unit } from "../../components/Unit";
 import { Verdict } from "../../components/Verdict";
 import { measured, NOT_MEASURED } from "../../samples/format";
 import { type Angles, inWords, readingOf, told } from "../../samples/quantity";
@@ -64,7 +65,9 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
                   <Reason text={metric.reason} seen={metric.value} />
                 </Table.Td>
                 <Table.Td className={page.number}>{figure(metric, 4, angles)}</Table.Td>
-                <Table.Td>{metric.unit === "1" ? "" : readingOf(metric.unit, angles).unit}</Table.Td>
+                <Table.Td>
+                  <Unit unit={metric.unit} />
+                </Table.Td>
               </Table.Tr>
             ))}
           </Table.Tbody>

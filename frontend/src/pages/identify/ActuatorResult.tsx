@@ -3,6 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { CurvePlot } from "../../charts/CurvePlot";
+import { Shown } from "../../components/Absent";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
@@ -69,7 +70,7 @@ function Channel({ channel }: { channel: ChannelCurves }) {
         yLabel={unit}
         xLog
         yLog
-        summary={`Static gain ${significant(model.magnitude[0], 3)} ${unit}.`}
+        summary={`Static gain ${significant(model.magnitude[0] ?? Number.NaN, 3)} ${unit}.`}
         curves={[
           { ...data, x: measured?.omega ?? [], y: trusted(measured?.magnitude ?? []) },
           { label: "model", colour: "text", x: model.omega, y: model.magnitude },
@@ -181,15 +182,32 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
         {channel.candidates.map((candidate) => (
           <Table.Tr key={candidate.structure}>
             <Table.Td>{candidate.structure}</Table.Td>
-            <Table.Td className={page.number}>{significant(candidate.K, 4)}</Table.Td>
-            <Table.Td className={page.number}>{significant(candidate.T, 3)}</Table.Td>
-            <Table.Td className={page.number}>{fixed(candidate.fit_percent, 1)}</Table.Td>
-            <Table.Td className={page.number}>{fixed(candidate.BIC, 0)}</Table.Td>
+            <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
+            <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
+            <Tried value={candidate.fit_percent} problem={candidate.problem} told={(fit) => fixed(fit, 1)} />
+            <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
             <Table.Td>{candidate.problem === "" ? candidate.grade : candidate.problem}</Table.Td>
           </Table.Tr>
         ))}
       </Table.Tbody>
     </Table>
+  );
+}
+
+interface TriedProps {
+  readonly value: number | null;
+  /** Why nothing came of the structure. */
+  readonly problem: string;
+  told(value: number): string;
+}
+
+function Tried({ value, problem, told }: TriedProps) {
+  return (
+    <Table.Td className={page.number}>
+      <Shown value={value} why={problem === "" ? "not determined by this record" : problem}>
+        {told}
+      </Shown>
+    </Table.Td>
   );
 }
 

@@ -1,7 +1,9 @@
 /** All identification runs; a tick chooses one for a bank. */
 
 import { Checkbox, Table } from "@mantine/core";
+import type { ReactNode } from "react";
 import { Link } from "wouter";
+import { Absent, Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
 import { SignalName } from "../../components/SignalName";
@@ -71,7 +73,9 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                   <Table.Td>{row.kind}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
                   <Table.Td className={page.number}>
-                    {row.tension_N === null ? "" : fixed(row.tension_N, 0)}
+                    <Shown value={row.tension_N} why="not at one tension">
+                      {(tension_N) => fixed(tension_N, 0)}
+                    </Shown>
                   </Table.Td>
                   <Table.Td className={page.number}>
                     {row.S_nominal === null ? noModel(row) : fixed(row.S_nominal, 2)}
@@ -102,6 +106,6 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
 }
 
 /** Motors and springs have no such columns; an actuator's run without a model says so. */
-function noModel({ kind }: Identification): string {
-  return kind === "actuator" ? "no model" : "";
+function noModel({ kind }: Identification): ReactNode {
+  return kind === "actuator" ? "no model" : <Absent why={`a ${kind} has none`} />;
 }

@@ -1,6 +1,7 @@
 /** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
 
 import { Table } from "@mantine/core";
+import { Shown } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
@@ -42,7 +43,11 @@ export function ModelView({
         </div>
         <div>
           <dt>Fit [%]</dt>
-          <dd>{fixed(model.fit_percent, 1)}</dd>
+          <dd>
+            <Shown value={model.fit_percent} why="not measured: no data was left aside">
+              {(fit) => fixed(fit, 1)}
+            </Shown>
+          </dd>
           <small>on data not used</small>
         </div>
       </dl>
@@ -59,7 +64,11 @@ export function ModelView({
             <Table.Tr key={parameter}>
               <Table.Td>{parameter}</Table.Td>
               <Table.Td className={page.number}>{significant(value, 4)}</Table.Td>
-              <Table.Td className={page.number}>{significant(model.std_errors[parameter], 2)}</Table.Td>
+              <Table.Td className={page.number}>
+                <Shown value={model.std_errors[parameter]} why="not determined by this record">
+                  {(error) => significant(error, 2)}
+                </Shown>
+              </Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>

@@ -2,7 +2,9 @@
 
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import type { ReactNode } from "react";
 import { type Curve, CurvePlot } from "../../charts/CurvePlot";
+import { Absent } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
@@ -74,20 +76,35 @@ function Estimates({ motor }: { motor: Motor }) {
           title="63.21 % rule, mean"
           K={significant(rule_mean.K_m, 4)}
           T={significant(rule_mean.T_m, 4)}
+          u={BY_THE_RULE}
         />
-        <Line title="spread" K={significant(rule_spread.K_m, 2)} T={significant(rule_spread.T_m, 2)} />
-        <Line title="In force" K={significant(before.K_m, 4)} T={significant(before.T_m, 4)} />
+        <Line
+          title="spread"
+          K={significant(rule_spread.K_m, 2)}
+          T={significant(rule_spread.T_m, 2)}
+          u={BY_THE_RULE}
+        />
+        <Line
+          title="In force"
+          K={significant(before.K_m, 4)}
+          T={significant(before.T_m, 4)}
+          u={NOT_IN_FORCE}
+        />
         <Line
           title="least squares against it"
           K={change(fitted.K_m, before.K_m)}
           T={change(fitted.T_m, before.T_m)}
+          u={NOT_IN_FORCE}
         />
       </Table.Tbody>
     </Table>
   );
 }
 
-function Line({ title, K, T, u = "" }: { title: string; K: string; T: string; u?: string }) {
+const BY_THE_RULE = <Absent why="the rule does not tell it" />;
+const NOT_IN_FORCE = <Absent why="no gain is computed from it" />;
+
+function Line({ title, K, T, u }: { title: string; K: string; T: string; u: ReactNode }) {
   return (
     <Table.Tr>
       <Table.Td>{title}</Table.Td>

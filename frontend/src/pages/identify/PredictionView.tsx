@@ -1,5 +1,6 @@
 /** What a run will do to the rig, told before it starts. */
 
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
 import { duration, fixed, significant } from "../../samples/format";
@@ -65,7 +66,11 @@ function Figure({ label, value, unit }: Prediction["figures"][number]) {
     <>
       <dt>{label}</dt>
       <dd>
-        <strong>{counts ? fixed(value, 0) : significant(value === null ? null : value * factor, 3)}</strong>{" "}
+        <strong>
+          <Shown value={value} why="cannot be foreseen">
+            {(some) => (counts ? fixed(some, 0) : significant(some * factor, 3))}
+          </Shown>
+        </strong>{" "}
         {read}
       </dd>
     </>

@@ -3,6 +3,7 @@
 import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { CurvePlot } from "../../charts/CurvePlot";
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, fixed, significant } from "../../samples/format";
@@ -115,8 +116,9 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
             </Table.Td>
             {spring.fits.map((fit) => (
               <Table.Td key={fit.order} className={page.number} style={{ whiteSpace: "nowrap" }}>
-                {fit.k[power] !== undefined &&
-                  `${coefficient(fit.k[power], 4)} ± ${coefficient(fit.std_errors[power], 2)}`}
+                <Shown value={fit.k[power]} why={`order ${fit.order} has none`}>
+                  {(k) => `${coefficient(k, 4)} ± ${coefficient(fit.std_errors[power] ?? Number.NaN, 2)}`}
+                </Shown>
               </Table.Td>
             ))}
           </Table.Tr>
@@ -127,8 +129,8 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
 }
 
 /** Coefficients of high powers are millions: four digits of them are enough. */
-function coefficient(value: number | undefined, digits: number): string {
-  if (value === undefined || Math.abs(value) < LARGE) return significant(value, digits);
+function coefficient(value: number, digits: number): string {
+  if (!(Math.abs(value) >= LARGE)) return significant(value, digits);
   const [mantissa, exponent] = value.toExponential(digits - 2).split("e");
   return `${mantissa}·10^${Number(exponent)}`.replace("-", "−");
 }

@@ -1,6 +1,7 @@
 /** Predicted response to a unit step on the high-order model, with robustness beside it. */
 
 import type { ReactNode } from "react";
+import { Shown } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
 import { fixed, short } from "../../samples/format";
 import type { LoopPreview } from "../../wire/types";
@@ -33,6 +34,16 @@ export function StepPreview({ symbol, hue, preview, present, drafted, compare }:
   const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT, upper, end_s);
   const printed = compare && preview !== undefined ? preview.printed : null;
   const M_s = preview?.M_s;
+  const none = preview === undefined ? "being computed" : "the loop is unstable";
+  /** A margin that a stable loop does not have is no bound at all. */
+  const margin = (value: number | null | undefined, told: (value: number) => string) => {
+    if (preview?.stable && value === null) return "any";
+    return (
+      <Shown value={value} why={none}>
+        {told}
+      </Shown>
+    );
+  };
   const fragile = preview !== undefined && (M_s == null || M_s > M_S_LIMIT);
   return (
     // biome-ignore lint/a11y/useSemanticElements: readings, not inputs
@@ -84,36 +95,60 @@ export function StepPreview({ symbol, hue, preview, present, drafted, compare }:
         <Reading
           label={<SignalName name="M_s" />}
           name="maximum of the sensitivity"
-          value={fixed(M_s, 2)}
+          value={
+            <Shown value={M_s} why={none}>
+              {(peak) => fixed(peak, 2)}
+            </Shown>
+          }
           warn={fragile}
         />
         <Reading
           label={<SignalName name="t_90" />}
           name="time to 90 % of a step"
-          value={fixed(drawing?.t_90, 2)}
+          value={
+            <Shown
+              value={drawing?.t_90}
+              why={drawing === null ? none : "not reached in the time that is drawn"}
+            >
+              {(t_90) => fixed(t_90, 2)}
+            </Shown>
+          }
           unit="s"
         />
-        <Reading label="GM" name="gain margin" value={fixed(preview?.gain_margin, 1)} />
-        <Reading label="PM" name="phase margin" value={`${fixed(preview?.phase_margin_deg, 0)}°`} />
+        <Reading
+          label="GM"
+          name="gain margin"
+          value={margin(preview?.gain_margin, (factor) => fixed(factor, 1))}
+        />
+        <Reading
+          label="PM"
+          name="phase margin"
+          value={margin(preview?.phase_margin_deg, (degrees) => `${fixed(degrees, 0)}°`)}
+        />
       </dl>
       {beside && (
         <span className="visually-hidden">
-          In force: time to 90 % {fixed(stepPath(beside.t, beside.y, WIDTH, HEIGHT).t_90, 2)} s, drawn grey.
+          In force, drawn grey: {timeTo90(stepPath(beside.t, beside.y, WIDTH, HEIGHT).t_90)}.
         </span>
       )}
       {printed && (
         <span className={styles.previewNote}>
-          As printed: {printed.stable ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"} (dotted; never in force)
+          As printed: {printed.stable && printed.M_s !== null ? `M_s ${fixed(printed.M_s, 2)}` : "unstable"}{" "}
+          (dotted; never in force)
         </span>
       )}
     </div>
   );
 }
 
+function timeTo90(t_90: number | null): string {
+  return t_90 === null ? "90 % not reached in the time that is drawn" : `time to 90 % ${fixed(t_90, 2)} s`;
+}
+
 interface ReadingProps {
   readonly label: ReactNode;
   readonly name: string;
-  readonly value: string;
+  readonly value: ReactNode;
   readonly unit?: string;
   readonly warn?: boolean;
 }

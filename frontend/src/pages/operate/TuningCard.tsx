@@ -4,6 +4,7 @@ import { Checkbox } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { MotorMargins } from "../../components/MotorMargins";
 import { useLive } from "../../live/react";
@@ -88,8 +89,15 @@ function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; 
   const saturates = preview !== undefined && preview.u_peak_V >= u_max;
   return (
     <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
-      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step: peak {fixed(preview?.u_peak_V, 1)} of{" "}
-      {fixed(u_max, 0)} V, tension ≥ {fixed(preview?.F_min_N, 1)} N
+      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step: peak{" "}
+      <Shown value={preview?.u_peak_V} why="being computed">
+        {(u_peak) => fixed(u_peak, 1)}
+      </Shown>{" "}
+      of {fixed(u_max, 0)} V, tension ≥{" "}
+      <Shown value={preview?.F_min_N} why="being computed">
+        {(F_min) => fixed(F_min, 1)}
+      </Shown>{" "}
+      N
     </output>
   );
 }

@@ -3,6 +3,7 @@
 import { Button, Switch } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
+import { Shown } from "../../components/Absent";
 import { NumberField } from "../../components/NumberField";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
@@ -64,12 +65,21 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
               <th scope="row">
                 <SignalName name={symbol} />
               </th>
-              <td>{inWords(name, saved?.[name])}</td>
+              <td>
+                <Shown value={saved?.[name]} why="not read yet">
+                  {(value) => inWords(name, value)}
+                </Shown>
+              </td>
               <td data-differs={saved !== undefined && saved[name] !== tuning[name]}>
                 {inWords(name, tuning[name])}
               </td>
-              <td data-differs={isStaged(name) && something}>
-                {isStaged(name) ? inWords(name, staged.values[name]) : ""}
+              <td data-differs={isStaged(name) && staged.values[name] !== undefined}>
+                <Shown
+                  value={isStaged(name) ? staged.values[name] : undefined}
+                  why={isStaged(name) ? "nothing is staged" : "cannot be staged"}
+                >
+                  {(value) => inWords(name, value)}
+                </Shown>
               </td>
             </tr>
           ))}
@@ -196,7 +206,7 @@ function isStaged(name: Part): name is LambdaName {
   return name === "lam_q" || name === "lam_S";
 }
 
-function inWords(name: Part, value: number | boolean | undefined): string {
+function inWords(name: Part, value: number | boolean): string {
   if (typeof value === "boolean") return value ? "interpolating" : "switching";
   return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
 }

@@ -34,9 +34,18 @@ export function paintActuator(surface: Surface, signals: Signals, pose: Actuator
   pen.fillStyle = colours.text;
   pen.textAlign = "center";
   pen.font = `600 ${letters(scale, 13)}px system-ui, sans-serif`;
-  pen.fillText(`q ${angleText(signals.q, 1, angles)}${angles === "deg" ? "°" : " rad"}`, 0, 16);
-  pen.fillText(`S ${fixed(signals.S, 2)} N·m/rad`, 0, HEIGHT - 4);
+  pen.fillText(
+    `q ${sampled(signals.q, (q) => `${angleText(q, 1, angles)}${angles === "deg" ? "°" : " rad"}`)}`,
+    0,
+    16,
+  );
+  pen.fillText(`S ${sampled(signals.S, (S) => `${fixed(S, 2)} N·m/rad`)}`, 0, HEIGHT - 4);
   pen.restore();
+}
+
+/** A picture has no room for a reason beside a dash: it says itself that nothing was sampled. */
+function sampled(value: number, told: (value: number) => string): string {
+  return Number.isFinite(value) ? told(value) : "not sampled";
 }
 
 /** Height of letters in the picture's units so that they stay readable when it is small. */
@@ -97,7 +106,11 @@ function paintSide(
   pen.restore();
   pen.fillStyle = colours.text;
   pen.textAlign = outward < 0 ? "right" : "left";
-  pen.fillText(side.slack ? "slack" : `${fixed(force_N, 1)} N`, outward * (PULLEY + 12), SPRING_TOP - 26);
+  pen.fillText(
+    side.slack ? "slack" : sampled(force_N, (force) => `${fixed(force, 1)} N`),
+    outward * (PULLEY + 12),
+    SPRING_TOP - 26,
+  );
 }
 
 function turned(pen: Pen, degrees: number, paint: () => void): void {

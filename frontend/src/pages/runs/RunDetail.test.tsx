@@ -124,8 +124,9 @@ it("shows the result and the curves before anything else, and settings with thei
   );
   expect(rows.slice(1)).toEqual([
     ["time each reference is held", "t_q", "1.5", "s"],
-    ["gain scheduling", "interpolate", "no", ""],
+    ["gain scheduling", "interpolate", "no", "–"],
   ]);
+  expect(settings.getByRole("img", { name: "it has no unit" })).toBeTruthy();
   for (const style of document.body.querySelectorAll("style")) style.remove();
   expect(document.body.textContent).not.toContain("{");
   const result = within(screen.getByRole("region", { name: "Result" }));

@@ -6,6 +6,7 @@ import { IconSearch } from "@tabler/icons-react";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "wouter";
+import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration, fixed } from "../../samples/format";
@@ -135,7 +136,11 @@ function Rows({ runs }: { runs: readonly Run[] }) {
                 <RunState state={run.end_state} reason={run.end_reason} unevaluated={unevaluated(run)} />
               </Table.Td>
               <Table.Td className={page.number}>{fixed(run.missing_samples, 0)}</Table.Td>
-              <Table.Td maw={260}>{run.note}</Table.Td>
+              <Table.Td maw={260}>
+                <Shown value={run.note || null} why="no note">
+                  {(note) => note}
+                </Shown>
+              </Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>

@@ -2,6 +2,7 @@
 
 import { Table } from "@mantine/core";
 import { Card } from "../../components/Card";
+import { Unit } from "../../components/Unit";
 import { settingValue, short } from "../../samples/format";
 import { angleText, labelWith, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
@@ -38,7 +39,9 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
                   <Table.Td className={page.number}>
                     {settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value)}
                   </Table.Td>
-                  <Table.Td>{unit === "1" ? "" : readingOf(unit, angles).unit}</Table.Td>
+                  <Table.Td>
+                    <Unit unit={unit} />
+                  </Table.Td>
                 </Table.Tr>
               ))}
             </Table.Tbody>

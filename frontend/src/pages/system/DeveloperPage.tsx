@@ -2,11 +2,13 @@
 
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { Absent } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { faultsQuery, useInject, useMend } from "../../service/system";
+import { useMayCommand } from "../../service/useMayCommand";
 import type { Injection } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
@@ -17,6 +19,7 @@ export default function DeveloperPage() {
   const isRig = useLive((live) => live.state?.plant === "rig");
   const inject = useInject();
   const mend = useMend();
+  const may = useMayCommand() !== false;
   return (
     <div className={page.page}>
       <h1 className={page.title}>Developer page</h1>
@@ -41,9 +44,11 @@ export default function DeveloperPage() {
                 <Table.Th>Fault</Table.Th>
                 <Table.Th>Meaning</Table.Th>
                 <Table.Th>Brought about by</Table.Th>
-                <Table.Th>
-                  <span className={styles.hidden}>Action</span>
-                </Table.Th>
+                {may && (
+                  <Table.Th>
+                    <span className={styles.hidden}>Action</span>
+                  </Table.Th>
+                )}
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
@@ -55,9 +60,11 @@ export default function DeveloperPage() {
                   </Table.Td>
                   <Table.Td>{message}</Table.Td>
                   <Table.Td>{injection === null ? by_hand : described(injection)}</Table.Td>
-                  <Table.Td>
-                    {injection !== null && (
-                      <OperatorsOnly>
+                  {may && (
+                    <Table.Td>
+                      {injection === null ? (
+                        <Absent why="only brought about by hand" />
+                      ) : (
                         <Button
                           size="compact-xs"
                           variant="default"
@@ -67,9 +74,9 @@ export default function DeveloperPage() {
                         >
                           Inject
                         </Button>
-                      </OperatorsOnly>
-                    )}
-                  </Table.Td>
+                      )}
+                    </Table.Td>
+                  )}
                 </Table.Tr>
               ))}
             </Table.Tbody>
@@ -84,5 +91,5 @@ const ABOUT_A_SENSOR = new Set(["no_number", "stuck", "jump", "drift_up", "drift
 
 function described({ kind, sensor }: Injection): string {
   const words = kind.replaceAll("_", " ");
-  return ABOUT_A_SENSOR.has(kind) ? `${words} of ${sensor}` : words;
+  return ABOUT_A_SENSOR.has(kind) ? `${words} of ${sensor.replace("theta", "θ")}` : words;
 }

@@ -60,7 +60,7 @@ export default function SystemPage() {
             ["Plant", state && `${state.plant}, parameters ${state.parameters}`],
             ["Signed in as", session.data && `${session.data.name} (${session.data.role})`],
             ["Control held by", state && (state.holder?.name ?? "nobody")],
-            ["Link, there and back", age(link.latency_ms)],
+            ["Link, there and back", link.latency_ms === null ? undefined : age(link.latency_ms)],
             ["Connections lost in a row", fixed(link.failures, 0)],
             ["Samples missed by this page", fixed(missed, 0)],
             [
