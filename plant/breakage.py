@@ -41,6 +41,12 @@ class Broken:
     kind: Breakage
     sensor: Sensor = Sensor.Q
 
+    @property
+    def words(self) -> str:
+        """What is broken, as a person reads it: "drift up of θ_A"."""
+        kind = str(self.kind).replace("_", " ")
+        return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if self.kind in _ON_SENSORS else kind
+
 
 JUMPS = {Sensor.Q: 0.3, Sensor.THETA_A: 1.0, Sensor.THETA_B: 1.0, Sensor.F_A: 15.0, Sensor.F_B: 15.0}
 """How far a reading jumps [rad, N]: further than the plant can move in a tick, and not beyond a bound by itself."""
@@ -72,8 +78,7 @@ class BrokenPart:
     @property
     def description(self) -> str:
         """What is broken, in words."""
-        about_sensor = self._broken.kind in _ON_SENSORS
-        return f"{self._broken.kind} of {self._broken.sensor}" if about_sensor else str(self._broken.kind)
+        return self._broken.words
 
     @property
     def keeps_from_working(self) -> bool:

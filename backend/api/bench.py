@@ -175,7 +175,7 @@ class Bench:
     async def break_plant(self, broken: Broken | None, who: str) -> None:
         """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
         accepted = await self._command(commands.Inject(broken))
-        text = "mended" if broken is None else f"broken on purpose: {broken.kind} {broken.sensor}"
+        text = "mended" if broken is None else f"broken on purpose: {broken.words}"
         self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
 
     def fall_silent(self, duration_s: float, who: str) -> None:

@@ -21,10 +21,10 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> i_pd.Gains:
     """I-PD gains for K_m/(s (T_m s + 1)), 0 < λ < 4 T_m (table 2, first column). Raises TuningError."""
     _positive("K_m", K_m, "rad/(V·s)")
     _positive("T_m", T_m, "s")
-    _positive("lam_motor", lam, "s")
+    _positive("λ_motor", lam, "s")
     D = 4.0 * T_m - lam
     if D <= 0.0:
-        raise TuningError(f"lam_motor = {lam:g} s must stay below 4 T_m = {4.0 * T_m:g} s")
+        raise TuningError(f"λ_motor = {lam:g} s must stay below 4 T_m = {4.0 * T_m:g} s")
     return i_pd.Gains(
         k_p=4.0 * T_m**2 / (K_m * lam**2 * D),
         k_i=T_m**2 / (K_m * lam**3 * D),
@@ -41,7 +41,7 @@ def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> i_p.Gains:
     """
     _positive("K", K, "1")
     _positive("T", T, "s")
-    _positive("lam", lam, "s")
+    _positive("λ", lam, "s")
     if not 0.0 <= b <= 1.0:
         raise TuningError(f"b = {b:g} is outside 0 to 1")
     if lam > 2.0 * T:

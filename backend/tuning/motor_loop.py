@@ -52,8 +52,8 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
     highest, lowest = _peak(motor, low), _peak(motor, end)
     if not lowest <= M_s <= highest:
         raise TuningError(
-            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (lam = {end:.3g} s) "
-            f"to {highest:.3f} (lam = {low:.3g} s)"
+            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (λ = {end:.3g} s) "
+            f"to {highest:.3f} (λ = {low:.3g} s)"
         )
     return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
 
@@ -64,13 +64,13 @@ def _range(motor: MotorModel) -> tuple[float, float, float]:
     high = min(LAM_MOTOR_MAX, 3.8 * motor.T_m)
     if high <= LAM_MOTOR_MIN:
         raise TuningError(
-            f"T_m = {motor.T_m:g} s leaves no lam_motor from {LAM_MOTOR_MIN:g} s on: it must stay below 4 T_m"
+            f"T_m = {motor.T_m:g} s leaves no λ_motor from {LAM_MOTOR_MIN:g} s on: it must stay below 4 T_m"
         )
     lambdas = np.geomspace(LAM_MOTOR_MIN, high, _LAMBDAS)
     peaks = np.array([_peak(motor, lam) for lam in lambdas])
     fragile = np.flatnonzero(peaks > M_S_MAX)
     if fragile.size == _LAMBDAS or (fragile.size and fragile[-1] == _LAMBDAS - 1):
-        raise TuningError(f"no lam_motor up to {high:g} s keeps M_s of the motor loop at or below {M_S_MAX:g}")
+        raise TuningError(f"no λ_motor up to {high:g} s keeps M_s of the motor loop at or below {M_S_MAX:g}")
     first = int(fragile[-1]) + 1 if fragile.size else 0
     low = float(lambdas[0])
     if fragile.size:

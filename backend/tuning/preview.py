@@ -148,11 +148,11 @@ class Previewer:
 
         def position() -> float:
             lam = max(self._robust_q(entry, M_s) for entry in range(len(self.points)))
-            return _within_offer("lam_q", lam, lam_q_min, M_s)
+            return _within_offer("λ_q", lam, lam_q_min, M_s)
 
         def stiffness() -> float:
             lam = max(self._robust_S(entry, M_s) for entry in range(len(self.points)))
-            return _within_offer("lam_S", lam, lam_S_min, M_s)
+            return _within_offer("λ_S", lam, lam_S_min, M_s)
 
         def inner() -> float:
             return max(motor_lambda(known, M_s) for known in self._motors)
@@ -222,7 +222,7 @@ def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float)
     if voltage(robust) < u_max:
         return robust
     if voltage(LAM_MAX) >= u_max:
-        raise TuningError(f"even lam = {LAM_MAX:g} s takes all of {u_max:g} V: check K_m, T_m and u_max")
+        raise TuningError(f"even λ = {LAM_MAX:g} s takes all of {u_max:g} V: check K_m, T_m and u_max")
     low, high = robust, LAM_MAX
     while high - low > LAM_RESOLUTION:
         middle = 0.5 * (low + high)

@@ -114,5 +114,5 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], i_p.Gains], 
     if not above:
         return float(grid[0])
     if above[-1] == grid.size - 1:
-        raise TuningError(f"no lam up to {LAM_MAX:g} s keeps M_s at or below {M_s:g}: identify the actuator again")
+        raise TuningError(f"no λ up to {LAM_MAX:g} s keeps M_s at or below {M_s:g}: identify the actuator again")
     return float(brentq(excess, grid[above[-1]], grid[above[-1] + 1], xtol=1e-6))

@@ -67,13 +67,13 @@ def test_loop_gains_through_the_decoupler_are_one_at_the_geometric_gains() -> No
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
 def test_impossible_numbers_are_refused_by_name(bad: float) -> None:
-    with pytest.raises(TuningError, match="lam_motor"):
+    with pytest.raises(TuningError, match="λ_motor"):
         motor_gains(K_m, T_m, bad)
     with pytest.raises(TuningError, match="K = "):
         outer_gains(bad, 0.342, 0.5)
     with pytest.raises(TuningError, match="T = "):
         outer_gains(1.0, bad, 0.5)
-    with pytest.raises(TuningError, match="lam = "):
+    with pytest.raises(TuningError, match="λ = "):
         outer_gains(1.0, 0.342, bad)
 
 

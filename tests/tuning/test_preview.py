@@ -95,7 +95,7 @@ def test_lambda_for_a_wanted_sensitivity(previewer: Previewer) -> None:
 def test_a_sensitivity_out_of_reach_says_the_span(previewer: Previewer) -> None:
     found = previewer.lambdas_for(1.6)
     assert isinstance(found["lam_motor"], TuningError)
-    assert "1.321 (lam = 0.2 s) to 1.512 (lam = 0.05 s)" in str(found["lam_motor"])
+    assert "1.321 (λ = 0.2 s) to 1.512 (λ = 0.05 s)" in str(found["lam_motor"])
     assert isinstance(found["lam_q"], float)
 
 

@@ -60,9 +60,7 @@ def test_motor_lambda_inverts_M_s_and_refuses_outside_its_span() -> None:
             motor_lambda(MOTOR, M_s)
 
 
-@pytest.mark.parametrize(
-    ("T_m", "words"), [(0.012, r"T_m = 0\.012 s leaves no lam_motor"), (0.05, "no lam_motor up to")]
-)
+@pytest.mark.parametrize(("T_m", "words"), [(0.012, r"T_m = 0\.012 s leaves no λ_motor"), (0.05, "no λ_motor up to")])
 def test_a_motor_without_a_robust_lambda_is_refused(T_m: float, words: str) -> None:
     with pytest.raises(TuningError, match=words):
         motor_range(MotorModel(K_m, T_m, tau_e=0.05))

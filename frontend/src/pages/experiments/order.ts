@@ -72,7 +72,7 @@ export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks
   return parts.filter((part) => part !== "").join(", ");
 }
 
-/** What differs from a kind's defaults, the loop's settings aside: "q_hold 0.2 rad"; a text by its length. */
+/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5 deg"; segments by length. */
 export function changesInWords(
   settings: Readonly<Record<string, unknown>>,
   kind: ExperimentKind,
@@ -82,12 +82,13 @@ export function changesInWords(
     .filter((setting) => !isOfTheLoop(setting))
     .filter(({ name, default: usual }) => settings[name] !== undefined && settings[name] !== usual)
     .map((setting) => {
-      const { name, unit } = setting;
+      const { name, unit, meaning } = setting;
       const value = settings[name];
       if (name === "segments") return segmentsInWords(String(value));
-      return `${name} ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
+      const [words] = meaning.split("; "); // what follows explains
+      return `${words}: ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
     });
-  return parts.length === 0 ? "defaults" : parts.join(", ");
+  return parts.length === 0 ? "all settings at their defaults" : parts.join("; ");
 }
 
 /** Choices of a bank: geometry, and every bank there is. */
@@ -139,7 +140,8 @@ function segmentsInWords(json: string): string {
   try {
     const list: unknown = JSON.parse(json);
     const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
-    return `${(list as unknown[]).length} segments of ${Number(total_s.toFixed(3))} s together`;
+    const count = (list as unknown[]).length;
+    return `${count} ${count === 1 ? "segment" : "segments"}, ${Number(total_s.toFixed(3))} s`;
   } catch {
     return "segments of its own";
   }
