@@ -26,7 +26,7 @@ def test_run_has_to_wait_for_the_pretension(off: httpx.Client) -> None:
 
 def test_the_joint_follows_its_references(running: httpx.Client) -> None:
     assert running.put("/api/references", json={"q_ref": 0.4, "S_ref": 11.0}).json() == {"q_ref": 0.4, "S_ref": 11.0}
-    state = wait_for(running, "references", {"q_ref": 0.4, "S_ref": 11.0})
+    state = wait_for(running, "references", {"q_ref": 0.4, "S_ref": 11.0, "in_force": True})
     assert state["recording_run"]
     assert state["fault"] is None
 

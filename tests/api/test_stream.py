@@ -72,7 +72,7 @@ def test_a_command_is_marked_for_everybody_and_pings_are_answered(service: Servi
                 if isinstance(message, dict):
                     wanted["pong"] |= message == {"type": "pong", "id": 42}
                     wanted["mark"] |= message.get("kind") == "references" and "0.123" in message["text"]
-                    wanted["state"] |= message.get("references") == body
+                    wanted["state"] |= message.get("references") == {**body, "in_force": True}
                 if all(wanted.values()):
                     return
             raise AssertionError(f"not seen: {[name for name, seen in wanted.items() if not seen]}")
