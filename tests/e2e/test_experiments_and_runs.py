@@ -41,7 +41,7 @@ def test_a_sequence_is_tried_dry_then_queued_and_run(operator: Operator) -> None
 
     page.get_by_role("button", name="Dry run", exact=True).click()
     dry = page.get_by_role("region", name="Dry run", exact=True)
-    expect(dry).to_contain_text("completed", timeout=DRY_RUN_TIMEOUT_MS)
+    expect(dry).to_contain_text("Completed", timeout=DRY_RUN_TIMEOUT_MS)
     expect(dry.get_by_role("table", name="Metrics of the dry run")).to_contain_text("Peak voltage")
     expect(dry.get_by_role("figure", name="Joint position")).to_be_visible()
     operator.expect_mode("run")

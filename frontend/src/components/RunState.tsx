@@ -9,17 +9,18 @@ import {
   IconUrgent,
 } from "@tabler/icons-react";
 import { inWords } from "../samples/quantity";
+import { heading } from "../samples/words";
 import { useAngles } from "../service/angles";
 import type { Run } from "../wire/types";
 import styles from "./RunState.module.css";
 
-const STATES: Record<string, { text: string; Icon: typeof IconCheck; abnormal: boolean }> = {
-  running: { text: "running", Icon: IconPlayerRecord, abnormal: false },
-  completed: { text: "completed", Icon: IconCheck, abnormal: false },
-  stopped: { text: "stopped", Icon: IconHandStop, abnormal: false },
-  tripped: { text: "tripped", Icon: IconUrgent, abnormal: true },
-  link_lost: { text: "link lost", Icon: IconPlugConnectedX, abnormal: true },
-  service_died: { text: "service died", Icon: IconSkull, abnormal: true },
+const STATES: Record<string, { Icon: typeof IconCheck; abnormal: boolean }> = {
+  running: { Icon: IconPlayerRecord, abnormal: false },
+  completed: { Icon: IconCheck, abnormal: false },
+  stopped: { Icon: IconHandStop, abnormal: false },
+  tripped: { Icon: IconUrgent, abnormal: true },
+  link_lost: { Icon: IconPlugConnectedX, abnormal: true },
+  service_died: { Icon: IconSkull, abnormal: true },
 };
 
 /** `unevaluated` says why a run has no result; undefined where it has one, or is to have none. */
@@ -44,7 +45,7 @@ export function RunState({
       title={inWords([reason, unevaluated ?? ""].filter((text) => text !== "").join("; "), angles)}
     >
       <Icon size={15} aria-hidden="true" />
-      {known?.text ?? state.replaceAll("_", " ")}
+      {heading(state)}
       {lacksResult && ", not evaluated"}
     </span>
   );

@@ -1,6 +1,7 @@
 /** One declared setting as an input with its unit and bounds. */
 
 import { labelWith, rangeText } from "../samples/quantity";
+import { capital } from "../samples/words";
 import { useAngles } from "../service/angles";
 import type { Setting } from "../wire/types";
 import { ChoiceField } from "./ChoiceField";
@@ -57,8 +58,4 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
 /** Whether a setting takes a number. */
 export function isNumeric(setting: Setting): boolean {
   return typeof setting.default === "number";
-}
-
-function capital(text: string): string {
-  return text.charAt(0).toUpperCase() + text.slice(1);
 }

@@ -2,6 +2,7 @@
 
 import type { Health } from "../live/link";
 import { age, fixed } from "../samples/format";
+import { inWordsOf } from "../samples/words";
 import type { StopState } from "../service/stop";
 import type { State, StopProof, Task } from "../wire/types";
 
@@ -70,9 +71,9 @@ export function currentStatus(
 }
 
 export function taskName(task: Task): string {
-  const name = task.kind.replaceAll("_", " ");
+  const name = inWordsOf(task.kind);
   const begun = name.charAt(0).toUpperCase() + name.slice(1);
-  return `${begun}, run ${task.run}: ${task.phase.replaceAll("_", " ")}`;
+  return `${begun}, run ${task.run}: ${inWordsOf(task.phase)}`;
 }
 
 /** Part of a task that is done, 0 to 1. */

@@ -10,6 +10,7 @@ import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration } from "../../samples/format";
+import { heading } from "../../samples/words";
 import { experimentQuery, isRunning } from "../../service/queries";
 import type { Experiment } from "../../wire/types";
 import page from "../Page.module.css";
@@ -32,8 +33,7 @@ export function ExperimentResult({ id }: { id: number }) {
       <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
         <div className={page.fields}>
           <span>
-            {data.name.replaceAll("_", " ")}, run {data.id}, {dateTime(data.created)}.{" "}
-            <Told text={data.message} />
+            {heading(data.name)}, run {data.id}, {dateTime(data.created)}. <Told text={data.message} />
           </span>
           <OrderWords name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}
@@ -63,7 +63,7 @@ function ExperimentProgress({ experiment }: { experiment: Experiment }) {
       </Progress.Root>
       <span>
         {mine
-          ? `${task.phase.replaceAll("_", " ")}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
+          ? `${heading(task.phase)}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
           : "computing the result …"}
       </span>
     </div>

@@ -8,6 +8,7 @@ import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
 import { labelWith, readingOf, told } from "../../samples/quantity";
+import { structureInWords } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { curvesQuery, differenceInUseQuery, tuningKey } from "../../service/queries";
 import { HUES } from "../../theme/signals";
@@ -181,7 +182,7 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
       <Table.Tbody>
         {channel.candidates.map((candidate) => (
           <Table.Tr key={candidate.structure}>
-            <Table.Td>{candidate.structure}</Table.Td>
+            <Table.Td>{structureInWords(candidate.structure)}</Table.Td>
             <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
             <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
             <Tried value={candidate.fit_percent} problem={candidate.problem} told={(fit) => fixed(fit, 1)} />

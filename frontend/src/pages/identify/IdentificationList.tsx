@@ -8,6 +8,7 @@ import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
 import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
+import { heading } from "../../samples/words";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
@@ -70,7 +71,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
                   <Table.Td style={{ whiteSpace: "nowrap" }}>
                     <Link href={`/identify/${row.id}`}>Run {row.id}</Link>
                   </Table.Td>
-                  <Table.Td>{row.kind}</Table.Td>
+                  <Table.Td>{heading(row.kind)}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
                   <Table.Td className={page.number}>
                     <Shown value={row.tension_N} why="not at one tension">

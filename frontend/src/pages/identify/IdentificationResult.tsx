@@ -9,6 +9,7 @@ import { taskProgress } from "../../components/status";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { dateTime, duration, fixed } from "../../samples/format";
+import { heading } from "../../samples/words";
 import { identificationQuery, isRunning } from "../../service/queries";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
@@ -56,7 +57,7 @@ function RunProgress({ identification }: { identification: Identification }) {
       </Progress.Root>
       <span>
         {mine
-          ? `${task.phase.replaceAll("_", " ")}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
+          ? `${heading(task.phase)}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
           : "estimating models …"}
         {mine && task.following > 0 && `, ${task.following} more to follow`}
       </span>

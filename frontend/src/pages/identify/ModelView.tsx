@@ -5,6 +5,7 @@ import { Shown } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
+import { inWordsOf, structureInWords } from "../../samples/words";
 import type { Model } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
@@ -54,7 +55,7 @@ export function ModelView({
       <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>{model.structure}</Table.Th>
+            <Table.Th>{structureInWords(model.structure)}</Table.Th>
             <Table.Th className={page.number}>value</Table.Th>
             <Table.Th className={page.number}>standard error</Table.Th>
           </Table.Tr>
@@ -73,7 +74,7 @@ export function ModelView({
           ))}
         </Table.Tbody>
       </Table>
-      <span className={page.dim}>Estimated by {model.method.replaceAll("_", " ")}.</span>
+      <span className={page.dim}>Estimated by {inWordsOf(model.method)}.</span>
       <Verdict good={model.grade === "usable"}>{model.verdict}</Verdict>
     </section>
   );

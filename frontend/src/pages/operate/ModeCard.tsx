@@ -4,6 +4,7 @@ import { Button, Tooltip } from "@mantine/core";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
+import { heading } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
 import type { Mode, State } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -70,12 +71,12 @@ export function ModeCard() {
 /** Why a mode cannot be entered now; null when it can. */
 export function whyNot(state: State | null, mode: Mode): string | null {
   if (state === null) return "The state of the loop is not known yet.";
-  if (state.mode === mode) return `The mode is ${mode} already.`;
+  if (state.mode === mode) return `The mode is ${heading(mode)} already.`;
   if (state.legal_modes.includes(mode)) return null;
   if (state.mode === "tripped") return "A fault is latched: press Reset first.";
   if (state.mode === "stopping") return "A soft stop is under way; it ends in off by itself.";
   if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
   if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
-  const legal = state.legal_modes.length === 0 ? "none" : state.legal_modes.join(", ");
-  return `Not possible from ${state.mode}; possible: ${legal}.`;
+  const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
+  return `Not possible from ${heading(state.mode)}: choose ${legal.join(" or ") || "another mode"} first.`;
 }

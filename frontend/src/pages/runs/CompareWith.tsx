@@ -4,6 +4,7 @@ import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useLocation } from "wouter";
 import { dateTime } from "../../samples/format";
+import { inWordsOf } from "../../samples/words";
 import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 
@@ -29,7 +30,7 @@ export function CompareWith({ run, other }: { run: Run; other: number | undefine
         ...(missing ? [{ value: String(other), label: `run ${other}` }] : []),
         ...sorted.map(({ id, kind, started }) => ({
           value: String(id),
-          label: `run ${id}, ${kind.replaceAll("_", " ")}, ${dateTime(started)}`,
+          label: `run ${id}, ${inWordsOf(kind)}, ${dateTime(started)}`,
         })),
       ]}
     />

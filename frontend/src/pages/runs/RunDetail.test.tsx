@@ -115,7 +115,7 @@ function show() {
 it("shows the result and the curves before anything else, and settings with their units", () => {
   show();
   const headings = screen.getAllByRole("heading", { level: 2 }).map((heading) => heading.textContent);
-  expect(headings).toEqual(["Result", "Curves", "tracking", "Note and downloads", "Settings", "Lineage"]);
+  expect(headings).toEqual(["Result", "Curves", "Tracking", "Note and downloads", "Settings", "Lineage"]);
   const settings = within(screen.getByRole("table", { name: "Settings" }));
   const rows = settings.getAllByRole("row").map((row) =>
     within(row)

@@ -6,6 +6,7 @@ import { Card } from "../../components/Card";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
+import { heading } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -46,7 +47,7 @@ export function RunDetail({ id, other }: { id: number; other: number | undefined
 
 function Facts({ run }: { run: Run }) {
   return (
-    <Card title={run.kind.replaceAll("_", " ")}>
+    <Card title={heading(run.kind)}>
       <dl className={page.facts}>
         <dt>Started</dt>
         <dd>

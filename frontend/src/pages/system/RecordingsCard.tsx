@@ -7,6 +7,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
 import { bytes, dateTime } from "../../samples/format";
+import { inWordsOf } from "../../samples/words";
 import { recordingsQuery, useRemoveRecordings } from "../../service/system";
 import type { Recordings } from "../../wire/types";
 import { Facts } from "./Facts";
@@ -89,7 +90,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                   />
                 </Table.Td>
                 <Table.Td>
-                  {run.run}, {run.kind.replaceAll("_", " ")}
+                  {run.run}, {inWordsOf(run.kind)}
                 </Table.Td>
                 <Table.Td>{dateTime(run.started)}</Table.Td>
                 <Table.Td>{run.who}</Table.Td>

@@ -1,0 +1,13 @@
+import { expect, it } from "vitest";
+import type { State } from "../../wire/types";
+import { whyNot } from "./ModeCard";
+
+const state = (mode: string, legal_modes: string[]) =>
+  ({ mode, legal_modes, pretension_done: true }) as unknown as State;
+
+it("names modes as their buttons do", () => {
+  expect(whyNot(state("run", ["pretension", "compliance"]), "run")).toBe("The mode is Run already.");
+  expect(whyNot(state("compliance", ["pretension", "run", "stopping"]), "identify")).toBe(
+    "Not possible from Compliance: choose Pretension or Run or Soft stop first.",
+  );
+});

@@ -1,0 +1,20 @@
+import { expect, it } from "vitest";
+import { capital, heading, inWordsOf, structureInWords } from "./words";
+
+it.each([
+  ["first", "First order"],
+  ["third", "Third order"],
+  ["lags4", "Four equal lags"],
+  ["order:4", "Order 4, free poles"],
+  ["lags2+delay", "Two equal lags, dead time"],
+  ["order:1+delay", "Order 1, free poles, dead time"],
+])("reads the structure %s as %s", (name, words) => {
+  expect(structureInWords(name)).toBe(words);
+});
+
+it("reads a name of the service as words, with a capital where it stands alone", () => {
+  expect(inWordsOf("motor_identification")).toBe("motor identification");
+  expect(heading("motor_identification")).toBe("Motor identification");
+  expect(heading("tracking")).toBe("Tracking");
+  expect(capital("smallest λ_q")).toBe("Smallest λ_q");
+});
