@@ -15,6 +15,12 @@ from backend.identification.record import Controller, Record, mean_period
 from backend.identification.table import MAX_SAMPLES, Columns
 from backend.identification.timebase import even, time_of
 
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_VERSION_7_3 = (
+    "the file is of MATLAB version 7.3 (HDF5), which is not read: load it in MATLAB or Octave and save it again with "
+    "save('new.mat', 'u', 'y', '-v7'), the names of its variables in place of u and y"
+)
+
 
 def read_mat(stream: BinaryIO) -> Columns:
     """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError.
@@ -22,11 +28,15 @@ def read_mat(stream: BinaryIO) -> Columns:
     Columns of a matrix x are x_1, x_2 ..; fields of a struct s are read as if they stood alone, or as s.field where
     that name is taken.
     """
+    begin = stream.read(len(_HDF5))
+    stream.seek(0)
+    if begin == _HDF5:
+        raise DataFileError(_VERSION_7_3)
     try:
         # The stubs know file names only; loadmat reads from open files as well.
         content = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
     except NotImplementedError:
-        raise DataFileError("the file is MATLAB 7.3: save it with save(..., '-v7')") from None
+        raise DataFileError(_VERSION_7_3) from None
     except (ValueError, TypeError, MatReadError, OSError, IndexError) as error:
         raise DataFileError(f"not a readable MATLAB file: {error}") from None
     columns = Columns()

@@ -24,6 +24,10 @@ from tests.identification.closed_loop_records import (
     closed_loop_record,
 )
 
+HDF5 = b"\x89HDF\r\n\x1a\n".ljust(512, b"\0")
+MATLAB_7_3 = (b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljust(124) + b"\0\2IM").ljust(512, b"\0")
+"""How MATLAB begins a file of version 7.3, an HDF5 file; Octave and others leave that beginning out."""
+
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
 SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
@@ -168,6 +172,8 @@ def test_bad_records_end_with_2_and_one_line(identify: Identify, tmp_path: Path,
         ("empty.csv", b"", "no heading line"),
         ("latin.csv", b"u,y\n\xb5,1\n", "UTF-8"),
         ("broken.mat", b"not a matlab file", "MATLAB"),
+        ("matlab.mat", MATLAB_7_3 + HDF5, "MATLAB version 7.3 (HDF5), which is not read: load it"),
+        ("octave.mat", HDF5, "save('new.mat', 'u', 'y', '-v7')"),
         ("broken.parquet", b"not a parquet file", "Parquet"),
         ("data.xlsx", b"PK", ".csv, .mat"),
     ],

@@ -45,7 +45,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
-  const measured = in_force ? null : "measured, as no reference is in force";
+  const measured = in_force ? null : "measured, no reference";
   return (
     <>
       <ReferenceControl
