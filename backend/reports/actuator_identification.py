@@ -8,7 +8,19 @@ from backend.identification.published import TABLE_1
 from backend.identification.residuals import judged
 from backend.identification.result import Grade, worst
 from backend.reading import told
-from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, exact, shown
+from backend.reports.document import (
+    NO_FIGURE,
+    Block,
+    Column,
+    Fact,
+    Figure,
+    Paragraph,
+    Report,
+    Section,
+    Table,
+    exact,
+    shown,
+)
 from backend.reports.identification_figures import (
     CHANNELS,
     STEP_RAD,
@@ -179,7 +191,7 @@ def _candidates(found: Identification) -> Table:
     for key in CHANNELS:
         for item in found.quality[key].get("candidates", ()):
             figures = [shown(item.get(name), digits) for name, digits in (("K", 4), ("T", 3), ("fit_percent", 3))]
-            BIC = "–" if item.get("BIC") is None else f"{item['BIC']:.0f}".replace("-", "−")
+            BIC = NO_FIGURE if item.get("BIC") is None else f"{item['BIC']:.0f}".replace("-", "−")
             rows.append((key, _structure(item["structure"]), *figures, BIC, item["problem"] or item["grade"]))
     return Table(
         "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
-from backend.reports.document import Block, Figure, Paragraph, Report, Table
+from backend.reports.document import NO_FIGURE, Block, Figure, Paragraph, Report, Table
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
 from backend.reports.robustness import robustness_report
@@ -49,6 +49,8 @@ def _told_block(block: Block, angles: Angles) -> Block:
             return Paragraph(in_words(text, angles))
         case Table(caption, columns, rows):
             told = tuple(tuple(in_words(cell, angles) for cell in row) for row in rows)
+            if any(NO_FIGURE in row for row in rows):
+                caption += f" {NO_FIGURE} means: there is no such figure."
             return Table(in_words(caption, angles), columns, told)
         case Figure(name, svg, caption):
             return Figure(name, svg, in_words(caption, angles))

@@ -79,10 +79,14 @@ class Report:
     date: datetime
 
 
+NO_FIGURE = "–"
+"""Stands in a table where there is no figure; the table's caption says what it means."""
+
+
 def shown(value: float | None, digits: int = 3) -> str:
     """Write a measured number with so many significant digits (whole ones are all kept); a dash stands for none."""
     if value is None or value != value:
-        return "–"
+        return NO_FIGURE
     if value == 0.0:
         return "0"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")

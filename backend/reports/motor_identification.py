@@ -8,7 +8,7 @@ import numpy as np
 from backend.identification.motor import grade_of
 from backend.identification.result import worst
 from backend.reading import Angles
-from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
+from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
 from backend.reports.judgement import OUTCOMES, figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
@@ -79,11 +79,22 @@ def _estimates(model: Mapping[str, Any]) -> Table:
         ]
         rows.append((side, "least squares, standard errors", *values))
         ruled = [shown(part[name], digits) for name in ("K_m", "T_m") for part, digits in ((mean, 4), (spread, 2))]
-        rows.append((side, "63.21 % rule, mean and spread", *ruled, "–", "–"))
+        rows.append((side, "63.21 % rule, mean and spread", *ruled, NO_FIGURE, NO_FIGURE))
         rows.append(
-            (side, "in force before", shown(item["before"]["K_m"], 4), "–", shown(item["before"]["T_m"]), "–", "–", "–")
+            (
+                side,
+                "in force before",
+                shown(item["before"]["K_m"], 4),
+                NO_FIGURE,
+                shown(item["before"]["T_m"]),
+                NO_FIGURE,
+                NO_FIGURE,
+                NO_FIGURE,
+            )
         )
-    rows.append(("–", "the paper", shown(PAPER["K_m"]), "–", shown(PAPER["T_m"]), "–", "–", "–"))
+    rows.append(
+        ("both", "the paper", shown(PAPER["K_m"]), NO_FIGURE, shown(PAPER["T_m"]), NO_FIGURE, NO_FIGURE, NO_FIGURE)
+    )
     return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
 
 

@@ -66,7 +66,7 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
 def _lam_text(source: Source, name: str) -> str:
     column = source.columns[f"lam_{name}"]
     if column.size == 0:
-        return "–"
+        return "not known, no sample was recorded"
     low, high = float(column.min()), float(column.max())
     low_text, high_text = exact(round(low, 5)), exact(round(high, 5))
     return f"{low_text} s" if low_text == high_text else f"{low_text} to {high_text} s (changed during the run)"

@@ -22,9 +22,7 @@ def test_an_angle_is_refused_where_it_was_typed_and_the_unit_changes_everywhere(
     expect(box).to_have_value("60")
     box.fill("120")
     page.get_by_role("button", name="Dry run", exact=True).click()
-    refused = page.get_by_text(
-        re.compile(r"joint position steps .*: 120 deg is outside 0\.573 to 80\.21 deg; choose")
-    )
+    refused = page.get_by_text(re.compile(r"joint position steps .*: 120 deg is outside 0\.573 to 80\.21 deg; choose"))
     expect(refused).to_be_visible()
     expect(box).to_have_attribute("aria-invalid", "true")
     expect(box).to_be_focused()
