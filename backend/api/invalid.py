@@ -27,7 +27,8 @@ _SENTENCES = {
     "dict_type": "it needs named values",
     "model_type": "it needs named values",
     "model_attributes_type": "it needs named values",
-    "json_invalid": "it is not JSON",
+    "string_pattern_mismatch": "it has characters that are not taken here",
+    "int_parsing_size": "the number is too long",
 }
 
 
@@ -49,8 +50,9 @@ def problem_of_form(error: Mapping[str, Any], body: Any, angles: Angles) -> Prob
         path, given = (*path, "kind"), bounds["tag"]
     declared = _declared(body, path, known=kind != "extra_forbidden")
     minimum, maximum = (_number(bounds, *keys) for keys in (("ge", "gt"), ("le", "lt")))
-    if (minimum, maximum) != (None, None) and isinstance(given, int | float):
-        said = "; ".join(out_of_range(given, minimum, maximum, declared.unit or "1", angles))
+    number = _read_number(given)
+    if (minimum, maximum) != (None, None) and number is not None:
+        said = "; ".join(out_of_range(number, minimum, maximum, declared.unit or "1", angles))
     else:
         said = _said(kind, given, bounds, declared, angles)
     return Problem(
@@ -64,6 +66,16 @@ def problem_of_form(error: Mapping[str, Any], body: Any, angles: Angles) -> Prob
         maximum=maximum,
         unit=declared.unit,
     )
+
+
+def _read_number(given: object) -> float | None:
+    """Return the number that was given, as one or, in an address, as text."""
+    if isinstance(given, int | float):
+        return given
+    try:
+        return float(given) if isinstance(given, str) else None
+    except ValueError:
+        return None
 
 
 def _said(kind: str, given: object, bounds: Mapping[str, Any], declared: _Declared, angles: Angles) -> str:

@@ -67,13 +67,20 @@ def _criteria(document: dict[str, Any]) -> None:
             _figure(item["figure"], item["unit"]),
             f"{item['relation']} {read(item['bound'], item['unit'], angles()):g}",
             reading_of(item["unit"], angles()).unit,
-            in_words(_JUDGED[item["passed"]] + (f": {item['reason']}" if item["reason"] else ""), angles()),
+            in_words(_judged(item), angles()),
         )
         for item in document["criteria"]
     ]
     if rows:
         print_table(("criterion", "value", "bound", "unit", "verdict"), rows)
         _say(document["verdict"])
+
+
+def _judged(item: dict[str, Any]) -> str:
+    from backend.experiments.criteria import SEEN
+
+    seen = "" if item["passed"] is None else f"{SEEN[item['relation']]}, "
+    return _JUDGED[item["passed"]] + (f": {seen}{item['reason']}" if item["reason"] else "")
 
 
 def _figure(value: float | None, unit: str) -> float | str:

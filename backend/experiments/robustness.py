@@ -1,5 +1,6 @@
 """Metrics of the robustness test: how far a load turns a motor away from its reference, and for how long. Pure."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -59,14 +60,20 @@ def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_r
     errors = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in "AB"}
     deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
     for name, window in loads.items():
-        side, size = name[0], np.abs(errors[name[0]][window])
-        deviations[side] = max(deviations[side], float(size.max()))
-        if not size.max() > _LEAST_COUNTS * motor_step_rad:  # nan and a motor that stood still are no deviation
+        side, error = name[0], errors[name[0]][window]
+        size = np.abs(error)
+        deviations[side] = float(np.maximum(deviations[side], size.max()))
+        if math.isnan(deviations[side]):
+            reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"the angles of motor {side} hold no number"
+            continue
+        if not size.max() > _LEAST_COUNTS * motor_step_rad:  # neither is a motor that stood still
             reasons["back_s"] = f"motor {side} moved by less than {_LEAST_COUNTS:g} encoder counts: load it more"
             continue
         away = np.flatnonzero(size > BACK_SHARE * size.max())
         if away[-1] == size.size - 1:
-            away_still.append((float(size[size.size // 2 :].max() / size.max()), side))
+            off = float(size[size.size // 2 :].max() / size.max())
+            since = error[size.argmax() :] / size.max()
+            away_still.append((off, side, bool(since.min() < -BACK_SHARE and since.max() > BACK_SHARE)))
         times.append(float(away[-1] + 1) * T_s)
     if away_still:
         reasons["back_s"] = _still_away(*max(away_still), loads["A_on"].stop - loads["A_on"].start)
@@ -87,11 +94,15 @@ def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_r
     )
 
 
-def _still_away(swing: float, side: str, ticks: int) -> str:
+def _still_away(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
+    why = (
+        ", to both sides: it hunts, as dry friction makes it do under integral action"
+        if to_both_sides
+        else ", to one side: hold the load longer, or look what keeps it there"
+    )
     return (
         f"motor {side} was not back on its reference when the load changed again after {ticks * T_s:g} s: in the "
-        f"second half of it the motor swung by up to {100.0 * swing:.0f} % of its largest deviation, as dry "
-        "friction makes it do under integral action"
+        f"second half of it the motor was off by up to {100.0 * off:.0f} % of its largest deviation{why}"
     )
 
 

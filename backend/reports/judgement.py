@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from backend.experiments.criteria import SEEN
 from backend.identification.result import Grade
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Section, Table, exact, shown
@@ -64,7 +65,11 @@ def criteria_table(criteria: list[dict[str, Any]], angles: Angles) -> Table:
             f"{item['relation']} {exact(read(item['bound'], item['unit'], angles))}",
             measured(read_or_none(item["figure"], item["unit"], angles)),
             reading_of(item["unit"], angles).unit,
-            _with_reason(_WORDS[item["passed"]], reason_of(item, item["passed"])),
+            _with_reason(
+                _WORDS[item["passed"]],
+                reason_of(item, item["passed"]),
+                "" if item["passed"] is None else SEEN[item["relation"]],
+            ),
         )
         for item in criteria
     )
@@ -85,14 +90,18 @@ def figures_table(metrics: Mapping[str, Any], angles: Angles) -> Table:
             item["label"],
             measured(read_or_none(item["value"], item["unit"], angles)),
             shown_unit(item["unit"], angles),
-            _with_reason(item["definition"], reason_of(item, item["value"]), item["value"]),
+            _with_reason(
+                item["definition"],
+                reason_of(item, item["value"]),
+                "" if item["value"] is None else SEEN["<"],
+            ),
         )
         for item in metrics["figures"]
     )
     return Table(f"Metrics on measured signals.{part}", columns, rows)
 
 
-def _with_reason(text: str, reason: str, seen: float | None = None) -> str:
+def _with_reason(text: str, reason: str, seen: str) -> str:
     if not reason:
         return text
-    return f"{text}; {reason}" if seen is None else f"{text}; at least this: {reason}"
+    return f"{text}; {seen}: {reason}" if seen else f"{text}; {reason}"

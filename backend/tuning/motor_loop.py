@@ -43,7 +43,12 @@ def motor_range(motor: MotorModel) -> tuple[float, float]:
 def common_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
     """Smallest and largest λ [s] offered for all of these motors. Raises TuningError."""
     ranges = [motor_range(motor) for motor in motors]
-    return max(low for low, _ in ranges), min(high for _, high in ranges)
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if low > high:
+        raise TuningError(
+            f"no λ_motor is robust for both motors: one needs {low:.3g} s at least, one {high:.3g} s at most"
+        )
+    return low, high
 
 
 def motor_lambda(motor: MotorModel, M_s: float) -> float:

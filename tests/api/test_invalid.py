@@ -14,6 +14,7 @@ from backend.api.errors import install
 from backend.api.identification_orders import plans_of
 from backend.api.schemas.bank import BankFile, BankRequest
 from backend.api.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
+from backend.api.schemas.preferences import NEW_HERE, Preferences
 from backend.api.schemas.run import NoteRequest
 from backend.api.schemas.state import Push, References
 from backend.api.schemas.tuning import TrialRequest
@@ -31,10 +32,24 @@ BODIES = {
     "note": NoteRequest,
     "table": SpringTableRequest,
     "identification": IdentificationRequest,
+    "preferences": Preferences,
 }
 
 REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
     ("trial", {"duration_s": 0.2}, ["duration_s"], "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at"),
+    (
+        "trial",
+        {"duration_s": "0.2"},
+        ["duration_s"],
+        "how long it stays in force: 0.2 s is less than 1 s; choose 1 s at",
+    ),
+    ("build", {"name": "n", "identifications": ["9" * 5000]}, ["identifications", 0], "run 1: the number is too long"),
+    (
+        "preferences",
+        {**NEW_HERE.model_dump(mode="json"), "camera": "from above"},
+        ["camera"],
+        "name of the camera that the 3D view is seen from: it has characters that are not taken here",
+    ),
     ("trial", {"duration_s": "x"}, ["duration_s"], "how long it stays in force: “x” is no number; give one in s"),
     ("trial", {"duration_s": 5, "interpolate": "maybe"}, ["interpolate"], "gain scheduling instead of switching: “may"),
     ("push", {"F_push": 1, "duration_s": None}, ["duration_s"], "time after which the loop lets go by itself: a numb"),

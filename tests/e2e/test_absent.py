@@ -1,5 +1,7 @@
 """No value is absent without a reason that can be read or heard: on a page just opened, in run, and for a viewer."""
 
+import re
+
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
@@ -35,11 +37,23 @@ def test_nothing_is_absent_without_a_reason(operator: Operator, browser: Browser
     viewer.context.close()
 
 
+SEEN = {
+    "operate": "In force|in force",
+    "identify": "Register bits|You are signed in as a viewer",
+    "banks": "In force: λ_q",
+    "experiments": "Settings of the loop: λ_q",
+    "runs": "Nothing recorded yet|session",
+    "system": r"sqlite, .* MB",
+    "system/developer": "force_limit",
+}
+"""What stands on a page once the service has told it; before that there is nothing to look through."""
+
+
 def look_through(page: Page, service: Service, names: tuple[str, ...] = PAGES) -> None:
     for name in names:
         page.goto(f"{service.url}/#/{name}")
         expect(page.get_by_role("heading", level=1)).to_have_count(1)
-        page.wait_for_load_state("networkidle")
+        expect(page.get_by_role("main")).to_contain_text(re.compile(SEEN[name]), timeout=MOTION_TIMEOUT_MS)
         for waiting in ("Loading …", "Predicting …"):
             expect(page.get_by_text(waiting, exact=True)).to_have_count(0, timeout=MOTION_TIMEOUT_MS)
         assert page.evaluate(BARE) == [], name

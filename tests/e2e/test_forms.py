@@ -13,6 +13,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
+from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.stage import EXPERIMENTS, IDENTIFICATIONS, SHORT, STATES, Stage, declared, form_of, let_go, start
 
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -166,17 +167,17 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is not None)
     run = int(stage.get("/api/state")["recording_run"])
     stage.operator.enter("Push [N]", -4.5)
-    stage.operator.enter("Push for [s]", 1.7)
+    stage.operator.enter("Push for [s]", 6.0)
     group = page.get_by_role("group", name="Push", exact=True)
     sent, _ = forms.pressed(page, group.get_by_role("button", name="Push", exact=True), "/api/push")
-    assert sent == {"F_push": -4.5, "duration_s": 1.7}
+    assert sent == {"F_push": -4.5, "duration_s": 6.0}
     felt = page.get_by_text("Pushed with \u22124.5 N.")
     expect(felt).to_be_visible()
-    expect(felt).to_be_hidden()
+    expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
     stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is None)
     pushes = [F_push for F_push in stage.recorded(run, "F_push") if F_push != 0.0]
-    assert pushes == [-4.5] * 1700
+    assert pushes == [-4.5] * 6000
 
 
 def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:

@@ -2,9 +2,10 @@
 
 import io
 import re
+from collections.abc import Callable
 
 from PIL import Image
-from playwright.sync_api import Browser, Error, Locator, Page, Route, expect
+from playwright.sync_api import Browser, Error, Locator, Page, Response, Route, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
@@ -43,12 +44,22 @@ def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, se
     page.context.close()
 
 
+def kept(name: str, value: object) -> Callable[[Response], bool]:
+    """Tell the answer to the request that keeps this; those before it wait in a queue of their own."""
+
+    def is_it(answer: Response) -> bool:
+        asked = answer.request
+        return asked.method == "PUT" and asked.url.endswith("/api/preferences") and asked.post_data_json[name] == value
+
+    return is_it
+
+
 def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser, service: Service) -> None:
     here = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
     here.page.route(SCENE, lambda _: None)  # whether there is a picture is not asked here
     here.sign_in()
     show_in_3d(here.page)
-    with here.page.expect_response("**/api/preferences"):
+    with here.page.expect_response(kept("camera", "Springs")):
         here.page.get_by_role("combobox", name="Camera").select_option("Springs")
     here.page.context.close()
     there = Operator(browser.new_context(viewport=DESKTOP).new_page(), service)
@@ -56,7 +67,7 @@ def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser,
     there.sign_in()
     expect(there.page.get_by_role("combobox", name="Camera")).to_have_value("Springs", timeout=MOTION_TIMEOUT_MS)
     expect(there.page.get_by_title("3D view", exact=True)).to_have_attribute("src", re.compile("Position=0.4,-5,-1.4"))
-    with there.page.expect_response("**/api/preferences"):
+    with there.page.expect_response(kept("solid_unaided", False)):
         there.press("Show flat")
     there.page.reload()
     expect(there.page.get_by_role("button", name="Show in 3D")).to_be_enabled(timeout=MOTION_TIMEOUT_MS)

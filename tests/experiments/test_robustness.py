@@ -28,7 +28,7 @@ from backend.loop.commands import Accepted, Refused, RunProgram
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
 from backend.reports.build import build_report
-from backend.reports.document import Table
+from backend.reports.document import Report, Table
 from backend.reports.source import Source, load_source
 from backend.storage import open_database
 from backend.tuning.gains import motor_loops
@@ -110,7 +110,7 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
     coarse = robustness_figures(columns, PLAN.phases(), 1.0)
     for found, reason in (
-        (robustness_figures(lasting, PLAN.phases(), 0.0), "was not back on its reference"),
+        (robustness_figures(lasting, PLAN.phases(), 0.0), "% of its largest deviation, to one side: hold the load"),
         (coarse, "less than 20 encoder counts"),
     ):
         back = robustness_criteria(found, LAM, 10.0)[0]
@@ -147,7 +147,10 @@ def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: 
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
     assert late > 5.0 * BACK_SHARE * error.max()
-    assert build_report(source).outcome == "failed"
+    assert "to both sides: it hunts" in back["reason"]
+    report = build_report(source)
+    assert report.outcome == "failed"
+    assert any("at least this: motor B was not back" in cell for cell in cells_of(report))
 
 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
@@ -163,19 +166,21 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> 
     assert stored == pytest.approx({name: getattr(figures, name) for name in stored})
     report = build_report(source)
     assert report.title == "Robustness under a load"
-    cells = [
-        row for section in report.sections for block in section.blocks if isinstance(block, Table) for row in block.rows
-    ]
-    assert any("0.375" in row for row in cells)
+    assert "0.375" in cells_of(report)
     assert report.outcome == "passed"
 
 
-@pytest.mark.parametrize("figure", [np.nan, 0.0])
-def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float) -> None:
+@pytest.mark.parametrize(
+    ("figure", "reason"), [(np.nan, "the angles of motor A hold no number"), (0.0, "motor A moved by less than")]
+)
+def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float, reason: str) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
-    back = robustness_criteria(robustness_figures(still, PLAN.phases(), 0.0), LAM, 10.0)[0]
+    found = robustness_figures(still, PLAN.phases(), 0.0)
+    back = robustness_criteria(found, LAM, 10.0)[0]
     assert back.passed is None
-    assert "motor A moved by less than" in back.reason
+    assert reason in back.reason
+    assert found.deviation_A_rad == pytest.approx(figure, nan_ok=True)
+    assert ("deviation_A_rad" in found.reasons) == np.isnan(figure)
 
 
 @pytest.mark.parametrize(
@@ -195,6 +200,11 @@ def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
     assert isinstance(told, Refused)
     assert ("push" if quantity == "F_push" else "load of a motor's shaft") in told.reason
     assert bench.loop.mode is Mode.RUN
+
+
+def cells_of(report: Report) -> list[str]:
+    blocks = [block for section in report.sections for block in section.blocks]
+    return [cell for block in blocks if isinstance(block, Table) for row in block.rows for cell in row]
 
 
 class WithoutLoads(Simulator):

@@ -10,7 +10,7 @@ from backend.tuning.closed_loop import run
 from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas, motor_model
-from backend.tuning.motor_loop import motor_range, motor_robustness
+from backend.tuning.motor_loop import common_range, motor_range, motor_robustness
 from backend.tuning.preview import Previewer
 from backend.tuning.robustness import M_S_MAX
 from plant.parameters import load_parameters
@@ -110,6 +110,15 @@ def test_no_lambda_is_given_that_would_be_refused(previewer: Previewer, M_s: flo
     refused = [str(reason) for reason in found.values() if isinstance(reason, TuningError)]
     assert all("choose" in reason for reason in refused)
     assert ("lam_q" in given) == (M_s <= M_S_MAX)
+
+
+def test_two_motors_that_no_lambda_serves_are_refused() -> None:
+    """One peaks above 1.7 below 0.12 s, the other's lag leaves no λ from 0.076 s on."""
+    ideal = load_parameters("ideal")
+    slow = motor_model(replace(ideal, motor=replace(ideal.motor, tau_e=0.02)), "A")
+    brisk = replace(motor_model(ideal, "B"), T_m=0.02)
+    with pytest.raises(TuningError, match=r"one needs 0\.121 s at least, one 0\.076 s at most"):
+        common_range([slow, brisk])
 
 
 def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:

@@ -71,6 +71,33 @@ describe("paceWindow", () => {
     expect(Math.max(...drawn)).toBeLessThanOrEqual(40);
   });
 
+  it("lets a window rest that asks for the next frame at once, from the first slow one on", () => {
+    const { view, run } = pacedWindow(4);
+    const drawn: number[] = [];
+    const draw = (now_ms: number) => {
+      view.requestAnimationFrame(draw);
+      drawn.push(now_ms);
+      if (drawn.length > 2) view.late_ms = 300;
+    };
+    view.requestAnimationFrame(draw);
+    run(20_000);
+    const gaps = drawn.slice(3).map((now_ms, index) => now_ms - (drawn[index + 2] ?? 0));
+    expect(drawn.length).toBeGreaterThan(8);
+    expect(Math.min(...gaps)).toBeGreaterThanOrEqual(316 + 4 * 316);
+  });
+
+  it("does not stand still for as long as a window was hidden", () => {
+    const { view, run } = pacedWindow(4);
+    view.requestAnimationFrame(() => {
+      view.late_ms = 600_000;
+    });
+    run(600_100);
+    const drawn: number[] = [];
+    view.requestAnimationFrame((now_ms) => drawn.push(now_ms));
+    run(610_000);
+    expect(drawn[0]).toBeLessThan(600_032 + 2100);
+  });
+
   it("lets a window rest after a slow frame, whether it asked for the next at once or later", () => {
     const { view, run } = pacedWindow(4);
     view.requestAnimationFrame(() => {

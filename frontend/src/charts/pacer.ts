@@ -3,6 +3,9 @@
 /** Frames of up to this length are drawn one after the other, 30 a second or better [ms]. */
 const SMOOTH_MS = 34;
 
+/** Longest rest [ms]: a window that was hidden was not slow, and its picture is not to stand still for long. */
+const LONGEST_REST_MS = 2000;
+
 export class FramePacer {
   private drawn_ms: number | null = null;
   private rest_until_ms = 0;
@@ -15,9 +18,11 @@ export class FramePacer {
    * comes, painting and the graphics process included.
    */
   due(now_ms: number): boolean {
-    if (this.drawn_ms !== null) {
+    // on the frame of the drawing itself there is nothing to be measured yet
+    if (this.drawn_ms !== null && now_ms > this.drawn_ms) {
       const took_ms = now_ms - this.drawn_ms;
-      this.rest_until_ms = took_ms > SMOOTH_MS ? now_ms + this.rest * took_ms : 0;
+      const rest_ms = Math.min(this.rest * took_ms, LONGEST_REST_MS);
+      this.rest_until_ms = took_ms > SMOOTH_MS ? now_ms + rest_ms : 0;
       this.drawn_ms = null;
     }
     return now_ms >= this.rest_until_ms;

@@ -31,7 +31,7 @@ function Bench() {
           {name}
         </button>
       ))}
-      <DryRunResult dryRun={dryRun} kinds={KINDS} />
+      <DryRunResult dryRun={dryRun} kinds={KINDS} openForm="sequence" />
     </>
   );
 }
@@ -71,5 +71,14 @@ it("says what was played, and keeps no result beside another that is being playe
   await waitFor(() => expect(shown()).toContain("Own sequence: being played"));
   expect(shown()).not.toContain("Tracking");
   answers[1]?.(Response.json({ error: { message: "no", code: "busy" } }, { status: 429 }));
-  await waitFor(() => expect(shown()).toBe(""));
+  await waitFor(() => expect(shown()).toBe("")); // the form that is open tells it
+});
+
+it("tells what was refused of a form that is not open any more", async () => {
+  fireEvent.click(screen.getByText("tracking"));
+  await waitFor(() => expect(answers).toHaveLength(1));
+  answers[0]?.(Response.json({ error: { message: "the worker died", code: "died" } }, { status: 500 }));
+  await waitFor(() =>
+    expect(shown()).toContain("Tracking of position and stiffness: not played. the worker died"),
+  );
 });

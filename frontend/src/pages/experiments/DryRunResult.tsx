@@ -21,20 +21,27 @@ import { OrderWords } from "./OrderWords";
 interface DryRunResultProps {
   readonly dryRun: ReturnType<typeof useDryRun>;
   readonly kinds: readonly ExperimentKind[];
+  /** The form that is open tells its own refusal; what another one had asked for is told here. */
+  readonly openForm: string | undefined;
 }
 
-export function DryRunResult({ dryRun: { variables, data, isPending, reset }, kinds }: DryRunResultProps) {
-  if (variables === undefined || (data === undefined && !isPending)) return null;
+export function DryRunResult({ dryRun, kinds, openForm }: DryRunResultProps) {
+  const { variables, data, error, isIdle, reset } = dryRun;
+  if (variables === undefined || isIdle || (error !== null && variables.name === openForm)) return null;
   const title = kinds.find(({ name }) => name === variables.name)?.title ?? variables.name;
   return (
     <Card
       title="Dry run"
-      aside={data && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
+      aside={!dryRun.isPending && <CloseButton aria-label="Close dry run" size="sm" onClick={reset} />}
     >
-      {data === undefined ? (
+      {data !== undefined && <Played name={variables.name} title={title} result={data} />}
+      {error !== null && (
+        <p className={page.empty}>
+          {title}: not played. <Told text={error.message} />
+        </p>
+      )}
+      {dryRun.isPending && (
         <p className={page.empty}>{title}: being played on a simulator of its own; nothing moves.</p>
-      ) : (
-        <Played name={variables.name} title={title} result={data} />
       )}
     </Card>
   );

@@ -44,7 +44,11 @@ export default function ExperimentsPage() {
                 mb={8}
                 data={kinds.data?.map(({ name, title }) => ({ value: name, label: title })) ?? []}
                 value={kind.name}
-                onChange={(event) => choose(event.currentTarget.value)}
+                onChange={(event) => {
+                  choose(event.currentTarget.value);
+                  // a refusal is of what stood in the form that is left
+                  if (dryRun.isError) dryRun.reset();
+                }}
               />
               <ExperimentForm
                 key={kind.name}
@@ -57,7 +61,7 @@ export default function ExperimentsPage() {
           <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
-          <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} />
+          <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
         </div>

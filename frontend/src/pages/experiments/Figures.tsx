@@ -41,7 +41,10 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
                 </Table.Td>
                 <Table.Td>
                   <Outcome passed={criterion.passed} />
-                  <Reason text={criterion.reason} />
+                  <Reason
+                    text={criterion.reason}
+                    seen={criterion.passed === false ? SEEN[criterion.relation] : undefined}
+                  />
                 </Table.Td>
               </Table.Tr>
             ))}
@@ -62,7 +65,7 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
               <Table.Tr key={metric.name}>
                 <Table.Td title={metric.definition}>
                   {metric.label}
-                  <Reason text={metric.reason} seen={metric.value} />
+                  <Reason text={metric.reason} seen={metric.value === null ? undefined : SEEN["<"]} />
                 </Table.Td>
                 <Table.Td className={page.number}>{figure(metric, 4, angles)}</Table.Td>
                 <Table.Td>
@@ -91,13 +94,16 @@ function Outcome({ passed }: { passed: boolean | null }) {
   return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
 }
 
-/** Why there is no figure, or why it is that of a part of the steps only. */
-function Reason({ text, seen = null }: { text: string; seen?: number | null }) {
+/** What a figure that was not seen whole is, by the relation to its bound. */
+const SEEN: Record<string, string> = { "<": "at least this", ">": "at most this" };
+
+/** Why there is no figure, or why it is that of a part only; `seen` says what it is then. */
+function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
   const angles = useAngles();
   if (text === "") return null;
   return (
     <div className={page.dim}>
-      {seen === null ? "" : "at least this: "}
+      {seen === undefined ? "" : `${seen}: `}
       {inWords(text, angles)}
     </div>
   );

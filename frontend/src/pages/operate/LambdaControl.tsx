@@ -32,6 +32,8 @@ interface LambdaControlProps {
   /** What the control starts from: in force, or staged. */
   readonly value: number;
   readonly preview: LoopPreview | undefined;
+  /** Why there is no preview where there is none. */
+  readonly missing: string;
   /** Of what is in force. */
   readonly present: LoopPreview | undefined;
   readonly compare: boolean;
@@ -41,7 +43,7 @@ interface LambdaControlProps {
 }
 
 export function LambdaControl(props: LambdaControlProps) {
-  const { name, symbol, hue, tuning, value, preview, present, compare, onDraft, onCommit } = props;
+  const { name, symbol, hue, tuning, value, preview, missing, present, compare, onDraft, onCommit } = props;
   const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
@@ -144,6 +146,7 @@ export function LambdaControl(props: LambdaControlProps) {
         symbol={symbol}
         hue={hue}
         preview={preview}
+        missing={missing}
         present={present}
         drafted={sent.value !== tuning[name]}
         compare={compare}

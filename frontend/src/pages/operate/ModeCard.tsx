@@ -78,5 +78,5 @@ export function whyNot(state: State | null, mode: Mode): string | null {
   if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
   if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
   const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
-  return `Not possible from ${heading(state.mode)}: choose ${legal.join(" or ") || "another mode"} first.`;
+  return `Not possible from ${heading(state.mode)}. Possible now: ${legal.join(", ") || "nothing but STOP"}.`;
 }

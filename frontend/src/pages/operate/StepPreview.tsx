@@ -19,6 +19,8 @@ interface StepPreviewProps {
   readonly symbol: string;
   readonly hue: string;
   readonly preview: LoopPreview | undefined;
+  /** Why there is no preview where there is none. */
+  readonly missing: string;
   /** What is in force, drawn beside a value that is not yet. */
   readonly present: LoopPreview | undefined;
   /** The value is not in force yet. */
@@ -27,14 +29,14 @@ interface StepPreviewProps {
   readonly compare: boolean;
 }
 
-export function StepPreview({ symbol, hue, preview, present, drafted, compare }: StepPreviewProps) {
+export function StepPreview({ symbol, hue, preview, missing, present, drafted, compare }: StepPreviewProps) {
   const beside = drafted ? present : undefined;
   const end_s = Math.max(preview?.t.at(-1) ?? 0, beside?.t.at(-1) ?? 0);
   const upper = Math.max(UPPER, ...(preview?.y ?? []), ...(beside?.y ?? []));
   const drawing = preview === undefined ? null : stepPath(preview.t, preview.y, WIDTH, HEIGHT, upper, end_s);
   const printed = compare && preview !== undefined ? preview.printed : null;
   const M_s = preview?.M_s;
-  const none = preview === undefined ? "being computed" : "the loop is unstable";
+  const none = preview === undefined ? missing : "the loop is unstable";
   /** A margin that a stable loop does not have is no bound at all. */
   const margin = (value: number | null | undefined, told: (value: number) => string) => {
     if (preview?.stable && value === null) return "any";

@@ -50,6 +50,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   );
   const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S, tuningKey(tuning)));
   const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuningKey(tuning)));
+  const missing = preview.error?.message ?? "being computed";
   return (
     <>
       {LAMBDAS.map(({ name, symbol, hue, loop }) => (
@@ -61,6 +62,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           tuning={tuning}
           value={wanted(name)}
           preview={preview.data?.[loop]}
+          missing={missing}
           present={present.data?.[loop]}
           compare={compare}
           onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
@@ -70,7 +72,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           }}
         />
       ))}
-      <StepForecast preview={preview.data} u_max={u_max} />
+      <StepForecast preview={preview.data} missing={missing} u_max={u_max} />
       <MotorMargins className={styles.forecast} lam_motor={tuning.lam_motor} tuning={tuningKey(tuning)} />
       <Checkbox
         size="xs"
@@ -83,18 +85,25 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   );
 }
 
+interface StepForecastProps {
+  readonly preview: TuningPreview | undefined;
+  /** Why there is no preview where there is none. */
+  readonly missing: string;
+  readonly u_max: number;
+}
+
 /** What a large step would ask of motors and tendons. */
-function StepForecast({ preview, u_max }: { preview: TuningPreview | undefined; u_max: number }) {
+function StepForecast({ preview, missing, u_max }: StepForecastProps) {
   const angles = useAngles();
   const saturates = preview !== undefined && preview.u_peak_V >= u_max;
   return (
     <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
       {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step: peak{" "}
-      <Shown value={preview?.u_peak_V} why="being computed">
+      <Shown value={preview?.u_peak_V} why={missing}>
         {(u_peak) => fixed(u_peak, 1)}
       </Shown>{" "}
       of {fixed(u_max, 0)} V, tension ≥{" "}
-      <Shown value={preview?.F_min_N} why="being computed">
+      <Shown value={preview?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
       </Shown>{" "}
       N

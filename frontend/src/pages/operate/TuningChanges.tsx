@@ -32,7 +32,7 @@ const TRIAL_S = 10;
 
 export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Staging }) {
   const trial = useLive((live) => live.state?.trial ?? null);
-  const { data: saved } = useQuery(savedTuningQuery(tuning.bank?.id ?? null));
+  const { data: saved, error: unread } = useQuery(savedTuningQuery(tuning.bank?.id ?? null));
   const set = useSetTuning();
   const save = useSaveTuning();
   const tryOut = useTryTuning();
@@ -66,7 +66,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
                 <SignalName name={symbol} />
               </th>
               <td>
-                <Shown value={saved?.[name]} why="not read yet">
+                <Shown value={saved?.[name]} why={unread?.message ?? "not read yet"}>
                   {(value) => inWords(name, value)}
                 </Shown>
               </td>

@@ -8,6 +8,6 @@ const state = (mode: string, legal_modes: string[]) =>
 it("names modes as their buttons do", () => {
   expect(whyNot(state("run", ["pretension", "compliance"]), "run")).toBe("The mode is Run already.");
   expect(whyNot(state("compliance", ["pretension", "run", "stopping"]), "identify")).toBe(
-    "Not possible from Compliance: choose Pretension or Run or Soft stop first.",
+    "Not possible from Compliance. Possible now: Pretension, Run, Soft stop.",
   );
 });
