@@ -115,11 +115,11 @@ class Stage:
         database.close()
         return {**kept.get("plan", {}), **kept.get("loop", {})}
 
-    def recorded(self, run: int, signal: str) -> list[float]:
-        """One signal of a run's download."""
+    def recorded(self, run: int, signal: str) -> list[tuple[float, float]]:
+        """Time [s] and value of one signal in a run's download."""
         answer = self.page.request.get(f"{self.service.url}/api/runs/{run}/data.csv")
         assert answer.ok, answer.text()
-        return [float(row[signal]) for row in csv.DictReader(io.StringIO(answer.text()))]
+        return [(float(row["t"]), float(row[signal])) for row in csv.DictReader(io.StringIO(answer.text()))]
 
     def session(self) -> int:
         """Run for a moment, recorded as a session, and return its number."""
@@ -127,6 +127,7 @@ class Stage:
         self.operator.wait(lambda: self.get("/api/state")["recording_run"] is not None)
         run = int(self.get("/api/state")["recording_run"])
         self.operator.press("Pretension")
+        self.operator.wait(lambda: self.get("/api/state")["mode"] == "pretension")
         self._hold()
         return run
 

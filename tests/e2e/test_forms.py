@@ -176,8 +176,10 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
     stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is None)
-    pushes = [F_push for F_push in stage.recorded(run, "F_push") if F_push != 0.0]
-    assert pushes == [-4.5] * 6000
+    samples = stage.recorded(run, "F_push")
+    pushed = [t for t, F_push in samples if F_push != 0.0]
+    assert {F_push for _, F_push in samples} == {0.0, -4.5}
+    assert 5.5 < pushed[-1] - pushed[0] < 6.0  # a busy machine skips ticks, at either end too
 
 
 def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:
