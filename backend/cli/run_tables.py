@@ -77,7 +77,7 @@ def _criteria(document: dict[str, Any]) -> None:
 
 
 def _judged(item: dict[str, Any]) -> str:
-    from backend.experiments.criteria import SEEN
+    from backend.reports.verdict import SEEN
 
     seen = "" if item["passed"] is None else f"{SEEN[item['relation']]}, "
     return _JUDGED[item["passed"]] + (f": {seen}{item['reason']}" if item["reason"] else "")

@@ -19,16 +19,13 @@ BOUNDS_IDEAL = Bounds(overshoot_percent=1.0, deviation_S=0.1, min_tension_N=5.0)
 BOUNDS_LAB = Bounds(overshoot_percent=2.0, deviation_S=0.2, min_tension_N=4.0)
 
 
-SEEN = {"<": "at least this", ">": "at most this"}
-"""What a figure is that was not seen whole, by the relation to its bound."""
-
-
 @dataclass(frozen=True)
 class Criterion:
     """One criterion. ``relation`` is "<" or ">".
 
     ``passed`` is None when it was not measured, and ``reason`` says why; ``figure`` is then what was seen, if anything.
-    With a reason one that failed was not seen whole either: its figure is what ``SEEN`` says.
+    With a reason one that failed was not seen whole either: its figure is at least that where it has to stay below its
+    bound, at most that where above.
     """
 
     name: str

@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-from backend.experiments.criteria import SEEN
 from backend.identification.result import Grade
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
-from backend.reports.verdict import reason_of, verdict_of
+from backend.reports.verdict import SEEN, reason_of, verdict_of
 
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
 """Outcome of a report by the grade of its model."""

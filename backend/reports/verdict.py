@@ -43,6 +43,10 @@ def verdict_of(metrics: Document | None, criteria: Sequence[Document], problem: 
     return _judged(criteria)
 
 
+SEEN = {"<": "at least this", ">": "at most this"}
+"""What a figure is that was not seen whole, by the relation to its bound."""
+
+
 def reason_of(item: Mapping[str, Any], value: Any) -> str:
     """Return why a stored figure or criterion was not measured; "" where ``value`` is there and nothing is missing."""
     return str(item.get("reason", "" if value is not None else OLDER))
