@@ -175,7 +175,7 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     expect(felt).to_be_visible()
     expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
-    stage.operator.wait(lambda: stage.get("/api/state")["recording_run"] is None)
+    stage.operator.wait(lambda: stage.get(f"/api/runs/{run}")["end_state"] != "running")  # its last samples are stored
     samples = stage.recorded(run, "F_push")
     pushed = [t for t, F_push in samples if F_push != 0.0]
     assert {F_push for _, F_push in samples} == {0.0, -4.5}
