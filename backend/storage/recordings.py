@@ -67,9 +67,14 @@ class NotRecordableError(ValueError):
 
 
 def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> Recording:
-    """Open the recording of a running run. Raises UnknownRecordError, NotRecordableError."""
+    """Open the recording of a running run. Raises UnknownRecordError, NotRecordableError.
+
+    One whose end was only inferred, by a service that is told to end before the first samples are read, is running to
+    the samples: they say how it ended.
+    """
     run = require(session, RunRow, run_id, "run")
-    if run.end_state != EndState.RUNNING or session.get(RecordingRow, run_id) is not None:
+    over = run.end_state not in (EndState.RUNNING, EndState.SERVICE_DIED)
+    if over or session.get(RecordingRow, run_id) is not None:
         raise NotRecordableError(f"run {run_id} is over or recorded already: samples need a new run")
     row = RecordingRow(
         run_id=run_id, fields=fields, period_s=period_s, missed=0, problem="", size_bytes=0, removed_at=None

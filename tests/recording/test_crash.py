@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from backend.faults import FAULT_CODE, Fault
 from backend.loop.ring import Ring
 from backend.recording.reader import read_samples
+from backend.recording.recorder import Recorder
 from backend.sample import INDEX
-from backend.storage import open_database, runs
+from backend.storage import Database, open_database, runs
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run
 
@@ -67,3 +69,18 @@ def test_a_drained_recorder_is_less_than_a_second_behind(tmp_path: Path) -> None
         assert len(read_samples(session, run.id).t) == 3000
     database.close()
     writer.ring.close()
+
+
+def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    recorder.ended_by = "service ended by SIGTERM"
+    with database.session() as session:
+        runs.end(session, run.id, EndState.SERVICE_DIED, "given up: service ended by SIGTERM")
+    writer.write(10, run.id)
+    writer.write(1, fault=FAULT_CODE[Fault.SERVICE_ENDED])
+    recorder.close()
+    with database.reading() as session:
+        ended, stored = runs.get(session, run.id), read_samples(session, run.id)
+    assert (ended.end_state, ended.end_detail) == (EndState.STOPPED, "service ended by SIGTERM")
+    assert len(stored.t) == 10

@@ -168,7 +168,7 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
         looking.cancel()
         await asyncio.to_thread(kept.end)
         await asyncio.to_thread(mirror.close)
-        supervision.close()
+        await supervision.close()
 
     run(session)
 
