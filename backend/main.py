@@ -159,7 +159,7 @@ def _build(
     _close_interrupted(database)
     kept = KeptTuning(database)
     tuning, said = kept.restore(parameters)
-    supervisor = Supervisor(Setup(settings.plant, settings.params, SEED, tuning.command()), supervision)
+    supervisor = Supervisor(Setup(settings.plant_choice, settings.params, SEED, tuning.command()), supervision)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
 
@@ -184,7 +184,7 @@ def _build(
     picture = Picture(supervisor, parameters, tuning, problems)
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, picture.tick))
     safe_stop = SafeStop(supervisor, picture, supervision)
-    sessions = SessionRuns(database, settings.plant, parameters)
+    sessions = SessionRuns(database, settings.plant_choice.name, parameters)
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
     control = Control(bench.operator_lost, bench.note_control)
     control.let_go = bench.let_go
@@ -207,7 +207,7 @@ def _build(
     evaluations = Evaluations(database, processes.computing, lambda: picture.task)
     library = Library(database, lambda: picture.task, lambda run: evaluations.includes(run) or tasks.is_evaluating(run))
     shelf = Shelf(database, processes.computing, lambda: picture.tuning)
-    station = Station(supervisor, database, settings.plant, parameters, processes.computing.run)
+    station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""

@@ -4,10 +4,12 @@ import ipaddress
 import json
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from plant.choice import DEFAULT_WIRING, PlantChoice, PlantKind
 
 _PREFIX = "SINEW_"
 _HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)
@@ -35,6 +37,9 @@ def _host_names(given: object) -> object:
 class Settings(BaseSettings):
     """Settings of one service process.
 
+    ``plant`` is ``simulator``, ``rig``, ``replay`` or the name of a plant that an installed package offers. A rig has a
+    ``wiring``, shipped or a file; with ``virtual_card`` a simulated card takes the place of the real one, at
+    ``card_address`` it is reached through NI's device server. A replay plays ``recording``.
     ``database_url`` defaults to SQLite in the data folder; its password may stand in a file instead, so that no
     environment shows it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is
     checked against DNS rebinding). ``require_token`` off makes everyone an operator and is refused on any address but a
@@ -47,7 +52,11 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
 
     data: Path = Path("data")
-    plant: Literal["simulator", "rig"] = "simulator"
+    plant: str = "simulator"
+    virtual_card: bool = False
+    wiring: str = DEFAULT_WIRING
+    card_address: str = ""
+    recording: Path | None = None
     params: str = "lab"
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=0, le=65535)
@@ -69,6 +78,32 @@ class Settings(BaseSettings):
                 "leave require_token on, or bind to 127.0.0.1"
             )
         return self
+
+    @model_validator(mode="after")
+    def _one_plant(self) -> "Settings":
+        rig = self.plant == PlantKind.RIG
+        for given, name in ((self.virtual_card, "virtual_card"), (self.card_address, "card_address")):
+            if given and not rig:
+                raise ValueError(f"{name} is about a rig: choose plant rig with it")
+        if self.virtual_card and self.card_address:
+            raise ValueError("a virtual card has no address: give virtual_card or card_address")
+        if (self.plant == PlantKind.REPLAY) != (self.recording is not None):
+            raise ValueError("a replay plays a recording: give plant replay and recording together")
+        return self
+
+    @property
+    def plant_choice(self) -> PlantChoice:
+        """Which plant is to be driven."""
+        match self.plant:
+            case PlantKind.SIMULATOR:
+                return PlantChoice()
+            case PlantKind.RIG:
+                kind = PlantKind.VIRTUAL_CARD if self.virtual_card else PlantKind.RIG
+                return PlantChoice(kind, wiring=self.wiring, address=self.card_address)
+            case PlantKind.REPLAY:
+                return PlantChoice(PlantKind.REPLAY, recording=str(self.recording))
+            case package:
+                return PlantChoice(PlantKind.PACKAGE, package=package)
 
     @property
     def database(self) -> str:

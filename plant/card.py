@@ -14,12 +14,13 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from plant.interface import MotorCommand, PlantError
+from plant.stillness import Stillness
 
 WATCHDOG_S = 0.5
 """Without a write for so long [s] the watchdog clears the outputs. Virtual machines pause for up to 0.3 s."""
@@ -39,8 +40,8 @@ _STARTED_S = 20.0
 _PRIORITY = 70
 """Of SCHED_FIFO, above the loop's: a loop that runs wild must not keep its watchdog from looking."""
 
-_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _LOOKS, _LIMIT_S, _DEAD = range(10)
-_BYTES = 10 * 8
+_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _LOOKS, _LIMIT_S, _DEAD, _MIRROR = range(11)
+_BYTES = 11 * 8
 
 
 class WatchdogExpiredError(PlantError):
@@ -51,31 +52,12 @@ class WatchdogDeadError(PlantError):
     """Nobody would take the drives away if the loop died: they are off until a new watchdog has been started."""
 
 
-class Stillness:
-    """For how long something has not changed, to one who looks every ``period_s`` [s].
-
-    A longer time between two looks counts as two periods: the machine stood still then, and nobody could have moved.
-    """
-
-    def __init__(self, period_s: float) -> None:
-        self._most_s = 2.0 * period_s
-        self._seen: Hashable = None
-        self._looked_s = 0.0
-        self.still_s = 0.0
-
-    def seen(self, value: Hashable, now_s: float | None = None) -> float:
-        """Return how long ``value`` has been the same [s]; ``now_s`` is the monotonic clock."""
-        now_s = time.monotonic() if now_s is None else now_s
-        self.still_s = self.still_s + min(now_s - self._looked_s, self._most_s) if value == self._seen else 0.0
-        self._seen, self._looked_s = value, now_s
-        return self.still_s
-
-
 class CardState(NamedTuple):
     """The registers as anybody may read them.
 
     ``writes`` and ``looks`` count the loop's writes and the watchdog's looks; ``watchdog_dead`` tells that the loop saw
-    these stand still. ``u_A``, ``u_B`` [V] are what reaches the motors: zero without drive-enable.
+    these stand still. ``u_A``, ``u_B`` [V] are what reaches the motors: zero without drive-enable. The watchdog waits
+    ``watchdog_s`` for a write. A ``mirror`` tells what the loop last knew of a card that nobody else can look into.
     """
 
     writes: int
@@ -85,6 +67,8 @@ class CardState(NamedTuple):
     expired: bool
     safety_tripped: bool
     watchdog_dead: bool
+    mirror: bool
+    watchdog_s: float
     u_A: float
     u_B: float
 
@@ -111,18 +95,16 @@ class Card:
         words = self._words
         enabled = bool(words[_ENABLED])
         u_A, u_B = (words[_U_A], words[_U_B]) if enabled else (0.0, 0.0)
-        flags = bool(words[_ARMED]), enabled, bool(words[_EXPIRED]), bool(words[_TRIPPED]), bool(words[_DEAD])
-        return CardState(int(words[_WRITES]), int(words[_LOOKS]), *flags, u_A, u_B)
+        armed, expired, tripped, dead, mirror = (
+            bool(words[register]) for register in (_ARMED, _EXPIRED, _TRIPPED, _DEAD, _MIRROR)
+        )
+        counts = int(words[_WRITES]), int(words[_LOOKS])
+        return CardState(*counts, armed, enabled, expired, tripped, dead, mirror, words[_LIMIT_S], u_A, u_B)
 
     @property
     def watchdog_pid(self) -> int | None:
         """Process number of the watchdog that this object has started."""
         return None if self._watchdog is None else self._watchdog.pid
-
-    @property
-    def watchdog_time_s(self) -> float:
-        """How long the watchdog waits for a write [s]."""
-        return self._words[_LIMIT_S]
 
     def start_watchdog(self) -> None:
         """Start the watchdog's process, which takes a moment to come up; the drives stay off."""
@@ -143,9 +125,7 @@ class Card:
         if self._watchdog is None:
             self.start_watchdog()
         words = self._words
-        if not self._comes(lambda: words[_LOOKS] > 0.0, _STARTED_S):
-            self.disarm()
-            raise PlantError(f"the card's watchdog did not start within {_STARTED_S:g} s: start the loop again")
+        self._await_watchdog()
         words[_LIMIT_S], words[_ARMED] = TRIAL_S, 1.0
         self.rearm()
         cut = self._comes(lambda: bool(words[_EXPIRED]), WATCHDOG_S) and not self.drives
@@ -166,6 +146,11 @@ class Card:
         self._words[_EXPIRED] = 0.0
         self._words[_ENABLED] = 1.0
 
+    def _await_watchdog(self) -> None:
+        if self._watchdog is not None and not self._comes(lambda: self._words[_LOOKS] > 0.0, _STARTED_S):
+            self.disarm()
+            raise PlantError(f"the card's watchdog did not start within {_STARTED_S:g} s: start the loop again")
+
     @staticmethod
     def _comes(reached: Callable[[], bool], within_s: float) -> bool:
         waited = Stillness(_WRITE_S)
@@ -185,17 +170,58 @@ class Card:
 
         Raises WatchdogExpiredError, WatchdogDeadError; the drives are off then and the write is ignored.
         """
+        self.show_trip(safety_tripped)
+        self.feed()
+        self.set_outputs(command)
+
+    def feed(self) -> None:
+        """Tell the watchdog that somebody is there. Raises as ``put`` does."""
         words = self._words
         words[_WRITES] += 1.0
-        words[_TRIPPED] = float(safety_tripped)
-        if self._looks.seen(words[_LOOKS]) > WATCHDOG_S:
+        if self._watchdog is not None and self._looks.seen(words[_LOOKS]) > WATCHDOG_S:
             words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
             words[_DEAD] = 1.0
         if words[_DEAD]:
             raise WatchdogDeadError(f"the card's watchdog was not seen for {WATCHDOG_S:g} s: the drives are off")
         if words[_EXPIRED]:
-            raise WatchdogExpiredError(f"the card's watchdog heard nothing for {WATCHDOG_S:g} s and cut the drives")
-        words[_U_A], words[_U_B] = command
+            raise WatchdogExpiredError(
+                f"the card's watchdog heard nothing for {words[_LIMIT_S]:g} s and cut the drives"
+            )
+
+    def set_outputs(self, command: MotorCommand) -> None:
+        """Put voltages on the analog outputs; they reach the motors with the drives on."""
+        self._words[_U_A], self._words[_U_B] = command
+
+    def show_trip(self, safety_tripped: bool) -> None:
+        """Show what the safety module says."""
+        self._words[_TRIPPED] = float(safety_tripped)
+
+    def set_drives(self, *, on: bool) -> None:
+        """Set the drive-enable line, which an expired watchdog holds off."""
+        self._words[_ENABLED] = float(on and not self._words[_EXPIRED])
+
+    def clear_expiration(self) -> None:
+        """Let the drives be enabled again after the watchdog has expired."""
+        self._words[_EXPIRED] = 0.0
+
+    def watch_from_now(self, limit_s: float) -> None:
+        """Let the watchdog count with this limit, expired no longer. Raises PlantError when it did not start."""
+        words = self._words
+        self._await_watchdog()
+        words[_LIMIT_S], words[_EXPIRED] = limit_s, 0.0
+        words[_WRITES] += 1.0
+        words[_ARMED] = 1.0
+
+    def mirror(self, state: CardState) -> None:
+        """Show what the loop knows of a card that nobody else can look into."""
+        words = self._words
+        words[_MIRROR] = 1.0
+        words[_WRITES] += 1.0
+        words[_LIMIT_S] = state.watchdog_s
+        words[_ARMED], words[_ENABLED], words[_EXPIRED], words[_TRIPPED] = (
+            float(flag) for flag in (state.armed, state.drive_enabled, state.expired, state.safety_tripped)
+        )
+        words[_U_A], words[_U_B] = state.u_A, state.u_B
 
     def disarm(self) -> None:
         """Zero volts, drives off, and no watchdog any more. Safe to call twice."""
@@ -248,7 +274,7 @@ def watch(card: Card, writers: int) -> None:
         state = card.state()
         silent_s = silence.seen((state.writes, state.armed, state.expired))
         card.looked()
-        if state.armed and not state.expired and silent_s > card.watchdog_time_s:
+        if state.armed and not state.expired and silent_s > state.watchdog_s:
             card.expire()
         if orphaned and not state.drive_enabled:
             return

@@ -1,5 +1,6 @@
 """What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
 
+import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -24,6 +25,19 @@ class Measurement(NamedTuple):
     S_true: float
     F_push: float
     safety_trip: float
+
+
+class RawReading(NamedTuple):
+    """What a card said: volts of the load cells, counts of the encoders; nan where there is no card."""
+
+    V_A: float
+    V_B: float
+    n_q: float
+    n_A: float
+    n_B: float
+
+
+NO_RAW = RawReading(*(5 * [math.nan]))
 
 
 class ShaftLoad(NamedTuple):
@@ -57,12 +71,15 @@ class Plant(Protocol):
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
     sample is due (a hardware clock), False where the loop keeps the time. ``loads_shafts`` tells whether ``load`` is
     there. ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
-    waits, a rig moves on.
+    waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
+    plant is open. ``raw`` is what the newest measurement was made from.
     """
 
     paces_loop: bool
     loads_shafts: bool
     unattended_max_s: float
+    description: str
+    raw: RawReading
 
     def open(self) -> None:
         """Connect, outputs at zero volts. Raises PlantError."""

@@ -8,7 +8,7 @@ from plant.breakage import Breakage, Broken, BrokenPart
 from plant.card import Card
 from plant.compiled import compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
-from plant.interface import NO_LOAD, ZERO_VOLTS, Measurement, MotorCommand, PlantError, ShaftLoad, T_s
+from plant.interface import NO_LOAD, NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, PlantError, ShaftLoad, T_s
 from plant.parameters import PlantParameters
 from plant.safety import SafetyBounds, exceeded
 from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
@@ -42,6 +42,8 @@ class Simulator:
     paces_loop = False
     loads_shafts = True
     unattended_max_s = 0.4
+    description = "simulator"
+    raw = NO_RAW
 
     def __init__(
         self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST, card: Card | None = None
@@ -94,6 +96,11 @@ class Simulator:
         self._tick += 1
         if self._card is not None:
             self._card.put(driven, self._tripped)
+
+    @property
+    def F_push(self) -> float:
+        """The push that is applied now [N]."""
+        return self._F_push
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""

@@ -147,7 +147,7 @@ class Bench:
 
     async def push(self, push: Push, who: str) -> Push:
         """Push the joint of the simulator from outside. Raises ApiError 409 on a rig, OutOfRangeError."""
-        if self.picture.plant != "simulator":
+        if not self.picture.plant.simulated:
             raise ApiError(409, "the simulator only is pushed by command: push a rig by hand", code="not_a_simulator")
         require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "order it again to push for longer"

@@ -6,7 +6,7 @@ from backend.faults import Fault
 from backend.loop.card_guard import CardGuard
 from backend.loop.supervisor import Supervisor
 from backend.loop.worker import SILENCE_S
-from plant.card import WATCHDOG_S, CardState
+from plant.card import CardState
 
 LOOP_SILENT_S = 1.0
 """A loop without a new sample for so long [s] is not well."""
@@ -45,7 +45,7 @@ def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
     if guard.watchdog_lost:
         says = f"dead, not seen for {guard.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
     elif card.expired:
-        says = f"expired after {WATCHDOG_S:g} s without a write: {line}"
+        says = f"expired after {card.watchdog_s:g} s without a write: {line}"
     elif card.armed:
         says = f"armed, {line}"
     else:

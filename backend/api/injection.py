@@ -53,7 +53,7 @@ def fault_list() -> FaultList:
 
 async def inject(bench: Bench, control: Control, injection: Injection, who: str) -> None:
     """Break what is asked for. Raises ApiError 409 on a rig, which nobody breaks on purpose."""
-    if bench.picture.plant != "simulator":
+    if not bench.picture.plant.simulated:
         raise ApiError(409, "faults are injected into the simulator only, never into a rig", code="not_a_simulator")
     match injection.kind:
         case InjectionKind.SERVICE_SILENT:

@@ -1,14 +1,23 @@
 """What the actuator does at present, put together from samples, events and the tuning in force."""
 
 from collections.abc import Callable
-from typing import Literal, assert_never
+from typing import assert_never
 
 from backend import __version__
 from backend.api.chain import chain
 from backend.api.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.api.schemas.control import HolderView
 from backend.api.schemas.session import Health, PersonView
-from backend.api.schemas.state import FaultView, LimitsView, State, StopProof, TaskView, TensionView, TrialView
+from backend.api.schemas.state import (
+    FaultView,
+    LimitsView,
+    PlantView,
+    State,
+    StopProof,
+    TaskView,
+    TensionView,
+    TrialView,
+)
 from backend.api.tuning_in_use import Chosen, TuningInUse, chosen_view
 from backend.controllers.limits import Bounds, bounds_for
 from backend.faults import EXPLAINED, Fault, explained
@@ -27,6 +36,7 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
+from plant.choice import PlantChoice
 from plant.parameters import PlantParameters
 from plant.spring import elongation, slope
 
@@ -70,7 +80,7 @@ class Picture:
         self._plant_problem = ""
 
     @property
-    def plant(self) -> Literal["simulator", "rig"]:
+    def plant(self) -> PlantChoice:
         """What is controlled."""
         return self._supervisor.setup.plant
 
@@ -155,7 +165,7 @@ class Picture:
         return State(
             mode=mode,
             legal_modes=self.legal(mode),
-            plant=self.plant,
+            plant=self._plant_view(),
             parameters=self._parameters.name,
             tick=self.tick,
             link=link,
@@ -177,6 +187,10 @@ class Picture:
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
 
+    def _plant_view(self) -> PlantView:
+        plant = self.plant
+        return PlantView(kind=plant.kind, simulated=plant.simulated, name=plant.name, says=self._supervisor.driven)
+
     def _limits(self) -> LimitsView:
         b = self.bounds
         return LimitsView(
@@ -186,7 +200,7 @@ class Picture:
             S_max=b.S_max,
             F_min=b.F_slack,
             F_max=b.F_max,
-            F_push_max=F_PUSH_MAX if self._supervisor.setup.plant == "simulator" else 0.0,
+            F_push_max=F_PUSH_MAX if self.plant.simulated else 0.0,
             u_max=b.u_max,
             q_trip=b.q_trip,
             tensions=self._tensions,

@@ -63,6 +63,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError
     from backend.tuning.formulas import TuningError
+    from plant.interface import PlantError
     from plant.parameters import ParameterError
 
     return (
@@ -76,6 +77,7 @@ def _expected() -> tuple[type[Exception], ...]:
         OSError,
         OutOfRangeError,
         ParameterError,
+        PlantError,
         RecordingError,
         SchemaError,
         SettingError,

@@ -74,8 +74,18 @@ def _cores() -> Finding:
 
 
 def _card() -> Finding:
-    # nothing that could be installed would drive a rig: its card needs code that is not there
-    return Finding("DAQ card", "no driver in this version: it controls the simulator only")
+    from plant.catalog import require_available
+    from plant.choice import PlantChoice, PlantKind
+    from plant.interface import PlantError
+
+    try:
+        require_available(PlantChoice(PlantKind.RIG))
+        from plant.daq import driver
+
+        return Finding("DAQ card", driver())
+    except PlantError as error:
+        found, _, remedy = str(error).partition(": ")
+        return Finding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
 
 
 def _browser() -> Finding:

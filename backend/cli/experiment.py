@@ -7,7 +7,7 @@ import typer
 
 from backend.cli.ordering import current_user, in_force, ordered, run_headless, values_of
 from backend.cli.output import AsJson
-from backend.cli.place import DataFolder, ParameterSet, settings_with
+from backend.cli.place import DataFolder, ParameterSet, PlantName, VirtualCard, WiringFile, settings_with
 
 SetWords = Annotated[
     list[str] | None,
@@ -26,6 +26,9 @@ def experiment(
         typer.Option("--controller", help="Of tracking: cascade, single-loop or feedback-linearization."),
     ] = None,
     out: OutFolder = None,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -41,6 +44,6 @@ def experiment(
     from backend.experiments.runner import Order
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
-    settings = settings_with(params=params, data=data)
+    settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
     plan, loop_settings, tuning = ordered(entry_of(name).plan, chosen, in_force(settings))
     run_headless(settings, Order(plan, loop_settings, current_user()), tuning, out, as_json=as_json)

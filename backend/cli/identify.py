@@ -11,7 +11,15 @@ from backend.cli.experiment import OutFolder, SetWords
 from backend.cli.ordering import Standing, current_user, in_force, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail, print_json, print_table
 from backend.cli.output import out as screen
-from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.cli.place import (
+    DataFolder,
+    ParameterSet,
+    PlantName,
+    VirtualCard,
+    WiringFile,
+    database_of,
+    settings_with,
+)
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -38,6 +46,9 @@ Table = Annotated[
 def motor(
     values: SetWords = None,
     out: OutFolder = None,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -49,7 +60,13 @@ def motor(
     """
     from backend.experiments.identification_plans import MotorIdentificationPlan
 
-    _identify(MotorIdentificationPlan, values_of(values or []), out, settings_with(params=params, data=data), as_json)
+    _identify(
+        MotorIdentificationPlan,
+        values_of(values or []),
+        out,
+        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data),
+        as_json,
+    )
 
 
 @app.command()
@@ -57,6 +74,9 @@ def spring(
     values: SetWords = None,
     table: Table = None,
     out: OutFolder = None,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -68,7 +88,7 @@ def spring(
     """
     from backend.experiments.identification_plans import SpringIdentificationPlan
 
-    settings = settings_with(params=params, data=data)
+    settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
     if table is None:
         _identify(SpringIdentificationPlan, values_of(values or []), out, settings, as_json)
     elif values or out:
@@ -82,6 +102,9 @@ def actuator(
     values: SetWords = None,
     tensions: Tensions = None,
     out: OutFolder = None,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     as_json: AsJson = False,
@@ -94,7 +117,10 @@ def actuator(
     """
     from backend.experiments.plans import ActuatorIdentificationPlan
 
-    settings, chosen = settings_with(params=params, data=data), values_of(values or [])
+    settings, chosen = (
+        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data),
+        values_of(values or []),
+    )
     if tensions is None:
         _identify(ActuatorIdentificationPlan, chosen, out, settings, as_json)
         return

@@ -129,12 +129,10 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     from backend.reports.source import load_source
     from plant.parameters import load_parameters
 
-    if settings.plant != "simulator":
-        fail("headless runs are simulated; on the rig start them from the dashboard of sinew serve")
     parameters = load_parameters(settings.params)
     with (
         database_of(settings) as database,
-        headless_station(database, parameters, first.loop_settings) as station,
+        headless_station(database, parameters, first.loop_settings, settings.plant_choice) as station,
     ):
 
         def play(

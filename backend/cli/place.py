@@ -18,6 +18,24 @@ DataFolder = Annotated[
 ]
 ParameterSet = Annotated[str | None, typer.Option("--params", help="Parameter set: lab, ideal or a TOML file. [lab]")]
 
+PlantName = Annotated[
+    str | None,
+    typer.Option("--plant", help="simulator, rig, replay, or a plant of an installed package. [simulator]"),
+]
+VirtualCard = Annotated[
+    bool | None,
+    typer.Option("--virtual-card/--real-card", help="With --plant rig: a simulated card in place of the real one."),
+]
+WiringFile = Annotated[
+    str | None, typer.Option("--wiring", help="With --plant rig: pcie-6323 or a TOML file. [pcie-6323]")
+]
+CardAddress = Annotated[
+    str | None, typer.Option("--card-address", help="With --plant rig: HOST:PORT of NI's gRPC device server.")
+]
+Recording = Annotated[
+    Path | None, typer.Option("--recording", help="With --plant replay: the recording to play back, a file.")
+]
+
 
 def settings_with(**chosen: object) -> Settings:
     """Return the settings: what the command line leaves out comes from the environment or is the default."""

@@ -1,19 +1,32 @@
 """``sinew serve`` and ``sinew link``."""
 
 import sys
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backend.cli.output import fail
-from backend.cli.place import DataFolder, ParameterSet, settings_with
+from backend.cli.place import (
+    CardAddress,
+    DataFolder,
+    ParameterSet,
+    PlantName,
+    Recording,
+    VirtualCard,
+    WiringFile,
+    settings_with,
+)
 
 if TYPE_CHECKING:
     from backend.api.tokens import Tokens
 
 
 def serve(
-    plant: Annotated[Literal["simulator", "rig"] | None, typer.Option(help="What to control. [simulator]")] = None,
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
+    card_address: CardAddress = None,
+    recording: Recording = None,
     params: ParameterSet = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on. [127.0.0.1]")] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free one. [8000]")] = None,
@@ -25,8 +38,21 @@ def serve(
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
     from backend.main import serve as run_service
+    from plant.catalog import require_available
 
-    settings = settings_with(plant=plant, params=params, host=host, port=port, data=data, show_link=show_link)
+    settings = settings_with(
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        recording=recording,
+        params=params,
+        host=host,
+        port=port,
+        data=data,
+        show_link=show_link,
+    )
+    require_available(settings.plant_choice)
     shown = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
     def tell(address: str, tokens: "Tokens | None") -> None:

@@ -11,15 +11,20 @@ from backend.loop.ring import Ring
 from backend.recording.recorder import Recorder
 from backend.storage import Database, banks
 from backend.tuning.preview import Previewer
+from plant.catalog import make_plant
+from plant.choice import SIMULATOR, PlantChoice
+from plant.interface import PlantError
 from plant.parameters import PlantParameters
-from plant.simulator import Simulator
 
 
 @contextmanager
-def headless_station(database: Database, parameters: PlantParameters, settings: LoopSettings) -> Iterator[Station]:
-    """Give a simulated actuator with a recorder, set to ``settings``; let go of it at the end of the block.
+def headless_station(
+    database: Database, parameters: PlantParameters, settings: LoopSettings, plant: PlantChoice = SIMULATOR
+) -> Iterator[Station]:
+    """Give an actuator that is computed, with a recorder, set to ``settings``; let go of it at the end of the block.
 
-    Raises UnknownRecordError for a bank that is not there, OutOfRangeError for λ that is not safe on its models.
+    Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
+    OutOfRangeError for λ that is not safe on its models.
     """
     bank = None
     if settings.bank:
@@ -33,14 +38,16 @@ def headless_station(database: Database, parameters: PlantParameters, settings: 
         for recorder in recorders:
             recorder.drain()
 
+    if not plant.simulated:
+        raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
     loop = Headless(
-        Simulator(parameters, settings.seed), parameters, tuning_command(parameters, settings, bank), record
+        make_plant(plant, parameters, settings.seed), parameters, tuning_command(parameters, settings, bank), record
     )
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.hear)
     try:
-        yield Station(loop, database, "simulator", parameters)
+        yield Station(loop, database, plant.name, parameters)
     finally:
         loop.close()
         recorder.close()

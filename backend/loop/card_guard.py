@@ -5,7 +5,8 @@ import logging
 from asyncio.subprocess import Process
 
 from backend.supervision import Part
-from plant.card import WATCHDOG_S, Card, Stillness
+from plant.card import WATCHDOG_S, Card
+from plant.stillness import Stillness
 
 PART = Part("The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone.")
 
@@ -22,7 +23,8 @@ class CardGuard:
     """Looks at one card; ``problem`` says what is wrong with its watchdog.
 
     Clearing the outputs is the last resort where the loop and the watchdog are both dead. It works because the service
-    holds the simulator's registers; with a rig it is the safety module that is left.
+    holds the simulator's registers. Into a rig's card nobody but the loop can look: what is shown of it is a mirror,
+    and what is left behind a dead loop is that card's own watchdog and the safety module.
     """
 
     def __init__(self, card: Card) -> None:
@@ -40,7 +42,8 @@ class CardGuard:
     def watchdog_lost(self) -> bool:
         """Whether nobody would take the drives away if the loop died: found by the loop, or seen here."""
         state = self._card.state()
-        return state.watchdog_dead or (state.armed and state.drive_enabled and self._looks.still_s > WATCHDOG_S)
+        seen_dead = state.armed and state.drive_enabled and self._looks.still_s > WATCHDOG_S
+        return state.watchdog_dead or (seen_dead and not state.mirror)
 
     def look(self, loop_gone: bool) -> bool:
         """Look once, at the times LOOK_S apart; return whether there is anything left to guard."""
@@ -51,6 +54,12 @@ class CardGuard:
             self._tell("the card's watchdog is dead: reset starts a new loop with a new one")
         if loop_gone and state.drive_enabled and unwritten_s > LAST_RESORT_S:
             self._card.expire()
+            if state.mirror:
+                self._tell(
+                    f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s after "
+                    "the last write, which cannot be seen from here; look at the rig, then reset"
+                )
+                return False
             self._tell(
                 "the loop and the card's watchdog were both dead: the service cleared the outputs itself; "
                 "look at the rig, then reset"

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from backend.loop.commands import Command, Event, RunProgram, SetTuning
 from backend.loop.pacer import Granted
 from backend.loop.program import Segment, require_few
+from plant.choice import PlantChoice
 
 MAX_BYTES = 16_384
 """Longest packet: what is decoded within a third of a period."""
@@ -27,7 +28,7 @@ PART_SEGMENTS = 64
 class Setup:
     """First message to the loop process: the plant to open, with what parameters and tuning."""
 
-    plant: Literal["simulator", "rig"]
+    plant: PlantChoice
     parameters: str
     seed: int
     tuning: SetTuning
@@ -35,9 +36,10 @@ class Setup:
 
 @dataclass(frozen=True)
 class Ready:
-    """First message of the loop process: it ticks now, with what the machine granted."""
+    """First message of the loop process: it ticks now and drives ``driven``, with what the machine granted."""
 
     granted: Granted
+    driven: str
 
 
 @dataclass(frozen=True)

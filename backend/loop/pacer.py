@@ -91,6 +91,17 @@ class Pacer:
         self._deadline_ns = now_ns()
         self.overruns = 0
 
+    def met(self) -> float:
+        """Take note of a period that somebody else's clock has ended; return how late against the one before [s].
+
+        Periods that were missed are counted, by whole ones that went by beyond the one that was due.
+        """
+        now_ns = self._now_ns()
+        late_ns = max(now_ns - self._deadline_ns - self._period_ns, 0)
+        self.overruns += late_ns // self._period_ns
+        self._deadline_ns = now_ns
+        return late_ns / _NS
+
     def wait(self) -> float:
         """Sleep until the next deadline; return how late it was met [s], always less than a period plus the wake-up.
 

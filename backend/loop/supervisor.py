@@ -47,8 +47,6 @@ HUNG_BEATS = 16
 _WATCH = Part("The watch over the loop process", "A loop process that ends now is told late.")
 _SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
 _HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
-
-
 _POLL_S = 0.02
 _LOG = logging.getLogger(__name__)
 
@@ -66,6 +64,7 @@ class Supervisor:
         self.card = Card.create()
         self.guard = CardGuard(self.card)
         self.granted: Granted | None = None
+        self.driven = ""
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
         self._heart: Heart | None = None
@@ -245,8 +244,8 @@ class Supervisor:
 
     def _take(self, message: FromLoop) -> None:
         match message:
-            case Ready(granted):
-                self.granted = granted
+            case Ready(granted, driven):
+                self.granted, self.driven = granted, driven
                 self._reason = ""
                 if self._ready is not None and not self._ready.done():
                     self._ready.set_result(granted)

@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import assert_never
 
 from backend.faults import Fault
 from backend.loop.channel import (
@@ -37,9 +36,9 @@ from backend.loop.program import MAX_SEGMENTS, Segment
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from plant.card import Card
+from plant.catalog import make_plant
 from plant.interface import Plant, PlantError, T_s
-from plant.parameters import ParameterError, PlantParameters, load_parameters
-from plant.simulator import Simulator
+from plant.parameters import ParameterError, load_parameters
 
 SILENCE_S = 0.34
 """Without a word from the service for so long [s], the loop stops softly.
@@ -83,7 +82,7 @@ class Worker:
         """Tick until told to end, or until the service is gone and the outputs are zero."""
         before_s = now_s()
         while not (self._terminated or self._loop.finished or self._abandoned()):
-            lateness_s = 0.0 if self._plant.paces_loop else pacer.wait()
+            lateness_s = pacer.met() if self._plant.paces_loop else pacer.wait()
             begun_s = now_s()
             self._silence_s += min(begun_s - before_s, PAUSE_S)
             before_s = begun_s
@@ -163,20 +162,10 @@ def _receive_setup(channel: Channel) -> Setup:
     return message
 
 
-def _plant(setup: Setup, parameters: PlantParameters, card: Card) -> Plant:
-    match setup.plant:
-        case "simulator":
-            card.start_watchdog()  # its process comes up while the rehearsal computes
-            return Simulator(parameters, setup.seed, card=card)
-        case "rig":
-            raise PlantError("this version drives the simulator only: start with --plant simulator")
-    assert_never(setup.plant)
-
-
 def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters)
-    plant = _plant(setup, parameters, card)
+    plant = make_plant(setup.plant, parameters, setup.seed, card)
     rehearse(parameters, setup.tuning)
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
@@ -185,7 +174,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
         gc.collect()
         gc.freeze()
         gc.disable()
-        worker.tell(Ready(request_real_time()))
+        worker.tell(Ready(request_real_time(), plant.description))
         worker.run(Pacer(T_s))
     finally:
         loop.close()

@@ -58,7 +58,7 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     if bank is not None and len(bank.entries) > 1 and law == "cascade":
         controller += ", interpolating between entries" if loop.get("interpolate") else ", switching between entries"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
-    if source.run.plant == "simulator" and "seed" in loop:
+    if source.run.plant in ("simulator", "virtual card") and "seed" in loop:
         lines.append(Fact("Seed", str(loop["seed"])))
     return tuple(lines)
 

@@ -30,6 +30,7 @@ from backend.loop.supervisor import Supervisor
 from backend.recording.recorder import Recorder
 from backend.storage import Database
 from backend.supervision import Supervision
+from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -113,7 +114,7 @@ def stepped_service(database: Database, parameters: PlantParameters) -> Iterator
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.hear)
-    supervisor, supervision = Stepped(Setup("simulator", parameters.name, SEED, tuning.command()), loop), Supervision()
+    supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     picture, journal = Picture(supervisor, parameters, tuning, list), Journal(database)
     sessions = SessionRuns(database, "simulator", parameters)
     bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)

@@ -11,6 +11,7 @@ from backend.api.control import Control
 from backend.api.errors import ApiError
 from backend.api.injection import BY_HAND, LEADS_TO, inject
 from backend.faults import FAULTS, Fault
+from plant.choice import PlantChoice, PlantKind
 from tests.api.conftest import problem, wait_for
 
 ONLY_HERE = [
@@ -99,7 +100,7 @@ def test_a_viewer_breaks_nothing(viewer: httpx.Client) -> None:
 
 
 class _RigPicture:
-    plant = "rig"
+    plant = PlantChoice(PlantKind.RIG)
 
 
 class _RigBench:

@@ -15,6 +15,7 @@ from backend.loop.mode import Mode
 from backend.refusal import OutOfRangeError
 from backend.sample import INDEX
 from backend.storage import Database, events, open_database
+from plant.choice import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
@@ -77,7 +78,7 @@ def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database
                 await parts.bench.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
         assert parts.picture.state().limits.F_push_max == 30.0
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant="rig")
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(PlantKind.RIG))
         with pytest.raises(ApiError, match="push a rig by hand"):
             await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
         assert parts.picture.state().limits.F_push_max == 0.0

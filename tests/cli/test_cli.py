@@ -166,15 +166,14 @@ def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
 
 
 def test_doctor_promises_no_rig_that_a_start_refuses(tmp_path: Path) -> None:
-    """Nothing is recommended for a rig that no driver could use: a start with one is refused in this version."""
+    """No machine of these tests has a card: the doctor says what is missing in the words that a start is refused in."""
     findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
     card = next(finding for finding in findings if "DAQ" in finding["what"])
     ended = sinew("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
     assert ended.returncode == 1
-    assert "simulator" in ended.stderr
-    assert "simulator only" in card["found"]
-    assert card["remedy"] == ""
-    assert not any("sinew[rig]" in finding["remedy"] for finding in findings)
+    assert card["found"].startswith("none: ")
+    assert card["found"].removeprefix("none: ") in " ".join(ended.stderr.split())
+    assert "the simulator needs none" in card["remedy"]
 
 
 def test_recordings_beyond_the_limit_are_listed_and_go_when_named(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
         ("ALLOWED_HOSTS", "http://rig.lab/", "without http://"),
         ("ALLOWED_HOSTS", '["rig.lab"', "rig.lab"),
         ("ALLOWED_HOSTS", "[1, 2]", "SINEW_ALLOWED_HOSTS"),
-        ("PLANT", "toaster", "'simulator' or 'rig'"),
+        ("PLANT", "toaster", "there is no plant toaster: choose simulator or rig"),
         ("PARAMS", "nowhere", "nowhere"),
         ("HOST", "a..b", "a..b"),
         ("PORT", "eight", PORT_IN_WORDS),
@@ -149,16 +149,27 @@ def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
     assert f"cannot listen on 127.0.0.1 port {port}" in line
 
 
-def test_a_plant_that_is_not_there_is_told_without_the_loops_traceback(tmp_path: Path) -> None:
+_WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli import main; main()"
+
+
+@pytest.mark.parametrize(
+    ("start", "reason"),
+    [
+        (["-m", "backend"], "NI's driver is not on this machine: install NI-DAQmx"),
+        (["-c", _WITHOUT_NIDAQMX], "NI's Python package, which is not installed: install Sinew with its extra rig"),
+    ],
+    ids=["without driver", "without extra"],
+)
+def test_a_plant_that_is_not_there_is_told_in_one_line(tmp_path: Path, start: list[str], reason: str) -> None:
     ended = subprocess.run(
-        [sys.executable, "-m", "backend", "serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path)],
+        [sys.executable, *start, "serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path)],
         capture_output=True,
         text=True,
         check=False,
     )
     (line,) = ended.stderr.strip().splitlines()
     assert ended.returncode == 1
-    assert "drives the simulator only" in line
+    assert reason in line
 
 
 @pytest.mark.parametrize("hosts", ["rig.lab, bench", '["rig.lab", "bench"]'])

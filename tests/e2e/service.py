@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,16 +28,21 @@ class Service:
 
 @contextmanager
 def running_service(
-    data: Path, params: str = "lab", log: Path | None = None, descriptors: int | None = None
+    data: Path,
+    params: str = "lab",
+    log: Path | None = None,
+    descriptors: int | None = None,
+    plant: Sequence[str] = ("simulator",),
 ) -> Iterator[Service]:
-    """Start ``sinew serve`` on the simulator and wait for its sign-in link; end it as Ctrl+C does.
+    """Start ``sinew serve`` and wait for its sign-in link; end it as Ctrl+C does.
 
-    What it says is copied to ``log``, by default a file in its data folder. ``descriptors`` is how many files and
-    sockets it may have open if it asks for them, where that is to be fewer than usual; it begins with half of them.
+    ``plant`` are the words after ``--plant``. What it says is copied to ``log``, by default a file in its data folder.
+    ``descriptors`` is how many files and sockets it may have open if it asks for them, where that is to be fewer than
+    usual; it begins with half of them.
     """
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
-    command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", "simulator", "--params", params]
+    command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", *plant, "--params", params]
     command += ["--port", "0", "--show-link", "--data", str(data)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if descriptors is not None:

@@ -11,12 +11,13 @@ from backend.loop.supervisor import Supervisor
 from backend.loop.tuned import tuning_for
 from backend.sample import INDEX
 from backend.tuning.models import Lambdas
+from plant.choice import SIMULATOR
 from plant.parameters import load_parameters
 
 
 async def serve() -> None:
     tuning = tuning_for(load_parameters("ideal"), Lambdas())
-    supervisor = Supervisor(Setup(plant="simulator", parameters="ideal", seed=0, tuning=tuning))
+    supervisor = Supervisor(Setup(plant=SIMULATOR, parameters="ideal", seed=0, tuning=tuning))
     await supervisor.start()
     await supervisor.send(SetMode(Mode.PRETENSION))
 

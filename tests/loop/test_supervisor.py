@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.loop.timing import timing
 from backend.sample import INDEX
+from plant.choice import SIMULATOR, PlantChoice, PlantKind
 
 pytestmark = pytest.mark.live
 
@@ -32,7 +34,7 @@ TIMEOUT_S = 120.0
 
 @pytest.fixture
 def setup(tuning: SetTuning) -> Setup:
-    return Setup(plant="simulator", parameters="ideal", seed=0, tuning=tuning)
+    return Setup(plant=SIMULATOR, parameters="ideal", seed=0, tuning=tuning)
 
 
 def loop_processes() -> set[int]:
@@ -155,12 +157,15 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
 
 @pytest.mark.parametrize(
     ("plant", "parameters", "reason"),
-    [("simulator", "no-such-set", "no-such-set"), ("rig", "ideal", "start with --plant simulator")],
+    [
+        (SIMULATOR, "no-such-set", "no-such-set"),
+        (PlantChoice(PlantKind.RIG), "ideal", "NI's driver is not on this machine|its extra rig"),
+        (PlantChoice(PlantKind.RIG, wiring="no-such-file"), "ideal", "no-such-file: file: it cannot be read"),
+    ],
 )
-def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: str, parameters: str, reason: str) -> None:
+def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, parameters: str, reason: str) -> None:
     async def session() -> None:
-        impossible = Setup(plant=plant, parameters=parameters, seed=0, tuning=setup.tuning)  # type: ignore[arg-type] # impossible on purpose
-        supervisor = Supervisor(impossible)
+        supervisor = Supervisor(replace(setup, plant=plant, parameters=parameters))
         with pytest.raises(LoopDiedError, match=reason):
             await supervisor.start()
         assert not supervisor.alive

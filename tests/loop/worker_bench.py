@@ -11,6 +11,7 @@ from backend.loop.pacer import Pacer
 from backend.loop.ring import Ring
 from backend.loop.worker import Worker
 from backend.sample import INDEX
+from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -23,7 +24,7 @@ class Bench:
         self.ring = Ring.create()
         plant = Simulator(parameters)
         self.worker = Worker(plant, Loop(plant, parameters, self.ring, tuning), Channel(theirs))
-        self.setup = Setup("simulator", "ideal", 0, tuning)
+        self.setup = Setup(SIMULATOR, "ideal", 0, tuning)
         self.now_ns = 0
         self.each_tick: Callable[[int], None] = lambda tick: None
         self.told: list[object] = []

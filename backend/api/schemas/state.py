@@ -10,6 +10,16 @@ from backend.api.schemas.session import PersonView
 from backend.api.schemas.tuning import ChosenTuning, TuningParts, TuningView
 from backend.faults import Fault
 from backend.loop.mode import Mode
+from plant.choice import PlantKind
+
+
+class PlantView(Schema):
+    """What is driven: its kind, its name as runs keep it, and in words how it is connected and timed."""
+
+    kind: PlantKind
+    simulated: bool = Field(description="whether what moves is computed: it can be pushed, and broken to order")
+    name: str
+    says: str
 
 
 class LinkView(Schema):
@@ -127,7 +137,7 @@ class State(Schema):
 
     mode: Mode
     legal_modes: list[Mode]
-    plant: Literal["simulator", "rig"]
+    plant: PlantView
     parameters: str
     tick: int
     link: LinkView

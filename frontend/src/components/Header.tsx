@@ -7,6 +7,7 @@ import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/preferences";
 import { useMayCommand } from "../service/useMayCommand";
+import type { PlantView } from "../wire/types";
 import { AngleSwitch } from "./AngleSwitch";
 import { ControlMenu } from "./ControlMenu";
 import styles from "./Header.module.css";
@@ -81,24 +82,25 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
   );
 }
 
-function PlantBadge({
-  plant,
-  parameters,
-}: {
-  plant: "simulator" | "rig" | undefined;
-  parameters: string | undefined;
-}) {
-  const rig = plant === "rig";
-  const name = plant === undefined ? "Plant unknown" : rig ? "Rig" : "Simulator";
+const BADGES: Partial<Record<PlantView["kind"], string>> = {
+  simulator: "SIM",
+  rig: "RIG",
+  virtual_card: "VIRTUAL CARD",
+  replay: "REPLAY",
+};
+
+function PlantBadge({ plant, parameters }: { plant: PlantView | undefined; parameters: string | undefined }) {
+  const name =
+    plant === undefined ? "Plant unknown" : plant.name.charAt(0).toUpperCase() + plant.name.slice(1);
   return (
     <span
       className={styles.badge}
-      data-plant={plant}
+      data-plant={plant?.kind}
       role="img"
       aria-label={name}
-      title={`${name}, parameters ${parameters}`}
+      title={`${plant?.says || name}, parameters ${parameters}`}
     >
-      {plant === undefined ? "···" : rig ? "RIG" : "SIM"}
+      {plant === undefined ? "···" : (BADGES[plant.kind] ?? plant.name)}
     </span>
   );
 }

@@ -3126,6 +3126,28 @@ export interface components {
             control: string | null;
         };
         /**
+         * PlantKind
+         * @description What is behind the Plant interface.
+         * @enum {string}
+         */
+        PlantKind: "simulator" | "rig" | "virtual_card" | "replay" | "package";
+        /**
+         * PlantView
+         * @description What is driven: its kind, its name as runs keep it, and in words how it is connected and timed.
+         */
+        PlantView: {
+            kind: components["schemas"]["PlantKind"];
+            /**
+             * Simulated
+             * @description whether what moves is computed: it can be pushed, and broken to order
+             */
+            simulated: boolean;
+            /** Name */
+            name: string;
+            /** Says */
+            says: string;
+        };
+        /**
          * Pong
          * @description Answer to a ping.
          */
@@ -3914,11 +3936,7 @@ export interface components {
             mode: components["schemas"]["Mode"];
             /** Legal Modes */
             legal_modes: components["schemas"]["Mode"][];
-            /**
-             * Plant
-             * @enum {string}
-             */
-            plant: "simulator" | "rig";
+            plant: components["schemas"]["PlantView"];
             /** Parameters */
             parameters: string;
             /** Tick */
@@ -3969,11 +3987,7 @@ export interface components {
             mode: components["schemas"]["Mode"];
             /** Legal Modes */
             legal_modes: components["schemas"]["Mode"][];
-            /**
-             * Plant
-             * @enum {string}
-             */
-            plant: "simulator" | "rig";
+            plant: components["schemas"]["PlantView"];
             /** Parameters */
             parameters: string;
             /** Tick */

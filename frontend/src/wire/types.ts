@@ -59,6 +59,7 @@ export type Queue = Schemas["QueueView"];
 export type Metric = Schemas["MeasuredMetric"];
 export type Criterion = Schemas["Criterion"];
 export type ChainLink = Schemas["ChainLinkView"];
+export type PlantView = Schemas["PlantView"];
 export type Injection = Schemas["Injection"];
 export type SystemState = Schemas["SystemView"];
 export type Recordings = Schemas["RecordingsView"];

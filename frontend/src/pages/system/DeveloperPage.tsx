@@ -16,7 +16,7 @@ import styles from "./System.module.css";
 export default function DeveloperPage() {
   const faults = useQuery(faultsQuery).data ?? [];
   const latched = useLive((live) => live.state?.fault?.code);
-  const isRig = useLive((live) => live.state?.plant === "rig");
+  const isRig = useLive((live) => live.state?.plant.simulated === false);
   const inject = useInject();
   const mend = useMend();
   const may = useMayCommand() !== false;

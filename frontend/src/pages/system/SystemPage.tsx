@@ -57,7 +57,7 @@ export default function SystemPage() {
           facts={[
             ["Version", health.data?.version],
             ["Made with", system && versions(system.versions)],
-            ["Plant", state && `${state.plant}, parameters ${state.parameters}`],
+            ["Plant", state && `${state.plant.says || state.plant.name}, parameters ${state.parameters}`],
             ["Signed in as", session.data && `${session.data.name} (${session.data.role})`],
             ["Control held by", state && (state.holder?.name ?? "nobody")],
             ["Link, there and back", link.latency_ms === null ? undefined : age(link.latency_ms)],

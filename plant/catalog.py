@@ -1,0 +1,66 @@
+"""Make the plant that was chosen."""
+
+from importlib.util import find_spec
+
+from plant.card import Card
+from plant.choice import PlantChoice, PlantKind
+from plant.interface import Plant, PlantError
+from plant.parameters import PlantParameters
+from plant.simulator import Simulator
+from plant.wiring import Wiring, WiringError, load_wiring
+
+_NEEDS_EXTRA = (
+    "driving a card needs NI's Python package, which is not installed: install Sinew with its extra rig, "
+    "`make run EXTRAS=rig` or pip install 'sinew[rig]'"
+)
+
+
+def require_available(choice: PlantChoice) -> None:
+    """Raise PlantError, in one line, where what the choice needs is not installed or cannot be read."""
+    if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
+        raise PlantError(_NEEDS_EXTRA)
+    if choice.kind in (PlantKind.REPLAY, PlantKind.PACKAGE):
+        raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
+
+
+def make_plant(choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None = None) -> Plant:
+    """Make a plant, not yet open. Raises PlantError.
+
+    ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
+    """
+    require_available(choice)
+    match choice.kind:
+        case PlantKind.SIMULATOR:
+            if card is not None:
+                card.start_watchdog()  # its process comes up while the rehearsal computes
+            return Simulator(parameters, seed, card=card)
+        case PlantKind.RIG:
+            return _rig(choice, card)
+        case PlantKind.VIRTUAL_CARD:
+            return _virtual_rig(choice, parameters, seed, card)
+        case PlantKind.REPLAY | PlantKind.PACKAGE:
+            raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
+
+
+# What follows imports NI's package, which is not there in every installation.
+
+
+def _rig(choice: PlantChoice, card: Card | None) -> Plant:
+    from plant.daq import Daq
+    from plant.rig import Rig
+
+    wiring = _wiring(choice)
+    return Rig(wiring, Daq(wiring), registers=card)
+
+
+def _virtual_rig(choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None) -> Plant:
+    from plant.virtual_rig import VirtualRig
+
+    return VirtualRig(_wiring(choice), Simulator(parameters, seed), card)
+
+
+def _wiring(choice: PlantChoice) -> Wiring:
+    try:
+        return load_wiring(choice.wiring)
+    except WiringError as error:
+        raise PlantError(str(error)) from None

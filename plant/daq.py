@@ -1,0 +1,246 @@
+"""The DAQ card through NI-DAQmx: tasks, raw volts and counts, the drive-enable line and the card's watchdog.
+
+The only file that knows nidaqmx. It knows nothing of springs or radians: ``plant/rig.py`` does. On an X Series card the
+watchdog covers digital lines, not analog outputs, so what it takes away is the drive-enable line.
+"""
+
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, NoReturn, TypeVar
+
+import numpy as np
+from nidaqmx import DaqError, Task
+from nidaqmx.constants import AcquisitionType, AngleUnits, EncoderType, Level, LineGrouping, TerminalConfiguration
+from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.errors import DaqFunctionNotSupportedError, DaqNotFoundError, DaqNotSupportedError, RpcError
+from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader, DigitalMultiChannelReader
+from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChannelWriter
+from nidaqmx.system import Device, System
+from nidaqmx.system.watchdog import WatchdogTask
+from nidaqmx.types import DOExpirationState
+
+from plant.card import WatchdogExpiredError
+from plant.interface import PlantError, T_s
+from plant.wiring import EncoderWiring, Wiring
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nidaqmx import GrpcSessionOptions
+
+_Stream = TypeVar("_Stream", bound=Any)
+
+RANGE_V: Final = 10.0
+"""Range of analog inputs and outputs (±) [V]."""
+
+_TIMEOUT_S: Final = 0.01
+"""How long one call may wait for the card [s]: more than a few periods would be a fault anyway."""
+
+_RATE_Hz: Final = 1.0 / T_s
+_FAILED: Final = (DaqError, RpcError, DaqNotFoundError, DaqNotSupportedError, DaqFunctionNotSupportedError)
+_EXPIRED: Final = (DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED)
+
+
+def driver() -> str:
+    """Return name and version of NI's driver on this machine, and the cards it knows. Raises PlantError."""
+    try:
+        system = System.local()
+        version = system.driver_version
+        cards = ", ".join(f"{device.name} ({device.product_type})" for device in system.devices) or "no card"
+    except _FAILED as error:
+        _refuse(error)
+    return f"NI-DAQmx {version.major_version}.{version.minor_version}, {cards}"
+
+
+class Raw(NamedTuple):
+    """One reading of the card as it is: volts of the load cells, counts of the encoders, levels of the lines."""
+
+    V_A: float
+    V_B: float
+    n_q: float
+    n_A: float
+    n_B: float
+    tripped: bool
+    at_end: bool
+
+
+class Daq:
+    """The card, opened at zero volts with the drives off. Raises PlantError with what NI-DAQmx says."""
+
+    def __init__(self, wiring: Wiring, options: "Callable[[], GrpcSessionOptions] | None" = None) -> None:
+        self._wiring = wiring
+        self._options = options
+        self._tasks = ExitStack()
+        self._volts = np.zeros(2)
+        self._levels = np.zeros(2, dtype=bool)
+        self._out = np.zeros(2)
+        self._watchdog: WatchdogTask | None = None
+        self.timed_by_card = False
+        self.watched = False
+        self.drives = False
+        self.known_expired = False
+
+    @property
+    def timing(self) -> str:
+        """How the card is timed, in words."""
+        if self.timed_by_card:
+            return "timed by the card's clock"
+        if self._wiring.card.timing == "hardware":
+            return "timed by this machine: the card offers no hardware-timed single point"
+        return "timed by this machine, on demand"
+
+    def open(self) -> None:
+        """Reserve the card: outputs at zero volts first, drives off, watchdog armed but not started."""
+        w, device = self._wiring, self._wiring.card.device
+        try:
+            out = self._task("outputs")
+            for motor in (w.motor_A, w.motor_B):
+                out.ao_channels.add_ao_voltage_chan(f"{device}/{motor.channel}", min_val=-RANGE_V, max_val=RANGE_V)
+            self._outputs = _unchecked(AnalogMultiChannelWriter(out.out_stream, auto_start=True))
+            self._write(0.0, 0.0)
+            enable = self._task("drive_enable")
+            enable.do_channels.add_do_chan(f"{device}/{w.drive_enable.line}")
+            self._enable = _unchecked(DigitalSingleChannelWriter(enable.out_stream, auto_start=True))
+            self.enable(on=False)
+            cells = self._task("load_cells")
+            for cell in (w.load_cell_A, w.load_cell_B):
+                cells.ai_channels.add_ai_voltage_chan(
+                    f"{device}/{cell.channel}",
+                    terminal_config=TerminalConfiguration.DIFF,
+                    min_val=-RANGE_V,
+                    max_val=RANGE_V,
+                )
+            self.timed_by_card = w.card.timing == "hardware" and self._offers_clock()
+            if self.timed_by_card:
+                mode = AcquisitionType.HW_TIMED_SINGLE_POINT
+                cells.timing.cfg_samp_clk_timing(_RATE_Hz, sample_mode=mode, samps_per_chan=1)
+            self._cells = _unchecked(AnalogMultiChannelReader(cells.in_stream))
+            self._counters = [
+                self._counter(name, encoder)
+                for name, encoder in (("q", w.encoder_q), ("A", w.encoder_A), ("B", w.encoder_B))
+            ]
+            lines = self._task("lines")
+            both = ",".join(f"{device}/{wired.line}" for wired in (w.safety_tripped, w.end_switch))
+            lines.di_channels.add_di_chan(both, line_grouping=LineGrouping.CHAN_PER_LINE)
+            self._lines = _unchecked(DigitalMultiChannelReader(lines.in_stream))
+            for task in (cells, lines):
+                task.start()
+            self._watchdog = self._tasks.enter_context(
+                WatchdogTask(device, "watchdog", w.card.watchdog_s, grpc_options=self._session())
+            )
+            off = Level.LOW if w.drive_enable.active == "high" else Level.HIGH
+            self._watchdog.cfg_watchdog_do_expir_states([DOExpirationState(f"{device}/{w.drive_enable.line}", off)])
+        except _FAILED as error:
+            self.close()
+            _refuse(error)
+
+    def _offers_clock(self) -> bool:
+        device = Device(self._wiring.card.device, grpc_options=self._session())
+        return AcquisitionType.HW_TIMED_SINGLE_POINT in device.ai_samp_modes
+
+    def read(self) -> Raw:
+        """Read all inputs once."""
+        try:
+            self._cells.read_one_sample(self._volts, _TIMEOUT_S)
+            n_q, n_A, n_B = (counter.read_one_sample_double(_TIMEOUT_S) for counter in self._counters)
+            self._lines.read_one_sample_one_line(self._levels, _TIMEOUT_S)
+        except _FAILED as error:
+            _refuse(error)
+        tripped = bool(self._levels[0]) == (self._wiring.safety_tripped.active == "high")
+        at_end = bool(self._levels[1]) == (self._wiring.end_switch.active == "high")
+        return Raw(float(self._volts[0]), float(self._volts[1]), n_q, n_A, n_B, tripped, at_end)
+
+    def write(self, V_A: float, V_B: float) -> None:
+        """Put volts on the terminals."""
+        try:
+            self._write(V_A, V_B)
+        except _FAILED as error:
+            _refuse(error)
+
+    def feed_watchdog(self) -> None:
+        """Tell the watchdog that somebody is there. Raises WatchdogExpiredError when that comes too late."""
+        if self._watchdog is None:
+            raise PlantError("the card is not open")
+        try:
+            self._watchdog.reset_timer()
+        except DaqError as error:
+            if error.error_type in _EXPIRED:
+                self.known_expired, self.drives = True, False
+                limit_s = self._wiring.card.watchdog_s
+                raise WatchdogExpiredError(
+                    f"the card's watchdog heard nothing for {limit_s:g} s and cut the drives"
+                ) from error
+            _refuse(error)
+        except _FAILED as error:
+            _refuse(error)
+
+    def enable(self, *, on: bool) -> None:
+        """Switch the drive-enable line."""
+        try:
+            self._enable.write_one_sample_one_line(on == (self._wiring.drive_enable.active == "high"), _TIMEOUT_S)
+            self.drives = on
+        except _FAILED as error:
+            _refuse(error)
+
+    def start_watchdog(self) -> None:
+        """Let the watchdog count from now on; after it has expired, clear that first."""
+        if self._watchdog is None:
+            raise PlantError("the card is not open")
+        try:
+            if self._watchdog.expired:
+                self._watchdog.clear_expiration()
+            self._watchdog.start()
+            self.watched, self.known_expired = True, False
+        except _FAILED as error:
+            _refuse(error)
+
+    @property
+    def expired(self) -> bool:
+        """Whether the watchdog has taken the drives away."""
+        return self._watchdog is not None and bool(self._watchdog.expired)
+
+    def close(self) -> None:
+        """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
+        with suppress(*_FAILED, AttributeError):
+            self._write(0.0, 0.0)
+        with suppress(PlantError, AttributeError):
+            self.enable(on=False)
+        with suppress(*_FAILED):
+            self._tasks.close()
+        self._watchdog = None
+        self.watched = self.drives = False
+
+    def _write(self, V_A: float, V_B: float) -> None:
+        self._out[0], self._out[1] = V_A, V_B
+        self._outputs.write_one_sample(self._out, _TIMEOUT_S)
+
+    def _task(self, name: str) -> Task:
+        return self._tasks.enter_context(Task(name, grpc_options=self._session()))
+
+    def _counter(self, name: str, encoder: EncoderWiring) -> CounterReader:
+        task = self._task(f"encoder_{name}")
+        task.ci_channels.add_ci_ang_encoder_chan(
+            f"{self._wiring.card.device}/{encoder.counter}",
+            decoding_type=EncoderType.X_4,
+            units=AngleUnits.TICKS,
+            pulses_per_rev=round(encoder.counts_per_rev / 4.0),
+        )
+        task.start()
+        return _unchecked(CounterReader(task.in_stream))
+
+    def _session(self) -> Any:
+        return None if self._options is None else self._options()
+
+
+def _unchecked(stream: _Stream) -> _Stream:
+    """Spare a call to the card in each tick: the arrays are ours, and always of one shape."""
+    stream.verify_array_shape = False
+    return stream
+
+
+def _refuse(error: Exception) -> NoReturn:
+    if isinstance(error, (DaqNotFoundError, DaqNotSupportedError)):
+        raise PlantError(
+            "NI's driver is not on this machine: install NI-DAQmx from ni.com, or name a device server's --card-address"
+        ) from error
+    said = " ".join(str(error).split())
+    raise PlantError(f"NI-DAQmx: {said}") from error

@@ -1,0 +1,176 @@
+"""The rig behind a DAQ card as a Plant: volts and counts on one side, radians and newtons on the other."""
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plant.card import Card, CardState
+from plant.daq import RANGE_V, Daq, Raw
+from plant.interface import NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading, ShaftLoad
+from plant.wiring import EncoderWiring, LoadCellWiring, Wiring
+
+if TYPE_CHECKING:
+    from plant.breakage import Broken
+
+SATURATED_V = 0.999 * RANGE_V
+"""A load cell that reads this or more says nothing any more: its amplifier is at its end."""
+
+UNATTENDED = 0.8
+"""Part of the watchdog's time that the loop may be late, before it stops by itself."""
+
+_PROOF_S = 0.3
+"""How much longer than its time the watchdog may take to show that it cuts the drives [s]."""
+
+_SETTLING_S = 0.01
+"""How long a safety module may take to answer the drive-enable line [s]."""
+
+
+class Rig:
+    """Two motors, two load cells and three encoders at one card; outputs are at zero volts but between two writes.
+
+    ``registers`` show other processes what is known of the card. An encoder counts from where it stands at the start:
+    ``zero`` says where that is.
+    """
+
+    loads_shafts = False
+
+    def __init__(self, wiring: Wiring, daq: Daq, registers: Card | None = None) -> None:
+        self.wiring = wiring
+        self.raw: RawReading = NO_RAW
+        self.description = ""
+        self.paces_loop = False
+        self.unattended_max_s = UNATTENDED * wiring.card.watchdog_s
+        self._daq = daq
+        self._registers = registers
+        self._scales = tuple(map(_radians_per_count, (wiring.encoder_q, wiring.encoder_A, wiring.encoder_B)))
+        self._zeros = (0.0, 0.0, 0.0)
+        self._cells = _LoadCell(wiring.load_cell_A), _LoadCell(wiring.load_cell_B)
+        self._gains = wiring.motor_A.gain, wiring.motor_B.gain
+        self._seen: Raw | None = None
+        self._tripped = False
+
+    def open(self) -> None:
+        """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""
+        try:
+            self._daq.open()
+            self.paces_loop = self._daq.timed_by_card
+            self.description = self._described()
+            self._prove_watchdog()
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
+
+    def _described(self) -> str:
+        return f"{self.wiring.title} as {self.wiring.card.device}, {self._daq.timing}"
+
+    def _prove_watchdog(self) -> None:
+        self._begin()
+        deadline_s = time.monotonic() + self.wiring.card.watchdog_s + _PROOF_S
+        while not self._daq.expired:
+            if time.monotonic() > deadline_s:
+                raise PlantError(
+                    f"the card's watchdog did not expire within {self.wiring.card.watchdog_s + _PROOF_S:g} s when it "
+                    "was tried at zero volts: the drives stay off; do not go on while this comes back"
+                )
+            time.sleep(_SETTLING_S)
+
+    def _begin(self) -> None:
+        self._daq.write(0.0, 0.0)
+        self._daq.start_watchdog()
+        self._daq.enable(on=True)
+        self._show(ZERO_VOLTS)
+
+    def read(self) -> Measurement:
+        """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
+        raw = self._seen = self._daq.read()
+        self._tripped = raw.tripped
+        self.raw = RawReading(*raw[:5])
+        F_A, F_B = self._cells[0].force(raw.V_A), self._cells[1].force(raw.V_B)
+        (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
+        return Measurement(
+            q + to_q * raw.n_q,
+            theta_A + to_A * raw.n_A,
+            theta_B + to_B * raw.n_B,
+            F_A,
+            F_B,
+            math.nan,
+            0.0,
+            1.0 if raw.tripped else 0.0,
+        )
+
+    def zero(self, q: float, theta_A: float, theta_B: float) -> None:
+        """Say where joint and motors stand now [rad]; from the next reading on. Raises PlantError before the first."""
+        if self._seen is None:
+            raise PlantError("nothing has been read yet: read once, then say where joint and motors stand")
+        counts = self._seen.n_q, self._seen.n_A, self._seen.n_B
+        given = q, theta_A, theta_B
+        q_0, A_0, B_0 = (angle - scale * count for angle, scale, count in zip(given, self._scales, counts, strict=True))
+        self._zeros = q_0, A_0, B_0
+
+    def write(self, command: MotorCommand) -> None:
+        """Put the voltages on the outputs and feed the watchdog.
+
+        Raises PlantError; WatchdogExpiredError once the watchdog has taken the drives away.
+        """
+        try:
+            self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
+            self._daq.feed_watchdog()
+        finally:
+            self._show(command)
+
+    def push(self, F_push: float) -> None:
+        """Refuse: a rig is pushed by hand."""
+        raise PlantError("a rig is pushed by hand, not by command")
+
+    def load(self, load: ShaftLoad) -> None:
+        """Refuse: nothing here can load the shafts to order."""
+        raise PlantError("this rig cannot load its motors' shafts by itself: play it as a dry run")
+
+    def inject(self, broken: "Broken | None") -> None:
+        """Refuse: nothing of a rig is broken on purpose."""
+        raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
+
+    def acknowledge(self) -> None:
+        """Take the drives away, start the watchdog anew and enable them. PlantError while the module stays tripped."""
+        self._daq.enable(on=False)
+        time.sleep(_SETTLING_S)
+        if self._daq.read().tripped:
+            raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
+        self._begin()
+
+    def close(self) -> None:
+        """Zero volts, drives off, and let go of the card. Safe to call twice."""
+        self._daq.close()
+        self._show(ZERO_VOLTS)
+
+    def _show(self, command: MotorCommand) -> None:
+        if self._registers is not None:
+            daq, tripped = self._daq, self._tripped
+            flags = daq.watched, daq.drives, daq.known_expired, tripped, False, True
+            self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *command))
+
+
+class _LoadCell:
+    """Newtons from volts, by slope and offset or between the points of a table."""
+
+    def __init__(self, wired: LoadCellWiring) -> None:
+        self._slope, self._offset = wired.slope, wired.offset
+        self._table = np.array(wired.table).T if wired.table else None
+
+    def force(self, V: float) -> float:
+        """Return the tension [N] behind V volts; nan beyond what was calibrated."""
+        if not abs(V) < SATURATED_V:
+            return math.nan
+        if self._table is None:
+            return self._slope * (V - self._offset)
+        volts, newtons = self._table
+        if not volts[0] <= V <= volts[-1]:
+            return math.nan
+        return float(np.interp(V, volts, newtons))
+
+
+def _radians_per_count(encoder: EncoderWiring) -> float:
+    return encoder.direction * 2.0 * math.pi / encoder.counts_per_rev

@@ -1,0 +1,57 @@
+"""The rig on a virtual card: for training and tests, without hardware."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from plant.card import WATCHDOG_S, Card
+from plant.daq import Daq
+from plant.interface import Measurement, ShaftLoad
+from plant.rig import Rig
+from plant.simulator import Simulator
+from plant.virtual_card import VirtualCard
+from plant.wiring import Wiring
+
+if TYPE_CHECKING:
+    from plant.breakage import Broken
+
+
+class VirtualRig(Rig):
+    """A rig at a virtual card: what moves can be pushed, loaded and broken to order.
+
+    With ``registers`` it runs in real time under their watchdog, whose time is that of the simulated card: a virtual
+    machine pauses for longer than a rig may be left alone. Without, it is stepped as fast as it goes, unwatched.
+    """
+
+    loads_shafts = True
+
+    def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card | None = None) -> None:
+        wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
+        self._watched = registers is not None
+        if registers is not None:
+            registers.start_watchdog()
+        self.card = VirtualCard(wiring, simulator, registers or Card.create(), has_clock=self._watched)
+        self._simulator = simulator
+        super().__init__(wiring, Daq(wiring, self.card.options))
+
+    def _described(self) -> str:
+        return f"virtual card, {super()._described()}"
+
+    def _prove_watchdog(self) -> None:
+        if self._watched:
+            super()._prove_watchdog()
+
+    def read(self) -> Measurement:
+        """Return what the sensors say now, and the push. Raises PlantError."""
+        return super().read()._replace(F_push=self._simulator.F_push)
+
+    def push(self, F_push: float) -> None:
+        """Apply an external force [N] from the next period on."""
+        self._simulator.push(F_push)
+
+    def load(self, load: ShaftLoad) -> None:
+        """Load the motors' shafts from the next period on. Raises PlantError."""
+        self._simulator.load(load)
+
+    def inject(self, broken: "Broken | None") -> None:
+        """Break something of the simulated plant, None to mend it."""
+        self._simulator.inject(broken)

@@ -1,0 +1,298 @@
+"""How a rig is wired to its card: channels, directions and calibrations from a TOML file, checked line by line.
+
+Each number carries its value, unit and source, as in a parameter file; names of channels and lines are plain text.
+``docs/rig.md`` has the table. Everything that is wrong is found at once, each with its line and what to do.
+"""
+
+import math
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import Field, dataclass, field, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+_FOLDER = Path(__file__).parent / "wirings"
+SHIPPED = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
+
+WATCHDOG_MAX_S = 0.05
+"""Longest time without a write after which the card's watchdog may take the drives away on a rig [s]."""
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong: ``line`` of the file from 1 (0: of the whole), the entry, what and what to do."""
+
+    line: int
+    entry: str
+    text: str
+    remedy: str
+
+    def sentence(self, file: str) -> str:
+        """Say it in one line."""
+        where = f"{file}:{self.line}" if self.line else file
+        return f"{where}: {self.entry}: {self.text}; {self.remedy}"
+
+
+class WiringError(ValueError):
+    """A wiring file is refused; ``problems`` are all that was found."""
+
+    def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
+        self.problems = problems
+        super().__init__("\n".join(problem.sentence(file) for problem in problems))
+
+
+def number(unit: str, minimum: float, maximum: float, default: float | None = None) -> Any:
+    """Declare a number with its unit and bounds; with a default it may be left out."""
+    return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "default": default})
+
+
+def name(pattern: str, wanted: str, default: str | None = None) -> Any:
+    """Declare a name on the card; ``wanted`` says what is looked for."""
+    return field(metadata={"pattern": pattern, "wanted": wanted, "default": default})
+
+
+def rows(unit: str) -> Any:
+    """Declare a table of pairs, rising in the first column, which may be left out."""
+    return field(metadata={"unit": unit, "rows": True, "default": ()})
+
+
+_COUNTER = name(r"ctr[0-3]", "a counter of the card, ctr0 to ctr3")
+_AI = name(r"ai(?:[0-7]|1[6-9]|2[0-3])", "a differential analog input of the card, ai0 to ai7 or ai16 to ai23")
+_AO = name(r"ao[0-3]", "an analog output of the card, ao0 to ao3")
+_LINE = r"port0/line(?:[12]?\d|3[01])|port[12]/line[0-7]"
+
+PFI_OF_COUNTER = {"ctr0": (8, 10, 9), "ctr1": (3, 11, 4), "ctr2": (0, 2, 1), "ctr3": (5, 7, 6)}
+"""Lines PFI that a counter's encoder takes for A, B and Z where nothing else is routed (X Series)."""
+
+
+@dataclass(frozen=True)
+class CardWiring:
+    """The card itself, and how it is timed."""
+
+    device: str = name(r"[A-Za-z][\w-]*", "the card's name in NI MAX or `nilsdev`, Dev1 for instance")
+    timing: str = name(r"hardware|on-demand", '"hardware" or "on-demand"', "on-demand")
+    watchdog_s: float = number("s", 0.005, WATCHDOG_MAX_S, WATCHDOG_MAX_S)
+
+
+@dataclass(frozen=True)
+class MotorWiring:
+    """A motor at an analog output: volts at the terminal for a volt that is commanded; its sign is the direction."""
+
+    channel: str = _AO
+    gain: float = number("V/V", -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class LoadCellWiring:
+    """A load cell at an analog input, calibrated by slope and offset, or by a table of volts and newtons."""
+
+    channel: str = _AI
+    slope: float = number("N/V", -1e5, 1e5, math.nan)
+    offset: float = number("V", -10.0, 10.0, 0.0)
+    table: tuple[tuple[float, float], ...] = rows("V, N")
+
+
+@dataclass(frozen=True)
+class EncoderWiring:
+    """An incremental encoder at a counter; counts with all four edges, +1 or -1 for the direction it counts in."""
+
+    counter: str = _COUNTER
+    counts_per_rev: float = number("1", 4.0, 4e6)
+    direction: float = number("1", -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class LineWiring:
+    """A digital line, and the level at which it says what it is called."""
+
+    line: str = name(_LINE, "a digital line, port0/line0 to port0/line31, or one of the eight of port1 and port2")
+    active: str = name(r"high|low", '"high" or "low"')
+
+
+SECTIONS: dict[str, type] = {
+    "card": CardWiring,
+    "motor_A": MotorWiring,
+    "motor_B": MotorWiring,
+    "load_cell_A": LoadCellWiring,
+    "load_cell_B": LoadCellWiring,
+    "encoder_q": EncoderWiring,
+    "encoder_A": EncoderWiring,
+    "encoder_B": EncoderWiring,
+    "drive_enable": LineWiring,
+    "safety_tripped": LineWiring,
+    "end_switch": LineWiring,
+}
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """A whole wiring; ``sources`` tells by ``section.entry`` where a number comes from."""
+
+    title: str
+    card: CardWiring
+    motor_A: MotorWiring
+    motor_B: MotorWiring
+    load_cell_A: LoadCellWiring
+    load_cell_B: LoadCellWiring
+    encoder_q: EncoderWiring
+    encoder_A: EncoderWiring
+    encoder_B: EncoderWiring
+    drive_enable: LineWiring
+    safety_tripped: LineWiring
+    end_switch: LineWiring
+    sources: dict[str, str] = field(default_factory=dict, repr=False)
+
+
+def load_wiring(name_or_path: str | Path) -> Wiring:
+    """Load a shipped wiring or a TOML file. Raises WiringError with all that is wrong."""
+    path = _FOLDER / f"{name_or_path}.toml" if str(name_or_path) in SHIPPED else Path(name_or_path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        document = tomllib.loads(text)
+    except OSError:
+        remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
+        raise WiringError(str(name_or_path), (Problem(0, "file", "it cannot be read", remedy),)) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WiringError(path.name, (Problem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
+    return wiring_of(path.stem, document, text, path.name)
+
+
+def wiring_of(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
+    """Build a wiring from a document; ``text`` is where line numbers are looked up. Raises WiringError."""
+    reader = _Reader(_lines(text))
+    for section in document:
+        if section not in SECTIONS:
+            reader.refuse(section, "", "it is not known", f"known are {', '.join(SECTIONS)}")
+    parts = {section: reader.section(section, kind, document.get(section)) for section, kind in SECTIONS.items()}
+    reader.refuse_shared(parts)
+    reader.refuse_without_calibration(parts)
+    if reader.problems:
+        raise WiringError(file or title, tuple(sorted(reader.problems)))
+    made = {section: kind(**parts[section]) for section, kind in SECTIONS.items()}
+    return Wiring(title=title, sources=reader.sources, **made)
+
+
+_Parts = dict[str, dict[str, Any]]
+
+
+class _Reader:
+    """Reads sections, and keeps all that is wrong with them."""
+
+    def __init__(self, lines: dict[str, int]) -> None:
+        self.problems: list[Problem] = []
+        self.sources: dict[str, str] = {}
+        self._lines = lines
+
+    def refuse(self, section: str, entry: str, text: str, remedy: str) -> None:
+        label = f"{section}.{entry}" if entry else section
+        line = self._lines.get(label, self._lines.get(section, 0))
+        self.problems.append(Problem(line, label, text, remedy))
+
+    def section(self, section: str, kind: type, given: Any) -> dict[str, Any]:
+        if not isinstance(given, dict):
+            self.refuse(section, "", "it is missing", f"give a section [{section}]")
+            return {}
+        known = {entry.name: entry for entry in fields(kind)}
+        for entry in given:
+            if entry not in known:
+                self.refuse(section, entry, "it is not known", f"known are {', '.join(known)}")
+        return {entry: self._entry(section, declared, given) for entry, declared in known.items()}
+
+    def _entry(self, section: str, declared: "Field[Any]", given: dict[str, Any]) -> Any:
+        entry, about = declared.name, declared.metadata
+        if entry not in given:
+            if about["default"] is None:
+                self.refuse(section, entry, "it is missing", _wanted(declared))
+            return about["default"]
+        value = given[entry]
+        if "pattern" in about:
+            if not isinstance(value, str) or re.fullmatch(about["pattern"], value) is None:
+                self.refuse(section, entry, f"{value!r} is not known", f"give {about['wanted']}")
+            return value
+        if not isinstance(value, dict) or set(value) != {"value", "unit", "source"}:
+            self.refuse(section, entry, "a number comes with its unit and its source", _wanted(declared))
+            return about["default"]
+        if value["unit"] != about["unit"]:
+            self.refuse(section, entry, f"it is in {value['unit']!r}", f"give it in {about['unit']!r}")
+        self.sources[f"{section}.{entry}"] = str(value["source"])
+        return self._table(section, entry, value) if "rows" in about else self._number(section, declared, value)
+
+    def _number(self, section: str, declared: "Field[Any]", given: dict[str, Any]) -> float:
+        value, about = given["value"], declared.metadata
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            self.refuse(section, declared.name, f"{value!r} is not a finite number", _wanted(declared))
+            return math.nan
+        low, high, unit = about["minimum"], about["maximum"], about["unit"]
+        if not low <= value <= high:
+            bounds = f"choose {low:g} to {high:g} {unit}"
+            self.refuse(section, declared.name, f"{value:g} {unit} is out of bounds", bounds)
+        if value == 0.0 and declared.name in ("gain", "slope", "direction"):
+            self.refuse(section, declared.name, "0 tells nothing", "give what was measured, with its sign")
+        if declared.name == "direction" and abs(value) != 1.0:
+            self.refuse(section, declared.name, f"{value:g} is no direction", "give 1 or -1")
+        return float(value)
+
+    def _table(self, section: str, entry: str, given: dict[str, Any]) -> tuple[tuple[float, float], ...]:
+        try:
+            points = tuple((float(V), float(F)) for V, F in given["value"])
+        except (TypeError, ValueError):
+            points = ()
+        rising = all(one[0] < other[0] for one, other in pairwise(points))
+        if len(points) < 2 or not rising or not all(math.isfinite(x) for point in points for x in point):
+            text = "it is not a table of two points or more with rising volts"
+            self.refuse(section, entry, text, "give [[V, N], [V, N], ...]")
+        return points
+
+    def refuse_shared(self, parts: _Parts) -> None:
+        """Refuse two things at one terminal."""
+        first: dict[str, str] = {}
+        for section, entries in parts.items():
+            for entry in ("channel", "counter", "line"):
+                place = entries.get(entry)
+                for terminal in _terminals(place) if isinstance(place, str) else ():
+                    if (other := first.setdefault(terminal, section)) != section:
+                        self.refuse(section, entry, f"{terminal} is taken by {other}", "give each its own")
+
+    def refuse_without_calibration(self, parts: _Parts) -> None:
+        """Refuse a load cell without slope or table, or with both."""
+        for section in ("load_cell_A", "load_cell_B"):
+            entries = parts[section]
+            if entries and math.isnan(entries["slope"]) == (not entries["table"]):
+                text = "it has no calibration" if not entries["table"] else "it has two calibrations"
+                self.refuse(section, "", text, "give slope and offset, or a table: `sinew rig calibrate` measures them")
+
+
+def _terminals(place: str) -> tuple[str, ...]:
+    """Return what a channel, counter or line takes of the card; PFI k is line k of port 1, from 8 on of port 2."""
+    lines = (f"port{1 + pfi // 8}/line{pfi % 8}" for pfi in PFI_OF_COUNTER.get(place, ()))
+    return (place, *lines)
+
+
+def _wanted(declared: "Field[Any]") -> str:
+    about = declared.metadata
+    if "pattern" in about:
+        return f"give {about['wanted']}"
+    return f'write {declared.name} = {{ value = ..., unit = "{about["unit"]}", source = "..." }}'
+
+
+_HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")
+_KEY = re.compile(r"\s*([\w-]+)\s*=")
+
+
+def _lines(text: str) -> dict[str, int]:
+    """Return on which lines sections and their entries stand, from 1."""
+    return dict(_found(text))
+
+
+def _found(text: str) -> Iterator[tuple[str, int]]:
+    section = ""
+    for position, line in enumerate(text.splitlines(), 1):
+        if (header := _HEADER.match(line)) is not None:
+            section = header[1]
+            yield section, position
+        elif (key := _KEY.match(line)) is not None and section:
+            yield f"{section}.{key[1]}", position
+
+
+Timing = Literal["hardware", "on-demand"]
