@@ -102,7 +102,8 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
         kill = ctypes.pythonapi.PyThreadState_SetAsyncExc
         kill(ctypes.c_ulong(lives[0]), ctypes.py_object(SystemExit))
         await until(lambda: len(lives) == 2)
-        assert supervision.problems == ["The clerk died (SystemExit) and was started anew. Letters wait."]
+        # it is told as being started for as long as its death took to be written down, after the pause has begun
+        await until(lambda: supervision.problems == ["The clerk died (SystemExit) and was started anew. Letters wait."])
         kept.end()
         assert PART.name not in {thread.name for thread in threading.enumerate()}
         await asyncio.sleep(3 * FIRST_PAUSE_S)
