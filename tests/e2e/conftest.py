@@ -4,13 +4,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from tests.e2e.browser import DESKTOP, Watched, chromium
-from tests.e2e.operator import Operator
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
 
 FAILURES = Path(__file__).parents[2] / ".cache" / "e2e"
+expect.set_options(timeout=MOTION_TIMEOUT_MS)
+"""Playwright's own patience of 5 s is that of a machine with nothing else to do."""
+
 REPORT = pytest.StashKey[pytest.TestReport]()
 
 

@@ -5,13 +5,25 @@ import re
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Response, expect
 
+from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.service import Service
 
 MOTION_TIMEOUT_MS = 30_000
 """Long enough for anything the loop does by itself, also on a machine that is busy with other things."""
+
+
+def kept(name: str, value: object) -> Callable[[Response], bool]:
+    """Tell the answer to the request that keeps this preference; those before it wait in a queue of their own."""
+
+    def is_it(answer: Response) -> bool:
+        asked = answer.request
+        return asked.method == "PUT" and asked.url.endswith("/api/preferences") and asked.post_data_json[name] == value
+
+    return is_it
 
 
 class Operator:
@@ -41,7 +53,7 @@ class Operator:
     def bring_up(self) -> None:
         """Pretension, unless it is held already, then run."""
         self.go("Operate")
-        if self.page.get_by_role("status", name="Mode", exact=True).inner_text() != "pretension":
+        if self.settled_mode() != "pretension":
             self.press("Pretension")
         self.press("Run")
         self.expect_mode("run")
@@ -49,23 +61,45 @@ class Operator:
     def be_in_run(self) -> None:
         """Run, whatever the test before has left: a stop is reset, a held pretension is used."""
         self.go("Operate")
-        mode = self.page.get_by_role("status", name="Mode", exact=True)
-        expect(mode).not_to_have_text("unknown", timeout=MOTION_TIMEOUT_MS)
+        self.settled_mode()
         self.take_control()
-        expect(mode).not_to_have_text("stopping", timeout=MOTION_TIMEOUT_MS)
-        if mode.inner_text() == "tripped":
+        self.wait_for_samples(100)  # a soft stop for want of the page before this one may just have begun
+        mode = self.settled_mode()
+        if mode == "tripped":
             self.press("Reset")
             self.expect_mode("off")
-        if mode.inner_text() != "run":
+        if mode != "run":
             self.bring_up()
+        self.wait(lambda: not math.isnan(self.reading("Joint position", "q_ref")))
+
+    def settled_mode(self) -> str:
+        """The mode, once the page shows the one that the service tells and no stop is under way."""
+        shown, told = self.page.get_by_role("status", name="Mode", exact=True), ""
+
+        def is_settled() -> bool:
+            nonlocal told
+            told = self._state()["mode"]
+            return shown.inner_text() == told != "stopping"
+
+        self.wait(is_settled)
+        return told
 
     def take_control(self) -> None:
         """Take control, also from a page that is gone and not yet given up for lost."""
         whose = self.page.get_by_role("button", name=re.compile("^Control: "))
-        if whose.get_attribute("aria-label") != "Control: you":
-            whose.click()
-            self.page.get_by_role("menuitem", name=re.compile("^Take ")).click()
-            expect(whose).to_have_attribute("aria-label", "Control: you")
+        take = self.page.get_by_role("menuitem", name=re.compile("^Take "))
+
+        def is_mine() -> bool:
+            return whose.get_attribute("aria-label") == "Control: you"
+
+        if is_mine():
+            return
+        whose.click()
+        # looked for and pressed at one moment: a page that was loaded again may be given its control back meanwhile
+        self.wait(lambda: is_mine() or take.evaluate_all("found => found.map(one => one.click()).length") > 0)
+        expect(whose).to_have_attribute("aria-label", "Control: you")
+        self.page.keyboard.press("Escape")
+        expect(self.page.get_by_role("menu")).to_have_count(0)
 
     def expect_mode(self, mode: str, timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
         """Wait for the mode in the header."""
@@ -94,7 +128,11 @@ class Operator:
         return self._tick() - first
 
     def _tick(self) -> int:
-        return int(self.page.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.tick)"))
+        return int(self._state()["tick"])
+
+    def _state(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.page.evaluate("fetch('./api/state').then(answer => answer.json())")
+        return found
 
     def legend(self, figure: str, signal: str) -> Locator:
         """Switch of a signal in the legend of a chart."""
@@ -112,6 +150,6 @@ class Operator:
 
     def download(self, link: str) -> Path:
         """Follow a download link to its end."""
-        with self.page.expect_download() as download:
+        with self.page.expect_download(timeout=REPORT_TIMEOUT_MS) as download:
             self.page.get_by_role("link", name=link, exact=True).click()
         return download.value.path()

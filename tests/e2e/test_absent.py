@@ -6,7 +6,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
-from tests.e2e.test_viewer import PAGES, signed_in_as_viewer
+from tests.e2e.test_viewer import PAGES, SEEN, signed_in_as_viewer
 
 BARE = """() => {
   const found = [];
@@ -35,18 +35,6 @@ def test_nothing_is_absent_without_a_reason(operator: Operator, browser: Browser
     viewer, _ = signed_in_as_viewer(browser, service)
     look_through(viewer, service)
     viewer.context.close()
-
-
-SEEN = {
-    "operate": "In force|in force",
-    "identify": "Register bits|You are signed in as a viewer",
-    "banks": "In force: λ_q",
-    "experiments": "Settings of the loop: λ_q",
-    "runs": "Nothing recorded yet|session",
-    "system": r"sqlite, .* MB",
-    "system/developer": "force_limit",
-}
-"""What stands on a page once the service has told it; before that there is nothing to look through."""
 
 
 def look_through(page: Page, service: Service, names: tuple[str, ...] = PAGES) -> None:

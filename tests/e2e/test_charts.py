@@ -2,12 +2,13 @@
 
 import csv
 import io
+import re
 
 import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
-from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 
 
 @pytest.fixture
@@ -26,14 +27,14 @@ def test_zoom_and_hold_survive_streaming_and_live_returns(moving: Operator) -> N
     page.get_by_role("button", name="Hold", exact=True).click()
     wheel(page, -400)
     in_sight = page.get_by_role("status", name="View", exact=True)
-    expect(in_sight).not_to_contain_text("20.0 s")  # the wheel has been heard
+    expect(in_sight).to_have_text(re.compile(r"held, (?!20\.0 s)"))  # the wheel has been heard
     zoomed = in_sight.inner_text()
-    assert "held" in zoomed
-    before = moving.picture("Joint position")
+    zoomed = zoomed[zoomed.index("held") :]  # before it the page says how it lags behind, on a busy machine
+    before = fresh_picture(moving)
     ticks = moving.wait_for_samples(500)
     assert ticks >= 500
-    assert moving.picture("Joint position") == before
-    assert in_sight.inner_text() == zoomed
+    assert fresh_picture(moving) == before
+    assert in_sight.inner_text().endswith(zoomed)
 
     page.get_by_role("button", name="Live", exact=True).click()
     expect(in_sight).to_contain_text("following")
@@ -67,7 +68,8 @@ def test_two_cursors_measure_time_and_value_and_move_by_keys(moving: Operator) -
 
 def test_statistics_of_what_is_in_sight(moving: Operator) -> None:
     page = moving.page
-    page.get_by_role("button", name="Statistics", exact=True).click()
+    with page.expect_response(kept("statistics", True)):
+        page.get_by_role("button", name="Statistics", exact=True).click()
     table = page.get_by_role("table", name="Statistics", exact=True)
     row = table.get_by_role("row").filter(has=page.get_by_role("rowheader", name="qref"))
     moving.wait(lambda: "10.00" in row.inner_text(), MOTION_TIMEOUT_MS)
@@ -112,8 +114,8 @@ def test_colour_and_hidden_signals_are_remembered_for_the_person(moving: Operato
     page = moving.page
     page.get_by_role("button", name="Colour of q", exact=True).click()
     page.get_by_role("button", name="Colour #D55E00", exact=True).click()
-    moving.legend("Tendon force", "F_B").click()
-    page.wait_for_load_state("networkidle")
+    with page.expect_response(kept("hidden", ["F_B"])):
+        moving.legend("Tendon force", "F_B").click()
     page.evaluate("localStorage.clear()")
     page.reload()
     line = page.get_by_role("button", name="Colour of q_ref", exact=True).locator("line")
@@ -123,6 +125,19 @@ def test_colour_and_hidden_signals_are_remembered_for_the_person(moving: Operato
     page.get_by_role("button", name="Standard", exact=True).click()
     expect(line).to_have_attribute("stroke", "#0072B2")
     moving.legend("Tendon force", "F_B").click()
+
+
+def fresh_picture(operator: Operator) -> bytes:
+    """A chart once two pictures in a row are the same and it is not greyed, as one of samples that come late is."""
+    charts = operator.page.get_by_role("region", name="Charts", exact=True)
+    pictures = [operator.picture("Joint position")]
+
+    def is_still() -> bool:
+        pictures.append(operator.picture("Joint position"))
+        return charts.get_attribute("data-stale") == "false" and pictures[-1] == pictures[-2]
+
+    operator.wait(is_still)
+    return pictures[-1]
 
 
 def middle_of_a_chart(page: Page) -> tuple[float, float]:

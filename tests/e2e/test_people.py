@@ -53,6 +53,7 @@ def _take_control(page: Page) -> None:
     page.get_by_role("button", name="Control: nobody").click()
     page.get_by_role("menuitem", name="Take control").click()
     expect(page.get_by_role("button", name="Control: you")).to_be_visible()
+    expect(page.get_by_role("list", name="Connected")).to_have_count(0)  # the menu is closed, not closing
 
 
 def _expect_connected(page: Page, *listed: str) -> None:

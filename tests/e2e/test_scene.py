@@ -2,13 +2,12 @@
 
 import io
 import re
-from collections.abc import Callable
 
 from PIL import Image
-from playwright.sync_api import Browser, Error, Locator, Page, Response, Route, expect
+from playwright.sync_api import Browser, Error, Locator, Page, Route, expect
 
 from tests.e2e.browser import DESKTOP
-from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.relay import relayed
 from tests.e2e.service import Service
 
@@ -31,6 +30,7 @@ def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, se
         show_in_3d(page)
     words = page.get_by_role("status", name="3D view status")
     expect(words).to_have_text(ITS_PAGE)
+    operator.wait(lambda: len(asked) == 1)
     asked.pop().abort()
     failed = "The 3D view failed: its page did not come from the service."
     expect(words).to_have_text(failed, timeout=MOTION_TIMEOUT_MS)
@@ -38,20 +38,11 @@ def test_the_view_says_what_it_waits_for_and_that_it_failed(browser: Browser, se
     with page.expect_request(SCENE):
         operator.press("Try again")
     expect(words).to_have_text(ITS_PAGE)
+    operator.wait(lambda: len(asked) == 1)
     asked.pop().continue_()
     expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
     assert colours(canvas_of(page, "3D view").screenshot()) > 100  # it says nothing because there is a picture
     page.context.close()
-
-
-def kept(name: str, value: object) -> Callable[[Response], bool]:
-    """Tell the answer to the request that keeps this; those before it wait in a queue of their own."""
-
-    def is_it(answer: Response) -> bool:
-        asked = answer.request
-        return asked.method == "PUT" and asked.url.endswith("/api/preferences") and asked.post_data_json[name] == value
-
-    return is_it
 
 
 def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser, service: Service) -> None:
@@ -79,7 +70,7 @@ def test_the_actuator_is_drawn_and_stop_still_acts(operator: Operator) -> None:
     operator.sign_in()
     operator.bring_up()
     show_in_3d(page)
-    operator.wait(lambda: colours(canvas_of(page, "3D view").screenshot()) > 100)
+    wait_for_a_picture(operator, canvas_of(page, "3D view"))
     page.get_by_role("button", name="STOP", exact=True).click()
     operator.expect_mode("tripped")
 
@@ -91,17 +82,18 @@ def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operato
         operator.be_in_run()
         show_in_3d(page)
         canvas = canvas_of(page, "3D view")
-        operator.wait(lambda: colours(canvas.screenshot()) > 100)
+        wait_for_a_picture(operator, canvas)
         words = page.get_by_role("status", name="3D view status")
         expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
         relay.hold("/scene")
         expect(words).to_contain_text("The 3D view is cut off from the service", timeout=MOTION_TIMEOUT_MS)
         relay.release()
         expect(words).to_be_empty(timeout=PICTURE_TIMEOUT_MS)
-        operator.wait(lambda: colours(canvas.screenshot()) > 100)
+        wait_for_a_picture(operator, canvas)
+        operator.be_in_run()  # a first picture without a graphics processor may take so long that the page was lost
         before = canvas.screenshot()
         operator.enter("q_ref value [deg]", 40.0)
-        operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01)
+        operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
         page.get_by_role("button", name="STOP", exact=True).click()
         operator.expect_mode("tripped")
 
@@ -114,7 +106,7 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     replay = page.get_by_role("region", name="Replay", exact=True)
     show_in_3d(page)
     canvas = canvas_of(page, "3D view of the replay")
-    operator.wait(lambda: colours(canvas.screenshot()) > 100)
+    wait_for_a_picture(operator, canvas)
     position = page.get_by_role("slider", name="Replay position", exact=True)
     position.press("Home")
     expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
@@ -123,7 +115,7 @@ def test_a_run_is_replayed_in_3d(operator: Operator) -> None:
     position.press("End")
     for _ in range(10):  # the end itself is a sample later than the last
         position.press("ArrowLeft")
-    operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01)
+    operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
 
 
 def show_in_3d(page: Page) -> None:
@@ -138,8 +130,13 @@ def show_in_3d(page: Page) -> None:
 def canvas_of(page: Page, frame: str) -> Locator:
     """Where viser draws, once it is there."""
     canvas = page.frame_locator(f"iframe[title='{frame}']").locator("canvas").last
-    expect(canvas).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(canvas).to_be_visible(timeout=PICTURE_TIMEOUT_MS)
     return canvas
+
+
+def wait_for_a_picture(operator: Operator, canvas: Locator) -> None:
+    """Wait until something is drawn: an empty canvas has one colour."""
+    operator.wait(lambda: colours(canvas.screenshot()) > 100, PICTURE_TIMEOUT_MS)
 
 
 def colours(picture: bytes) -> int:

@@ -11,10 +11,17 @@ from backend.tuning.models import motor_model
 from backend.tuning.motor_loop import motor_robustness
 from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP
-from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.service import Service
 
 DISCONNECTIONS = 10
+WINDOW_S = 30
+COUNT_LOSSES = """() => {
+    const link = document.querySelector("[role=status][aria-label=Link]");
+    window.losses = 0;
+    new MutationObserver(() => { window.losses += link.dataset.health === "down"; })
+        .observe(link, { attributes: true, attributeFilter: ["data-health"] });
+}"""
 
 
 @pytest.fixture
@@ -30,14 +37,14 @@ def table(operator: Operator) -> Locator:
     return operator.page.get_by_role("table", name="Saved, in force and staged", exact=True)
 
 
-def data_from(operator: Operator) -> float:
-    """Time of the oldest sample in sight [s of the loop], as the saved data have it."""
+def data_in_sight(operator: Operator) -> tuple[float, float]:
+    """Times of the oldest and of the newest sample in sight [s of the loop], as the saved data have them."""
     page = operator.page
-    page.get_by_role("combobox", name="Window", exact=True).select_option("30")
+    page.get_by_role("combobox", name="Window", exact=True).select_option(str(WINDOW_S))
     with page.expect_download() as download:
         page.get_by_role("button", name="Save data", exact=True).click()
     lines = download.value.path().read_text(encoding="utf-8").splitlines()
-    return float(lines[1].split(",")[0])
+    return float(lines[1].split(",")[0]), float(lines[-1].split(",")[0])
 
 
 def cells(operator: Operator, symbol: str) -> list[str]:
@@ -89,7 +96,7 @@ def test_a_trial_reverts_although_its_page_is_gone(tuning: Operator, browser: Br
     page = tuning.page
     page.get_by_role("switch", name="Stage changes").check()
     tuning.enter("λ_S value [s]", 0.8)
-    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("3")
+    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("8")
     page.get_by_role("button", name="Try for", exact=True).click()
     expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
     page.close()
@@ -126,20 +133,25 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
     tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("switch", name="Stage changes").check()
     tuning.enter("λ_q value [s]", 0.66)
-    oldest = data_from(tuning)
-    page.wait_for_load_state("networkidle")
+    with page.expect_response(kept("window_s", WINDOW_S)):
+        oldest, _ = data_in_sight(tuning)
+    page.evaluate(COUNT_LOSSES)
     sent: list[str] = []
     page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
     link = page.get_by_role("status", name="Link", exact=True)
+    before = len(links)
     for _ in range(DISCONNECTIONS):
+        lost, made = page.evaluate("losses"), len(links)
         links[-1].close()
-        expect(link).to_have_attribute("data-health", "down", timeout=MOTION_TIMEOUT_MS)
-        expect(link).to_have_attribute("data-health", "live", timeout=MOTION_TIMEOUT_MS)
+        tuning.wait(lambda lost=lost, made=made: page.evaluate("losses") > lost and len(links) > made)
+        expect(link).to_have_attribute("data-health", "live")
     assert sent == []
     tuning.expect_mode("run")
     tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
     assert cells(tuning, "λq")[2] == "0.660"
-    assert len(links) == DISCONNECTIONS + 1
-    assert data_from(tuning) - oldest < 30.0
+    # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
+    assert len(links) - before == page.evaluate("losses") >= DISCONNECTIONS
+    first, last = data_in_sight(tuning)
+    assert first < max(oldest, last - WINDOW_S) + 1.0
     page.get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
