@@ -74,6 +74,7 @@ class Daq:
         self._levels = np.zeros(2, dtype=bool)
         self._out = np.zeros(2)
         self._watchdog: WatchdogTask | None = None
+        self._reserved = False
         self.timed_by_card = False
         self.watched = False
         self.drives = False
@@ -91,6 +92,7 @@ class Daq:
     def open(self) -> None:
         """Reserve the card: outputs at zero volts first, drives off, watchdog armed but not started."""
         w, device = self._wiring, self._wiring.card.device
+        self._reserved = True
         try:
             out = self._task("outputs")
             for motor in (w.motor_A, w.motor_B):
@@ -200,6 +202,9 @@ class Daq:
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
+        if not self._reserved:
+            return
+        self._reserved = False
         with suppress(*_FAILED, AttributeError):
             self._write(0.0, 0.0)
         with suppress(PlantError, AttributeError):

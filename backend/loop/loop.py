@@ -241,7 +241,7 @@ class Loop:
 
     def _append(self, y: Decision, command: MotorCommand, lateness_s: float) -> None:
         machine = self._machine
-        m = machine.m
+        m, raw = machine.m, self._plant.raw
         self._row[:] = (
             self._tick,
             self._tick * T_s,
@@ -264,6 +264,11 @@ class Loop:
             command.u_A,
             command.u_B,
             m.F_push,
+            raw.V_A,
+            raw.V_B,
+            raw.n_q,
+            raw.n_A,
+            raw.n_B,
             machine.lambdas.lam_q,
             machine.lambdas.lam_S,
             y.bank_entry,

@@ -116,6 +116,36 @@ export const FIELDS = [
     "meaning": "external push applied by the simulator, tangential at r_j"
   },
   {
+    "name": "V_A",
+    "symbol": "V_A",
+    "unit": "V",
+    "meaning": "load cell A as the card read it, nan where there is no card"
+  },
+  {
+    "name": "V_B",
+    "symbol": "V_B",
+    "unit": "V",
+    "meaning": "load cell B as the card read it, nan where there is no card"
+  },
+  {
+    "name": "n_q",
+    "symbol": "n_q",
+    "unit": "1",
+    "meaning": "counts of the joint's encoder since the start, nan where there is no card"
+  },
+  {
+    "name": "n_A",
+    "symbol": "n_A",
+    "unit": "1",
+    "meaning": "counts of motor A's encoder since the start, nan where there is no card"
+  },
+  {
+    "name": "n_B",
+    "symbol": "n_B",
+    "unit": "1",
+    "meaning": "counts of motor B's encoder since the start, nan where there is no card"
+  },
+  {
     "name": "lam_q",
     "symbol": "λ_q",
     "unit": "s",

@@ -1,0 +1,173 @@
+"""The rig at a virtual card: what it reads, what it writes, and what takes the drives away."""
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plant.card import Card, WatchdogExpiredError
+from plant.catalog import make_plant
+from plant.choice import PlantChoice, PlantKind
+from plant.daq import Daq
+from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading
+from plant.parameters import load_parameters
+from plant.rig import Rig
+from plant.simulator import Simulator
+from plant.virtual_card import VirtualCard
+from plant.virtual_rig import VirtualRig
+from plant.wiring import Wiring, load_wiring
+
+PARAMETERS = load_parameters("lab")
+WIRING = load_wiring("pcie-6323")
+STEP_V = 20.0 / 2**16
+
+
+def stepped(wiring: Wiring = WIRING) -> VirtualRig:
+    rig = VirtualRig(wiring, Simulator(PARAMETERS, 0))
+    rig.open()
+    return rig
+
+
+def commands(ticks: int) -> list[MotorCommand]:
+    return [MotorCommand(2.0 * math.sin(k / 300.0), 1.0) for k in range(ticks)]
+
+
+def played(rig: Rig, ticks: int) -> list[tuple[Measurement, RawReading]]:
+    seen = []
+    for command in commands(ticks):
+        seen.append((rig.read(), rig.raw))
+        rig.write(command)
+    return seen
+
+
+def test_a_rig_at_a_virtual_card_reads_as_the_simulator_does() -> None:
+    rig, simulator = stepped(), Simulator(PARAMETERS, 0)
+    simulator.open()
+    for _ in range(2):  # zero volts are written when the card is opened, and when its drives come on
+        simulator.write(ZERO_VOLTS)
+    for (seen, _), command in zip(played(rig, 3000), commands(3000), strict=True):
+        true = simulator.read()
+        simulator.write(command)
+        # A converter of 16 bits in between: half a code of volts, at 10 N/V.
+        assert seen._replace(S_true=0.0) == pytest.approx(true._replace(S_true=0.0), abs=10.0 * STEP_V)
+        assert math.isnan(seen.S_true)
+    rig.close()
+
+
+def test_what_was_read_follows_from_volts_and_counts() -> None:
+    rig = stepped()
+    seen = played(rig, 2000)
+    rig.close()
+    angles = np.array([(m.q, m.theta_A, m.theta_B) for m, _ in seen])
+    forces = np.array([(m.F_A, m.F_B) for m, _ in seen])
+    raw = np.array([r for _, r in seen])
+    np.testing.assert_allclose(angles, raw[:, 2:] * 2.0 * np.pi / (4000.0, 8000.0, 8000.0), rtol=1e-12)
+    np.testing.assert_allclose(forces, 10.0 * raw[:, :2], rtol=1e-12)
+    assert np.ptp(raw, axis=0).min() > 0.0
+    np.testing.assert_array_equal(raw[:, 2:], np.round(raw[:, 2:]))
+
+
+def test_a_table_and_another_slope_give_the_same_newtons() -> None:
+    """The card gives the volts of its own wiring; a table and a line through the same points mean the same."""
+    table = ((-1.0, -10.0), (2.0, 20.0), (9.0, 90.0))
+    by_table = replace(WIRING, load_cell_A=replace(WIRING.load_cell_A, slope=math.nan, table=table))
+    line, points = stepped(), stepped(by_table)
+    for (one, _), (other, _) in zip(played(line, 1500), played(points, 1500), strict=True):
+        assert pytest.approx(other.F_A, abs=20.0 * STEP_V) == one.F_A
+    line.close()
+    points.close()
+
+
+@pytest.mark.parametrize("volts", [9.995, -9.995, 10.0])
+def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = stepped()
+    monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel: volts)
+    m = rig.read()
+    assert math.isnan(m.F_A)
+    assert math.isnan(m.F_B)
+    assert volts == rig.raw.V_A
+    rig.close()
+
+
+def test_zero_says_where_joint_and_motors_stand() -> None:
+    rig = stepped()
+    played(rig, 500)
+    before = rig.read()
+    rig.zero(0.1, -0.2, 0.3)
+    m = rig.read()
+    assert (m.q, m.theta_A, m.theta_B) == pytest.approx((0.1, -0.2, 0.3))
+    assert before.theta_B > 0.5
+    rig.close()
+
+
+def watched() -> tuple[Rig, Card]:
+    registers = Card.create()
+    rig = make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS, 0, registers)
+    assert isinstance(rig, Rig)
+    return rig, registers
+
+
+def until_expired(registers: Card) -> None:
+    while not registers.state().expired:
+        time.sleep(0.01)
+
+
+def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
+    rig, registers = watched()
+    rig.open()
+    rig.read()
+    rig.write(MotorCommand(1.0, 1.0))
+    assert registers.state().u_A == pytest.approx(1.0, abs=STEP_V)
+    until_expired(registers)
+    state = registers.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
+    with pytest.raises(WatchdogExpiredError, match=r"nothing for 0\.5 s"):
+        rig.write(MotorCommand(1.0, 1.0))
+    rig.acknowledge()
+    rig.write(MotorCommand(0.5, 0.0))
+    assert registers.state().u_A == pytest.approx(0.5, abs=STEP_V)
+    rig.close()
+    assert not registers.state().drive_enabled
+
+
+def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
+    """A card whose watchdog never expires: nobody looks at its registers."""
+    card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
+    rig = Rig(WIRING, Daq(WIRING, card.options))
+    with pytest.raises(PlantError, match="watchdog did not expire within"):
+        rig.open()
+    assert not registers.state().drive_enabled
+
+
+def test_what_nobody_else_can_look_into_is_mirrored() -> None:
+    rig, registers = watched()
+    mirror = Card.create()
+    assert isinstance(rig, VirtualRig)
+    mirrored = Rig(rig.wiring, Daq(rig.wiring, rig.card.options), mirror)
+    mirrored.open()
+    mirrored.read()
+    mirrored.write(MotorCommand(1.0, 2.0))
+    state = mirror.state()
+    assert state.mirror
+    assert (state.armed, state.drive_enabled, state.expired) == (True, True, False)
+    assert (state.u_A, state.u_B, state.watchdog_s) == (1.0, 2.0, 0.5)
+    until_expired(registers)
+    with pytest.raises(WatchdogExpiredError):
+        mirrored.write(MotorCommand(1.0, 2.0))
+    assert mirror.state().expired
+    assert mirror.state().u_A == 0.0
+    mirrored.close()
+
+
+def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:
+    rig = stepped()
+    assert isinstance(rig, VirtualRig)
+    second = Rig(rig.wiring, Daq(rig.wiring, rig.card.options))
+    with pytest.raises(PlantError, match="NI-DAQmx: "):
+        second.open()
+    rig.read()
+    rig.write(MotorCommand(1.0, 1.0))
+    rig.close()
+    rig.close()
