@@ -16,6 +16,7 @@ from backend.api import logs
 from backend.api.app import create_app, put_routes_together
 from backend.api.auth import signed_in
 from backend.api.bench import Bench
+from backend.api.bring_up import BringUp
 from backend.api.care import Care
 from backend.api.control import PART as CONTROL
 from backend.api.control import Control
@@ -241,6 +242,7 @@ def _build(
         live,
         upkeep,
         retention,
+        BringUp(bench),
     )
     return supervisor, recorder, service, scenes
 

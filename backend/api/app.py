@@ -16,6 +16,7 @@ from backend.api.entrance import Entrance
 from backend.api.pace import Pace
 from backend.api.routes import (
     banks,
+    bring_up,
     control,
     experiments,
     faults,
@@ -77,6 +78,7 @@ def create_app(
         preferences,
         control,
         operate,
+        bring_up,
         faults,
         flights,
         tuning,

@@ -9,6 +9,7 @@ from starlette.requests import HTTPConnection
 
 from backend.api.auth import Operator
 from backend.api.bench import Bench
+from backend.api.bring_up import BringUp
 from backend.api.control import HEADER, Control, read_stamp
 from backend.api.desk import Desk
 from backend.api.downloads import Downloads
@@ -43,6 +44,7 @@ class Service:
     live: LiveStream
     upkeep: Upkeep
     retention: Retention
+    bring_up: BringUp
 
 
 def service_of(connection: HTTPConnection) -> Service:

@@ -1,0 +1,82 @@
+"""Bringing a rig up: its steps, what each is about, how it stands, what came of it."""
+
+from datetime import datetime
+from enum import StrEnum
+
+from pydantic import Field
+
+from backend.api.schemas.base import Finite, Schema, quantity
+
+
+class StepState(StrEnum):
+    """How a step stands."""
+
+    NEVER = "never"
+    CURRENT = "current"
+    OUT_OF_DATE = "out_of_date"
+    FAILED = "failed"
+
+
+class StepInput(Schema):
+    """One number that a step asks for; bounds and default are in its unit."""
+
+    name: str
+    words: str
+    unit: str
+    default: float
+    minimum: float
+    maximum: float
+
+
+class StepFigure(Schema):
+    """One number that a step has measured."""
+
+    words: str
+    value: float | None = Field(description="null where it was not measured")
+    unit: str
+
+
+class StepResult(Schema):
+    """What a step came to, by whom and when."""
+
+    passed: bool
+    text: str
+    figures: list[StepFigure]
+    who: str
+    at: datetime
+
+
+class RunningStep(Schema):
+    """A step that is under way."""
+
+    phase: str
+    elapsed_s: float = quantity("s", "time since the step began")
+    confirm: str = Field(description="what a person is asked to do and to confirm now; empty for nothing")
+
+
+class BringUpStep(Schema):
+    """One step; ``why`` tells how its state comes about, ``blocked`` why it cannot be started now."""
+
+    id: str
+    title: str
+    instruction: str
+    inputs: list[StepInput]
+    state: StepState
+    why: str
+    blocked: str
+    result: StepResult | None
+    running: RunningStep | None
+
+
+class BringUpView(Schema):
+    """The whole of it, in the order of the steps; ``why_not`` tells where there is nothing to be brought up."""
+
+    applies: bool
+    why_not: str
+    steps: list[BringUpStep]
+
+
+class StepValues(Schema):
+    """Numbers that a step asks for, by name; what is left out is as its default."""
+
+    values: dict[str, Finite] = Field(default_factory=dict, max_length=20)

@@ -1,0 +1,104 @@
+"""The steps of bringing a rig up: what each is called, asks for and needs, and for how long it holds good."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class StepId(StrEnum):
+    """The steps, in their order."""
+
+    WIRING_TEST = "wiring_test"
+    TARE = "tare"
+    CALIBRATE = "calibrate"
+    ZERO = "zero"
+    DIRECTION = "direction"
+    PRETENSION = "pretension"
+    SAFETY_MODULE = "safety_module"
+
+
+@dataclass(frozen=True)
+class Input:
+    """One number that a step asks for, with its bounds in its unit."""
+
+    name: str
+    words: str
+    unit: str
+    default: float
+    minimum: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """``holds_days`` tells for how long a result holds good; ``needs`` what has to be passed before."""
+
+    id: StepId
+    title: str
+    instruction: str
+    holds_days: float
+    needs: tuple[StepId, ...] = ()
+    inputs: tuple[Input, ...] = ()
+
+
+WEIGHT_MAX_N = 45.0
+"""Heaviest known weight [N]: within what load cells and springs of 50 N bear."""
+
+STEPS: tuple[Step, ...] = (
+    Step(
+        StepId.WIRING_TEST,
+        "Wiring test",
+        "Motors off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as you are asked: each "
+        "sensor has to move, the right one, and to the right side.",
+        holds_days=30.0,
+    ),
+    Step(
+        StepId.TARE,
+        "Tare",
+        "Both tendons slack, nothing touches the load cells: 1 s of their volts becomes their zero.",
+        holds_days=1.0,
+        needs=(StepId.WIRING_TEST,),
+    ),
+    Step(
+        StepId.CALIBRATE,
+        "Calibration",
+        "Hang two known weights on each load cell, one after the other: slope and offset come from them.",
+        holds_days=180.0,
+        needs=(StepId.WIRING_TEST,),
+        inputs=(
+            Input("weight_1_N", "lighter weight", "N", 5.0, 0.0, WEIGHT_MAX_N),
+            Input("weight_2_N", "heavier weight", "N", 25.0, 0.0, WEIGHT_MAX_N),
+        ),
+    ),
+    Step(
+        StepId.ZERO,
+        "Zero",
+        "Put the joint where its position is known, at its zero mark or at the end switch: the encoders count from "
+        "there. They forget it at each start of the loop.",
+        holds_days=1.0,
+        needs=(StepId.WIRING_TEST,),
+    ),
+    Step(
+        StepId.DIRECTION,
+        "Motor directions",
+        "Hands off. Each motor turns a little, with 1 V at most, and back: its encoder has to rise, its tendon to get "
+        "tauter, the joint to go to its side.",
+        holds_days=30.0,
+        needs=(StepId.WIRING_TEST, StepId.ZERO),
+    ),
+    Step(
+        StepId.PRETENSION,
+        "Pretension",
+        "Hands off. Both motors wind up to the pretension: both tensions have to rise together, none beyond its limit.",
+        holds_days=30.0,
+        needs=(StepId.ZERO, StepId.DIRECTION),
+    ),
+    Step(
+        StepId.SAFETY_MODULE,
+        "Safety module",
+        "At the pretension, lower the limit at the safety module until it trips: the motors have to lose their drive.",
+        holds_days=30.0,
+        needs=(StepId.PRETENSION,),
+    ),
+)
+
+STEP: dict[StepId, Step] = {step.id: step for step in STEPS}
