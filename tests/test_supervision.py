@@ -3,6 +3,7 @@
 import asyncio
 import ctypes
 import threading
+import time
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -78,9 +79,8 @@ def test_a_task_that_is_ended_or_returns_is_not_started_anew() -> None:
         await supervision.keep_task(PART, work).ended()
         waiting = supervision.keep_task(PART, asyncio.Event().wait)  # type: ignore[arg-type] # returns True, never seen
         await waiting.end()
-        dead = supervision.keep_task(PART, _raise)
-        await until(lambda: supervision.problems != [])
-        await dead.end()
+        dead = supervision.keep_task(PART, _raise, on_death=lambda: dead.cancel())  # before it can be started anew
+        await dead.ended()
         await asyncio.sleep(2 * FIRST_PAUSE_S)
         assert lives == 1
         assert "in a row" not in supervision.problems[0]
@@ -94,8 +94,8 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
 
         def work() -> None:
             lives.append(threading.get_ident())
-            while not ending.wait(0.01):
-                pass
+            while not ending.is_set():
+                time.sleep(0.01)
 
         kept = supervision.keep_thread(PART, work, ending.set)
         await until(lambda: len(lives) == 1)

@@ -1,7 +1,9 @@
 """One real service for the tests of this folder: own process, own loop, simulator, own data folder."""
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import httpx
 import pytest
@@ -9,7 +11,12 @@ from websockets.sync.client import ClientConnection, connect
 
 from tests.e2e.service import Service, running_service
 
-BRING_UP_TIMEOUT_S = 60.0
+T = TypeVar("T")
+
+PATIENCE_S = 120.0
+"""All that is waited for comes within seconds; on a machine that is busy it may take its time."""
+
+PAUSE_S = 0.005
 
 
 @pytest.fixture(scope="session")
@@ -61,12 +68,43 @@ def running(off: httpx.Client) -> httpx.Client:
 
 
 def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, object]:
-    """Ask for the state until ``field`` has the value; each answer paces the next question."""
-    for _ in range(2000):
-        state = client.get("/api/state").raise_for_status().json()
-        if state[field] == value:
-            return dict(state)
-    raise AssertionError(f"{field} never became {value!r}: {state}")
+    """Ask for the state until ``field`` has the value."""
+    return until_state(client, lambda state: state[field] == value, f"{field} never became {value!r}")
+
+
+def once_told(client: httpx.Client, field: str) -> dict[str, object]:
+    """Ask for the state until there is anything in ``field``."""
+    return until_state(client, lambda state: bool(state[field]), f"{field} never came")
+
+
+def until_state(
+    client: httpx.Client, reached: Callable[[dict[str, object]], bool], otherwise: str
+) -> dict[str, object]:
+    """Ask for the state until it is as wanted, and return it."""
+    end = time.monotonic() + PATIENCE_S
+    while not reached(state := dict(client.get("/api/state").raise_for_status().json())):
+        assert time.monotonic() < end, f"{otherwise}: {state}"
+        time.sleep(PAUSE_S)
+    return state
+
+
+def ended(client: httpx.Client, run: object) -> dict[str, object]:
+    """Wait until the last samples of a run are stored and it is closed; return its view."""
+
+    def view() -> dict[str, object] | None:
+        found = dict(client.get(f"/api/runs/{run}").raise_for_status().json())
+        return None if found["end_state"] == "running" else found
+
+    return until(view)
+
+
+def until(asked: Callable[[], T | None]) -> T:
+    """Ask again and again until there is something true in the answer, and return it."""
+    end = time.monotonic() + PATIENCE_S
+    while not (answer := asked()):
+        assert time.monotonic() < end, "it never happened"
+        time.sleep(PAUSE_S)
+    return answer
 
 
 def problem(response: httpx.Response) -> dict[str, object]:

@@ -12,7 +12,7 @@ from backend.api.errors import ApiError
 from backend.api.people import BEARER, Person
 from backend.api.schemas.session import Role
 from backend.faults import Fault
-from tests.api.conftest import problem, wait_for
+from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
 from tests.e2e.service import Service
@@ -230,15 +230,13 @@ def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service
             assert state["references"]["q_ref"] == 0.2
             seen_lost |= not page["good"]
             assert page["silent_s"] < LOST_S + HOLD_S + 1.0
-        state = wait_for(off, "mode", "tripped")
+        wait_for(off, "mode", "tripped")
+        state = once_told(off, "stop_proof")  # an event, which comes a moment after the sample
         assert seen_lost
         assert state["fault"]["code"] == "operator_lost"  # type: ignore[index] # JSON
-        assert state["stop_proof"] is not None
         assert state["holder"] is None
         run = off.get("/api/runs", params={"limit": 1}).json()["runs"][0]
-        while run["end_state"] == "running":
-            run = off.get(f"/api/runs/{run['id']}").json()
-        assert run["end_state"] == "link_lost"
+        assert ended(off, run["id"])["end_state"] == "link_lost"
 
 
 def test_a_viewer_takes_no_control(service: Service) -> None:

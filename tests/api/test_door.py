@@ -12,7 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from tests.api.conftest import client_with, live
+from tests.api.conftest import client_with, live, until
 from tests.api.sockets import is_closed, many
 from tests.e2e.service import Service, running_service
 
@@ -67,7 +67,8 @@ def test_who_is_signed_in_is_not_sent_away(crowded: Service, address: tuple[str,
         with many(address, 2 * DESCRIPTORS) as guests:
             newest = guests[-1]
             assert viewer.get("/api/state").status_code == 200
-            assert all(is_closed(guest) for guest in guests[:DESCRIPTORS])
+            for guest in guests[:DESCRIPTORS]:  # in turn: the service takes them from the kernel as it finds time
+                until(lambda guest=guest: is_closed(guest))  # type: ignore[misc] # the default binds the loop's name
             assert not is_closed(newest)
         for _ in range(100):
             watching.recv(timeout=10.0)

@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from backend.storage import open_database, runs
-from tests.api.conftest import client_with, wait_for
+from tests.api.conftest import client_with, ended, once_told, until, wait_for
 from tests.e2e.service import Service, running_service
 
 
@@ -29,9 +29,7 @@ def begin_experiment(operator: httpx.Client) -> None:
 
 def in_motion(operator: httpx.Client) -> int:
     """Number of the run that the samples belong to."""
-    while (run := operator.get("/api/state").raise_for_status().json()["recording_run"]) is None:
-        pass
-    return int(run)
+    return int(str(once_told(operator, "recording_run")["recording_run"]))
 
 
 @pytest.fixture
@@ -58,8 +56,8 @@ def test_a_run_that_a_signal_ends_says_so(
         os.kill(service.pid, number)
         wait_for_end(service)
     with closing(open_database(tmp_path)) as database, database.reading() as session:
-        (ended,) = [known for known in runs.find(session) if known.id == run]
-        assert (ended.end_state, ended.end_detail) == ("stopped", f"service ended by {number.name}")
+        stored = runs.get(session, run)
+        assert (stored.end_state, stored.end_detail) == ("stopped", f"service ended by {number.name}")
     assert "Traceback" not in service.log.read_text()
 
 
@@ -73,10 +71,7 @@ def problems(operator: httpx.Client) -> str:
 
 
 def wait_for_problems(operator: httpx.Client, words: str) -> None:
-    for _ in range(2000):
-        if words in (said := problems(operator)) or (not words and not said):
-            return
-    raise AssertionError(said)
+    until(lambda: words in problems(operator) if words else not problems(operator))
 
 
 def sinew(*words: str) -> subprocess.CompletedProcess[str]:
@@ -98,11 +93,10 @@ def test_a_data_folder_taken_away_is_told_and_nothing_is_lost_once_it_is_back(tm
         aside.rename(data)
         wait_for_problems(operator, "")
         operator.post("/api/stop").raise_for_status()
-        while (ended := operator.get(f"/api/runs/{run}").json())["end_state"] == "running":
-            pass
-        assert (ended["end_state"], ended["end_reason"]) == ("stopped", "stop_pressed")
-        assert ended["missing_samples"] == 0
-        shutil.rmtree(data)
+        whole = ended(operator, run)
+        assert (whole["end_state"], whole["end_reason"]) == ("stopped", "stop_pressed")
+        assert whole["missing_samples"] == 0
+        shutil.rmtree(data.rename(tmp_path / "deleted"))  # at once, whatever is being written meanwhile
         wait_for_problems(operator, f"the data folder {data} was deleted")
         # What the service still holds open can be saved, and saving it does not hide what has happened.
         saved = operator.post("/api/system/backups").raise_for_status().json()

@@ -15,7 +15,7 @@ from backend.storage import Database, banks, identifications, open_database, run
 from backend.storage.banks import BankEntry
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
-from tests.api.conftest import wait_for
+from tests.api.conftest import until, wait_for
 
 PARAMETERS = {"r_m": 0.0075}
 
@@ -25,11 +25,12 @@ def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Clien
     running.put("/api/references", json={"q_ref": math.radians(15.0), "S_ref": 10.25}).raise_for_status()
     running.post("/api/mode", json={"mode": "stopping"}).raise_for_status()
     wait_for(running, "mode", "off")
-    for _ in range(500):
+
+    def about_references() -> list[dict[str, Any]]:
         marks = running.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]
-        if any(mark["text"].startswith("q_ref ") for mark in marks):
-            break
-    [mark] = [mark for mark in marks if mark["text"].startswith("q_ref ")]
+        return [mark for mark in marks if mark["text"].startswith("q_ref ")]
+
+    [mark] = until(about_references)  # the journal writes by itself, the samples follow
     assert in_words(mark["text"], Angles.DEGREES) == "q_ref 15 deg, S_ref 10.25 N·m/rad"
     assert 0.0 <= mark["t"] < 60.0
     assert mark["who"] == "operator"

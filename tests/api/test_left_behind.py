@@ -11,7 +11,7 @@ import httpx
 import msgspec
 import pytest
 
-from tests.api.conftest import client_with, wait_for
+from tests.api.conftest import client_with, ended, wait_for
 from tests.api.processes import descendants, held
 from tests.api.test_scene import looking, receive
 from tests.e2e.service import Service, running_service
@@ -34,8 +34,7 @@ def busy(tmp_path: Path) -> Iterator[Service]:
         operator.post("/api/mode", json={"mode": "run"}).raise_for_status()
         run = operator.get("/api/state").raise_for_status().json()["recording_run"]
         operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
-        while operator.get(f"/api/runs/{run}").raise_for_status().json()["end_state"] == "running":
-            pass
+        ended(operator, run)
         operator.get(f"/api/runs/{run}/data.csv").raise_for_status()
         asyncio.run(_ask_to_publish(service, viewer))
         yield service

@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -91,8 +92,10 @@ def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: P
 
 def test_a_process_killed_while_it_loads_is_replaced() -> None:
     async def session(offload: Offload, deaths: list[str]) -> None:
+        others = _children()  # of the test before, killed and not yet gone
         offload.prepare(Offload)
-        (first,) = await _children()
+        await until(lambda: bool(_children() - others))
+        (first,) = _children() - others
         os.kill(first, signal.SIGKILL)
         await until(lambda: len(deaths) == 1)
         assert await offload.run(os.getpid) != first
@@ -126,14 +129,13 @@ def test_work_behind_others_is_done_although_the_process_is_killed_before_its_tu
     run(session)
 
 
-async def _children() -> list[int]:
-    """Numbers of the processes for work that this process has, once there is one."""
-    found: list[int] = []
-    while not found:
-        await asyncio.sleep(0.01)
-        for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
+def _children() -> set[int]:
+    """Numbers of the processes for work that this process has."""
+    found = set()
+    for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
+        with suppress(OSError):  # it has ended meanwhile
             if b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes():
-                found.append(int(child))
+                found.add(int(child))
     return found
 
 

@@ -5,7 +5,7 @@ import math
 import httpx
 import pytest
 
-from tests.api.conftest import problem, wait_for
+from tests.api.conftest import ended, problem, wait_for
 
 
 def test_an_illegal_move_is_refused_with_the_legal_ones(off: httpx.Client) -> None:
@@ -119,10 +119,7 @@ def test_stop_gives_its_proof_latches_and_needs_a_reset(running: httpx.Client) -
     assert running.post("/api/mode", json={"mode": "pretension"}).status_code == 409
     assert running.post("/api/stop").status_code == 200
     assert running.post("/api/reset").json()["mode"] == "off"
-    for _ in range(200):
-        stored = running.get(f"/api/runs/{run}").json()
-        if stored["end_state"] != "running":
-            break
+    stored = ended(running, run)
     assert (stored["end_state"], stored["end_reason"]) == ("stopped", "stop_pressed")
     assert stored["missing_samples"] == 0
 

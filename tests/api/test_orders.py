@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from tests.api.conftest import problem
+from tests.api.conftest import problem, until
 
 SHORT = {"q_duration_s": 0.5, "S_duration_s": 0.5, "lam_q": 0.5}
-ASKED = 3000
 
 
 def finished(client: httpx.Client, path: str) -> dict[str, object]:
-    """Ask until the run is over; each answer paces the next question."""
-    for _ in range(ASKED):
+    """Ask until the run is over and its result is there."""
+
+    def over() -> bool:
         view = client.get(path).raise_for_status().json()
-        if view["status"] != "running" and client.get("/api/state").json()["task"] is None:
-            return dict(client.get(path).json())
-    raise AssertionError(f"{path} never ended: {view}")
+        return view["status"] != "running" and client.get("/api/state").raise_for_status().json()["task"] is None
+
+    until(over)
+    return dict(client.get(path).raise_for_status().json())
 
 
 def test_an_identification_gives_models_and_a_bank_that_the_loop_uses(off: httpx.Client) -> None:

@@ -3,7 +3,7 @@
 import httpx
 import pytest
 
-from tests.api.conftest import problem, wait_for
+from tests.api.conftest import problem, until, wait_for
 
 SHORT = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
 LONG = '[{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}]'
@@ -26,10 +26,12 @@ def test_the_queue_runs_one_after_the_other(off: httpx.Client) -> None:
     assert [item["who"] for item in waiting["items"]] == ["operator", "operator"]
     assert off.get("/api/state").json()["task"] is None  # adding starts nothing
     first = off.post("/api/experiments/queue/run").raise_for_status().json()["run"]
-    for _ in range(2000):
-        queue = off.get("/api/experiments/queue").json()
-        if not queue["items"] and queue["run"] is None:
-            break
+
+    def over() -> dict[str, object] | None:
+        queue = dict(off.get("/api/experiments/queue").raise_for_status().json())
+        return None if queue["items"] or queue["run"] else queue
+
+    queue = until(over)
     assert (queue["running"], queue["problem"]) == (False, "")
     ends = [off.get(f"/api/runs/{run}").json()["end_state"] for run in (first, first + 1)]
     assert ends == ["completed", "completed"]

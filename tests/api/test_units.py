@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.api.conftest import problem, wait_for
+from tests.api.conftest import ended, problem
 
 DEGREES_OF_A_RADIAN = 57.29577951308232
 
@@ -142,10 +142,7 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     """What the person prefers, unless the address says otherwise; the data beside it stay in SI."""
     run = running.get("/api/state").json()["recording_run"]
     running.post("/api/stop").raise_for_status()
-    wait_for(running, "recording_run", None)
-    for _ in range(2000):  # its last samples are being written; each answer paces the next question
-        if running.get(f"/api/runs/{run}").raise_for_status().json()["end_state"] != "running":
-            break
+    ended(running, run)
 
     def page(query: str = "") -> str:
         return running.get(f"/api/runs/{run}/report.html{query}").raise_for_status().text

@@ -44,14 +44,19 @@ async def change(body: dict[str, int]) -> str:
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[tuple[str, int]]:
-    with pytest.MonkeyPatch.context() as shorter, served(Guard(app)) as address:
-        shorter.setattr(reception, "SILENCE_S", SHORT_S)
-        for name in ("HEAD_S", "BODY_S", "REST_S", "STALL_S"):
-            shorter.setattr(protocols, name, SHORT_S)
-        shorter.setattr(protocols, "GUEST_PAUSE_S", 1)
+    with served(Guard(app)) as address:
         yield address
 
 
+@pytest.fixture
+def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For those who are to be sent away; whoever is to stay has the whole time, as the machine may be busy."""
+    monkeypatch.setattr(reception, "SILENCE_S", SHORT_S)
+    for name in ("HEAD_S", "BODY_S", "REST_S"):
+        monkeypatch.setattr(protocols, name, SHORT_S)
+
+
+@pytest.mark.usefixtures("short_waits")
 @pytest.mark.parametrize(
     "said",
     [
@@ -66,17 +71,20 @@ def test_who_does_not_go_on_is_sent_away(address: tuple[str, int], said: bytes) 
         assert everything_from(slow) == b""
 
 
+@pytest.mark.usefixtures("short_waits")
 def test_bytes_that_trickle_in_win_no_time(address: tuple[str, int]) -> None:
     with connected(address, b"GET /thing HTTP/1.1\r\n" + HOST) as slow:
         assert seconds_until_refused(slow, b"X: y\r\n", SHORT_S / 10) < 60.0
 
 
+@pytest.mark.usefixtures("short_waits")
 def test_a_body_that_nobody_waits_for_is_not_taken_for_ever(address: tuple[str, int]) -> None:
     with connected(address, b"POST /thing HTTP/1.1\r\nContent-Length: 300000000\r\n" + HOST + b"\r\n") as pushing:
         assert seconds_until_refused(pushing, b"x" * 1000, SHORT_S / 10) < 60.0
 
 
-def test_an_answer_that_is_not_read_is_given_up(address: tuple[str, int]) -> None:
+def test_an_answer_that_is_not_read_is_given_up(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocols, "STALL_S", SHORT_S)
     with connected(address, b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n") as deaf:
         while guests(address) > 1:
             time.sleep(SHORT_S)
@@ -88,13 +96,17 @@ def guests(address: tuple[str, int]) -> int:
     return int(httpx.get(f"http://localhost:{address[1]}/guests", timeout=60.0).text)
 
 
-def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int]) -> None:
+def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(protocols, "HEAD_S", SHORT_S)
+    monkeypatch.setattr(protocols, "GUEST_PAUSE_S", 60)
     with connected(address) as kept:
         for _ in range(3):
             kept.sendall(b"GET /thing HTTP/1.1\r\n" + HOST + b"\r\n")
             answer = b""
             while not answer.endswith(b'"here"'):
-                answer += kept.recv(4096)
+                piece = kept.recv(4096)
+                assert piece, "closed"
+                answer += piece
             time.sleep(1.5 * SHORT_S)
         assert not is_closed(kept)
 

@@ -9,14 +9,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
-from tests.api.conftest import problem, wait_for
+from tests.api.conftest import problem, until, wait_for
 from tests.api.sockets import connected
 from tests.api.test_orders import finished
 from tests.e2e.service import Service
@@ -35,18 +35,18 @@ def workers(service: Service, niceness: int) -> list[int]:
     """Numbers of the service's processes for work that run at this niceness."""
     found = []
     for child in Path(f"/proc/{service.pid}/task/{service.pid}/children").read_text(encoding="ascii").split():
-        try:
-            if b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes():
+        with suppress(OSError):  # it has ended meanwhile
+            is_worker = b"multiprocessing.spawn" in Path(f"/proc/{child}/cmdline").read_bytes()
+            if is_worker and os.getpriority(os.PRIO_PROCESS, int(child)) == niceness:
                 found.append(int(child))
-        except OSError:
-            continue
-    return [pid for pid in found if os.getpriority(os.PRIO_PROCESS, pid) == niceness]
+    return found
 
 
 def kill_all(service: Service, niceness: int) -> int:
     pids = workers(service, niceness)
     for pid in pids:
-        os.kill(pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
     return len(pids)
 
 
@@ -123,9 +123,7 @@ def test_a_run_that_could_not_be_evaluated_says_so_and_is_evaluated_again(
     assert any(metric["value"] is not None for metric in off.get(f"/api/experiments/{without}").json()["metrics"])
     assert sinew("runs", "evaluate", str(without), data=data).returncode == 0
     assert begin(off) == without + 1
-    assert off.get("/api/state").json()["problems"] == [
-        text for text in off.get("/api/state").json()["problems"] if "started anew" in text
-    ]
+    assert all("started anew" in text for text in off.get("/api/state").json()["problems"])
     wait_for(off, "task", None)
 
 
@@ -197,10 +195,12 @@ def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
     assert "of yours" in str(problem(refused)["message"])
     before, told = set(workers(service, POLITE)), set(about_dry_runs(off))
     hanging.close()
-    for _ in range(ASKED):
-        again = viewer.post("/api/experiments/dry-run", json=SHORT)
-        if again.status_code != 429:
-            break
+
+    def answered() -> httpx.Response | None:
+        answer = viewer.post("/api/experiments/dry-run", json=SHORT)
+        return None if answer.status_code == 429 else answer
+
+    again = until(answered)
     assert again.status_code == 200, again.text
     assert again.json()["status"] == "completed"
     assert len(before - set(workers(service, POLITE))) == 1
