@@ -97,12 +97,19 @@ class Queue:
         self._problem, self._refused = problem, refused
 
     async def _go_on(self) -> None:
+        if not (self._running and self._items):  # a person was quicker: held, or nothing waits any more
+            self._running = False
+            return
+        following = self._items[0]
         try:
             await self._begin()
         except Exception as error:
             # Whatever refuses the next one is for a person to read; those that wait stay.
             _log.warning("the queue is held: %s", error)
-            self._hold(f"the next one was refused: {error}", self._items[0].id)
+            if following in self._items:
+                self._hold(f"the next one was refused: {error}", following.id)
+            else:
+                self._hold(f"the one that a person has taken out meanwhile was refused: {error}")
 
     def _hold(self, cause: str, refused: int | None = None) -> None:
         """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""

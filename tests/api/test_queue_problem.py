@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 from backend.api.errors import ApiError
-from backend.api.queue import Queue
+from backend.api.queue import Queue, Start
 from backend.api.schemas.experiment import ExperimentRequest
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
@@ -13,13 +13,15 @@ SHORT = ExperimentRequest(name="sequence", settings={})
 WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})
 
 
-def held(session: Callable[[Queue], Awaitable[None]]) -> None:
-    """Run a session on a queue that starts everything but what asks for bank 99."""
+async def start(request: ExperimentRequest, _who: str) -> int:
+    """Start everything but what asks for bank 99."""
+    if request.settings:
+        raise ApiError(404, "there is no bank 99")
+    return 5
 
-    async def start(request: ExperimentRequest, _who: str) -> int:
-        if request.settings:
-            raise ApiError(404, "there is no bank 99")
-        return 5
+
+def held(session: Callable[[Queue], Awaitable[None]], start: Start = start) -> None:
+    """Run a session on a queue with nothing to move."""
 
     async def check(request: ExperimentRequest) -> ExperimentRequest:
         return request
@@ -52,6 +54,52 @@ def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
         assert queue.remove(waiting.id).problem == ""
 
     held(session)
+
+
+def test_a_person_is_quicker_than_the_step_to_the_next_one() -> None:
+    async def session(queue: Queue) -> None:
+        for _ in range(2):
+            await queue.add(SHORT, "Ana")
+        await queue.run()
+        queue.ended(5, EndState.COMPLETED)
+        queue.hold()
+        await asyncio.sleep(0.01)
+        assert (len(queue.view().items), queue.view().run) == (1, None)
+        await queue.run()
+        await queue.add(WITHOUT_BANK, "Ana")
+        queue.ended(5, EndState.COMPLETED)
+        queue.remove(queue.view().items[0].id)
+        await asyncio.sleep(0.01)
+        view = queue.view()
+        assert (view.items, view.running, view.problem) == ([], False, "")
+
+    held(session)
+
+
+def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -> None:
+    asked, told = asyncio.Event(), asyncio.Event()
+
+    async def start(request: ExperimentRequest, _who: str) -> int:
+        if request.settings:
+            asked.set()
+            await told.wait()
+            raise ApiError(404, "there is no bank 99")
+        return 5
+
+    async def session(queue: Queue) -> None:
+        for request in (SHORT, WITHOUT_BANK):
+            await queue.add(request, "Ana")
+        await queue.run()
+        queue.ended(5, EndState.COMPLETED)
+        await asked.wait()
+        queue.remove(queue.view().items[0].id)
+        told.set()
+        await refused(queue)
+        view = queue.view()
+        assert (view.items, view.running) == ([], False)
+        assert view.problem.endswith("there is no bank 99; nothing waits any more")
+
+    held(session, start)
 
 
 def test_an_empty_queue_is_not_held() -> None:
