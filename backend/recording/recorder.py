@@ -57,6 +57,9 @@ class Recorder:
         self._position = ring.count
         self._run = 0
         self._next_tick = 0
+        # What is being written. It may be written already when it is found here again: of a thread that died between
+        # the commit and the step after it.
+        self._beginning = self._storing = -1
         self._refused_run = 0
         self._ended_run = 0
         self._cut_short: set[int] = set()
@@ -167,11 +170,13 @@ class Recorder:
         return True
 
     def _begin_run(self, run: int, tick: int, missed: int) -> None:
+        again, self._beginning = self._beginning == run, run
         try:
             with self._database.session() as session:
-                recordings.begin(session, run, list(STORED_NAMES), T_s)
-                if missed:
-                    recordings.add_gap(session, run, missed, f"up to {missed} samples before the first were lost")
+                if not (again and recordings.is_begun(session, run)):
+                    recordings.begin(session, run, list(STORED_NAMES), T_s)
+                    if missed:
+                        recordings.add_gap(session, run, missed, f"up to {missed} samples before the first were lost")
         except (UnknownRecordError, NotRecordableError) as error:
             with self._database.session() as session:
                 events.add(session, "recording", f"samples of run {run} are not recorded: {error}", tick=tick)
@@ -182,10 +187,12 @@ class Recorder:
     def _store(self, rows: Rows) -> None:
         table = rows[:, _STORED].astype(np.float32)
         tick = int(rows[0, _TICK])
+        again, self._storing = self._storing == tick, tick
         with self._database.session() as session:
-            self._note_gap(session, tick)
-            chunk = Chunk(tick, len(rows), pack(summarise(table)), pack(table))
-            recordings.add_chunk(session, self._run, chunk)
+            if not (again and recordings.has_chunk(session, self._run, tick)):
+                self._note_gap(session, tick)
+                chunk = Chunk(tick, len(rows), pack(summarise(table)), pack(table))
+                recordings.add_chunk(session, self._run, chunk)
         self._next_tick = tick + len(rows)
 
     def _end_run(self, end_state: EndState, detail: str, tick: int) -> None:

@@ -84,6 +84,16 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
     return to_record(Recording, row)
 
 
+def is_begun(session: Session, run_id: int) -> bool:
+    """Return whether the recording of a run has been opened."""
+    return session.get(RecordingRow, run_id) is not None
+
+
+def has_chunk(session: Session, run_id: int, first_tick: int) -> bool:
+    """Return whether a recording has a chunk that begins here."""
+    return session.get(ChunkRow, (run_id, first_tick)) is not None
+
+
 def add_chunk(session: Session, run_id: int, chunk: Chunk) -> None:
     """Append a chunk to an open recording."""
     session.add(ChunkRow(run_id=run_id, **vars(chunk)))

@@ -2,16 +2,19 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.ring import Ring
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
-from backend.storage import Database, open_database, runs
+from backend.storage import Database, Session, open_database, recordings, runs
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run
 
@@ -69,6 +72,43 @@ def test_a_drained_recorder_is_less_than_a_second_behind(tmp_path: Path) -> None
         assert len(read_samples(session, run.id).t) == 3000
     database.close()
     writer.ring.close()
+
+
+class DeadlyDatabase(Database):
+    """Ends the thread that uses it right after a commit, once."""
+
+    def __init__(self, database: Database, commits: int) -> None:
+        super().__init__(database.engine)
+        self._commits_left = commits
+
+    @contextmanager
+    def session(self) -> Iterator[Session]:
+        with super().session() as session:
+            yield session
+        self._commits_left -= 1
+        if self._commits_left == 0:
+            raise SystemExit
+
+
+@pytest.mark.parametrize("commits", [1, 2, 3, 4], ids=["the beginning", "a second", "what is left", "the end"])
+def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
+    database: Database, writer: Writer, commits: int
+) -> None:
+    run = new_run(database)
+    recorder = Recorder(DeadlyDatabase(database, commits), writer.ring)
+    written = writer.write(1500, run.id)
+    writer.write(1)
+    with pytest.raises(SystemExit):
+        recorder.drain()
+    recorder.drain()
+    recorder.close()
+    assert recorder.problem == ""
+    with database.reading() as session:
+        ended, stored = runs.get(session, run.id), read_samples(session, run.id)
+        recording = recordings.get(session, run.id)
+    assert ended.end_state == EndState.COMPLETED
+    np.testing.assert_allclose(stored.columns["q"], written[:, INDEX["q"]], rtol=1e-6)
+    assert (recording.missed, recording.problem) == (0, "")
 
 
 def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(database: Database, writer: Writer) -> None:
