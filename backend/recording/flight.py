@@ -125,7 +125,7 @@ class FlightRecorder:
         """Store what is due until cancelled."""
         while True:
             await asyncio.sleep(LOOK_S)
-            if any(trip.due for trip in self._waiting):
+            if self._due():
                 await asyncio.to_thread(self.drain)
 
     def close(self) -> None:
@@ -136,7 +136,7 @@ class FlightRecorder:
     def drain(self) -> None:
         """Store what is due. Never raises for the database's sake: see ``problem``."""
         with self._drain_lock:
-            for trip in self._take_due():
+            for trip in self._due():
                 try:
                     self._store(trip)
                 except StorageError as error:
@@ -147,9 +147,11 @@ class FlightRecorder:
                     self._waiting.remove(trip)
             self.problem = ""
 
-    def _take_due(self) -> list[_Trip]:
+    def _due(self) -> list[_Trip]:
+        ring = self._ring()
         with self._list_lock:
-            due = [trip for trip in self._waiting if trip.due]
+            # A ring that was replaced, by a reset with a dead watchdog too, holds all that it ever will.
+            due = [trip for trip in self._waiting if trip.due or trip.ring is not ring]
             for trip in due:
                 trip.is_last = True  # what follows from here on has a record of its own
             return due

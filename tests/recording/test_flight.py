@@ -56,6 +56,21 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
     assert (columns["t"][0], columns["t"][10_000], columns["t"][-1]) == (-10.0, 0.0, pytest.approx(4.999))
 
 
+def test_a_trip_whose_loop_was_replaced_is_stored_at_once(database: Database, writer: Writer) -> None:
+    """A reset starts another loop where the watchdog is dead; that is no death of the loop, and nobody tells of it."""
+    present = writer
+    recorder = FlightRecorder(database, lambda: present.ring, QUOTA)
+    writer.write(1_000)
+    recorder.hear(trip(1_000, Fault.WATCHDOG_DEAD))
+    writer.write(300)
+    recorder.drain()
+    assert stored(database) == []
+    present = Writer(Ring.create(65536))
+    recorder.drain()
+    (flight,) = stored(database)
+    assert (flight.fault, flight.count) == ("watchdog_dead", 1_300)
+
+
 def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_the_events(
     database: Database, writer: Writer
 ) -> None:
