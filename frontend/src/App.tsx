@@ -9,7 +9,7 @@ import styles from "./App.module.css";
 import { ControlLoss } from "./components/ControlLoss";
 import { Header } from "./components/Header";
 import { NameQuestion } from "./components/NameQuestion";
-import { Navigation, PAGES } from "./components/Navigation";
+import { Navigation, usePages } from "./components/Navigation";
 import { Shortcuts } from "./components/Shortcuts";
 import { StatusStrip } from "./components/StatusStrip";
 import { SetupDrawer } from "./components/setup/SetupDrawer";
@@ -25,6 +25,7 @@ import { useFreshness } from "./service/useFreshness";
 import { RequestError } from "./wire/client";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
+const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));
 const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
@@ -68,12 +69,13 @@ function Shell() {
   const [settingUp, setup] = useDisclosure(false);
   const [naming, name] = useDisclosure(false);
   const [, go] = useLocation();
+  const pages = usePages();
   useFreshness();
   useScheme();
   useHotkeys([
     ["?", toggle],
     ["c", setup.toggle],
-    ...PAGES.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
+    ...pages.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
   ]);
   const { angles } = usePreferences().preferences;
   return (
@@ -90,6 +92,7 @@ function Shell() {
             <Suspense>
               <Switch>
                 <Route path="/operate" component={OperatePage} />
+                <Route path="/bring-up" component={BringUpPage} />
                 <Route path={IDENTIFY} component={IdentifyPage} />
                 <Route path={BANKS} component={BanksPage} />
                 <Route path={EXPERIMENTS} component={ExperimentsPage} />

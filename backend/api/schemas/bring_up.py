@@ -6,6 +6,7 @@ from enum import StrEnum
 from pydantic import Field
 
 from backend.api.schemas.base import Finite, Schema, quantity
+from backend.bring_up.steps import StepId
 
 
 class StepState(StrEnum):
@@ -57,7 +58,7 @@ class RunningStep(Schema):
 class BringUpStep(Schema):
     """One step; ``why`` tells how its state comes about, ``blocked`` why it cannot be started now."""
 
-    id: str
+    id: StepId
     title: str
     instruction: str
     inputs: list[StepInput]

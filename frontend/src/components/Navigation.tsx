@@ -1,4 +1,4 @@
-/** The pages. */
+/** The pages: those that there are for what is driven. */
 
 import {
   IconActivityHeartbeat,
@@ -6,26 +6,46 @@ import {
   IconDatabase,
   IconFlask,
   IconListCheck,
+  IconPlugConnected,
   IconServerCog,
   IconWaveSine,
 } from "@tabler/icons-react";
 import { Link, useLocation } from "wouter";
+import { useLive } from "../live/react";
+import type { PlantView } from "../wire/types";
 import styles from "./Navigation.module.css";
 
-export const PAGES = [
+interface PageEntry {
+  readonly path: string;
+  readonly name: string;
+  readonly key: string;
+  readonly Icon: typeof IconFlask;
+  /** What is driven where there is something to do on it; on everything where left out. */
+  readonly only?: readonly PlantView["kind"][];
+}
+
+const PAGES: readonly PageEntry[] = [
   { path: "/operate", name: "Operate", key: "o", Icon: IconActivityHeartbeat },
+  { path: "/bring-up", name: "Bring-up", key: "u", Icon: IconPlugConnected, only: ["rig", "virtual_card"] },
   { path: "/identify", name: "Identify", key: "i", Icon: IconWaveSine },
   { path: "/banks", name: "Banks", key: "b", Icon: IconAdjustmentsHorizontal },
   { path: "/experiments", name: "Experiments", key: "e", Icon: IconFlask },
   { path: "/runs", name: "Runs", key: "r", Icon: IconDatabase },
   { path: "/system", name: "System", key: "s", Icon: IconServerCog },
-] as const;
+];
+
+/** The pages to be offered now. */
+export function usePages(): readonly PageEntry[] {
+  const kind = useLive((live) => live.state?.plant.kind);
+  return PAGES.filter(({ only }) => only === undefined || (kind !== undefined && only.includes(kind)));
+}
 
 export function Navigation({ onSetup }: { onSetup: () => void }) {
   const [location] = useLocation();
+  const pages = usePages();
   return (
     <nav className={styles.nav} aria-label="Main">
-      {PAGES.map(({ path, name, Icon }) => {
+      {pages.map(({ path, name, Icon }) => {
         const here = location === path || location.startsWith(`${path}/`);
         return (
           <Link key={path} href={path} className={styles.link} aria-current={here ? "page" : undefined}>

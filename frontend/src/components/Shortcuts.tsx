@@ -2,11 +2,12 @@
 
 import { Button, Kbd, Modal, Table } from "@mantine/core";
 import { usePreferences } from "../service/preferences";
-import { PAGES } from "./Navigation";
+import { usePages } from "./Navigation";
 
-const KEYS: readonly (readonly [string[], string])[] = [
-  [["Ctrl/⌘", "Shift", "E"], "STOP: zero volts at once, from anywhere, text fields too"],
-  ...PAGES.map(({ key, name }): [string[], string] => [[key.toUpperCase()], `Go to ${name}`]),
+type Keys = readonly (readonly [string[], string])[];
+
+const STOP: Keys = [[["Ctrl/⌘", "Shift", "E"], "STOP: zero volts at once, from anywhere, text fields too"]];
+const KEYS: Keys = [
   [["C"], "Set-up: what is done, missing and out of date"],
   [["L"], "Operate: follow the newest sample (Live)"],
   [["Space"], "Operate: hold the charts, go on"],
@@ -18,6 +19,7 @@ const KEYS: readonly (readonly [string[], string])[] = [
 
 export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () => void }) {
   const { change } = usePreferences();
+  const pages = usePages().map(({ key, name }): Keys[number] => [[key.toUpperCase()], `Go to ${name}`]);
   return (
     <Modal opened={opened} onClose={onClose} title="Keyboard shortcuts" size="lg">
       <Button
@@ -33,7 +35,7 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
       </Button>
       <Table withRowBorders={false}>
         <Table.Tbody>
-          {KEYS.map(([keys, meaning]) => (
+          {[...STOP, ...pages, ...KEYS].map(([keys, meaning]) => (
             <Table.Tr key={meaning}>
               <Table.Td w={180}>
                 {keys.map((key, index) => (

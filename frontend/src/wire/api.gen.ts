@@ -1779,8 +1779,7 @@ export interface components {
          * @description One step; ``why`` tells how its state comes about, ``blocked`` why it cannot be started now.
          */
         BringUpStep: {
-            /** Id */
-            id: string;
+            id: components["schemas"]["StepId"];
             /** Title */
             title: string;
             /** Instruction */

@@ -63,3 +63,7 @@ export type PlantView = Schemas["PlantView"];
 export type Injection = Schemas["Injection"];
 export type SystemState = Schemas["SystemView"];
 export type Recordings = Schemas["RecordingsView"];
+export type BringUp = Schemas["BringUpView"];
+export type BringUpStep = BringUp["steps"][number];
+export type BringUpResult = NonNullable<BringUpStep["result"]>;
+export type BringUpRunning = NonNullable<BringUpStep["running"]>;

@@ -1,0 +1,213 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor, within } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { Angles } from "../../samples/quantity";
+import { AnglesContext } from "../../service/angles";
+import type { BringUp, BringUpStep } from "../../wire/types";
+import BringUpPage from "./BringUpPage";
+
+const WEIGHT = { name: "weight_1", words: "first weight", unit: "N", default: 10, minimum: 1, maximum: 50 };
+const TURN = {
+  name: "travel",
+  words: "largest travel",
+  unit: "rad",
+  default: Math.PI / 60,
+  minimum: 0.01,
+  maximum: 0.1,
+};
+const RESULT: BringUpStep["result"] = {
+  passed: true,
+  text: "Both load cells answer along a line.",
+  figures: [
+    { words: "slope of load cell A", value: 10.02, unit: "N/V" },
+    { words: "joint moved", value: Math.PI / 36, unit: "rad" },
+    { words: "index of encoder q", value: null, unit: "1" },
+  ],
+  who: "A. Operator",
+  at: "2026-11-22T10:00:00Z",
+};
+
+function step(id: BringUpStep["id"], title: string, more: Partial<BringUpStep> = {}): BringUpStep {
+  const plain = { instruction: `how to do ${title}`, why: "", blocked: "" };
+  return { id, title, ...plain, inputs: [], state: "never", result: null, running: null, ...more };
+}
+
+let role = "operator";
+let view: BringUp;
+let answerOf: (path: string) => Response | null;
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  role = "operator";
+  answerOf = () => null;
+  fetched.mockReset().mockImplementation(async (request) => {
+    const path = new URL(request.url).pathname;
+    const told = request.method === "POST" ? answerOf(path) : null;
+    if (told !== null) return told;
+    if (path === "/api/session") return Response.json({ name: "A. Operator", role });
+    if (path === "/api/control")
+      return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    return Response.json(view);
+  });
+});
+afterEach(cleanup);
+
+async function open(steps: BringUpStep[], angles: Angles = "deg"): Promise<void> {
+  view = { applies: true, why_not: "", steps };
+  show(angles);
+  await screen.findByRole("list", { name: "Steps of the bring-up" });
+  await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
+}
+
+function show(angles: Angles = "deg"): void {
+  const client = new QueryClient({ defaultOptions: { queries: { retry: false } } });
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={client}>
+        <LiveProvider store={new LiveStore(0)}>
+          <AnglesContext value={angles}>
+            <BringUpPage />
+          </AnglesContext>
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+const asked = (path: string) =>
+  fetched.mock.calls.map(([request]) => request).filter(({ url }) => new URL(url).pathname === path);
+const card = (name: string) => within(screen.getByRole("region", { name }));
+const start = (name: string) => screen.getByRole("button", { name });
+
+it("says in a sentence why there is nothing to do, and offers nothing", async () => {
+  view = { applies: false, why_not: "A simulator has no wires: there is nothing to bring up.", steps: [] };
+  show();
+  expect(await screen.findByText(view.why_not)).toBeTruthy();
+  expect(screen.queryByRole("button")).toBeNull();
+});
+
+it("shows the steps in order, each with how it stands, and the readings at the next one to do", async () => {
+  await open([
+    step("wiring_test", "Wiring test", { state: "current", result: RESULT }),
+    step("tare", "Tare", { state: "out_of_date", why: "done 40 days ago", result: RESULT }),
+    step("zero", "Zero", { blocked: "The load cells have to be tared first." }),
+    step("safety_module", "Safety module", { state: "failed", why: "it did not trip" }),
+  ]);
+  expect(screen.getAllByRole("heading", { level: 2 }).map(({ textContent }) => textContent)).toEqual([
+    "1. Wiring test",
+    "2. Tare",
+    "3. Zero",
+    "4. Safety module",
+  ]);
+  expect(document.body.textContent).toContain("1 of 4 steps are done.");
+  expect(card("1. Wiring test").getByText("done")).toBeTruthy();
+  expect(card("2. Tare").getByText("out of date")).toBeTruthy();
+  expect(card("2. Tare").getByText("done 40 days ago")).toBeTruthy();
+  expect(card("3. Zero").getByText("to do")).toBeTruthy();
+  expect(card("4. Safety module").getByText("it did not trip")).toBeTruthy();
+  expect(screen.getAllByRole("region", { name: "Readings" })).toHaveLength(1);
+  expect(card("2. Tare").getByRole("region", { name: "Readings" }).textContent).not.toContain("q");
+});
+
+it("does not start what is blocked, and says why", async () => {
+  await open([step("zero", "Zero", { blocked: "The load cells have to be tared first." })]);
+  expect(card("1. Zero").getByText("The load cells have to be tared first.")).toBeTruthy();
+  expect(start("Start zero").getAttribute("aria-disabled")).toBe("true");
+  fireEvent.click(start("Start zero"));
+  fireEvent.submit(screen.getByRole("form", { name: "Zero" }));
+  expect(asked("/api/bring-up/zero")).toEqual([]);
+});
+
+it.each([
+  ["deg", "Largest travel [deg]", "0.573 … 5.729", "6", 6 * (Math.PI / 180)],
+  ["rad", "Largest travel [rad]", "0.01 … 0.1", "0.08", 0.08],
+] as const)(
+  "sends what the boxes show, angles typed in %s as radians",
+  async (angles, label, range, typed, sent) => {
+    await open([step("calibrate", "Calibrate", { inputs: [WEIGHT, TURN] })], angles);
+    expect(document.body.textContent).toContain(range);
+    expect(screen.getByLabelText<HTMLInputElement>("First weight [N]").value).toBe("10");
+    fireEvent.change(screen.getByLabelText(label), { target: { value: typed } });
+    fireEvent.click(start("Start calibrate"));
+    await waitFor(() => expect(asked("/api/bring-up/calibrate")).toHaveLength(1));
+    const body = await asked("/api/bring-up/calibrate")[0]?.clone().json();
+    expect(body.values.weight_1).toBe(10);
+    expect(body.values.travel).toBeCloseTo(sent, 12);
+  },
+);
+
+it("sends nothing while a value is no number", async () => {
+  await open([step("calibrate", "Calibrate", { inputs: [WEIGHT] })]);
+  fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "ten" } });
+  fireEvent.click(start("Start calibrate"));
+  expect(card("1. Calibrate").getByText("A value is no number.")).toBeTruthy();
+  expect(asked("/api/bring-up/calibrate")).toEqual([]);
+});
+
+it("shows a refusal at the box of the value that was refused", async () => {
+  await open([step("calibrate", "Calibrate", { inputs: [WEIGHT] })]);
+  const message = "first weight 99 N is above 50 N";
+  answerOf = () =>
+    Response.json(
+      { error: { code: "out_of_range", message, path: ["values", "weight_1"] } },
+      { status: 422 },
+    );
+  fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "99" } });
+  fireEvent.click(start("Start calibrate"));
+  const box = screen.getByLabelText("First weight [N]");
+  await waitFor(() => expect(box.getAttribute("aria-invalid")).toBe("true"));
+  expect(document.body.textContent).toContain(message);
+});
+
+it("shows the step under way with what a person is asked, and confirms or cancels it", async () => {
+  const running = { phase: "turn the joint by 0.1 rad", elapsed_s: 3.2, confirm: "" };
+  await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
+  const group = within(screen.getByRole("group", { name: "Tare under way" }));
+  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("turn the joint by 5.73 deg");
+  expect(card("2. Tare").getByText("under way")).toBeTruthy();
+  expect(card("2. Tare").getByRole("region", { name: "Readings" })).toBeTruthy();
+  expect(group.queryByRole("button", { name: "Confirm" })).toBeNull();
+  expect(screen.queryByRole("button", { name: "Start tare" })).toBeNull();
+  view = {
+    ...view,
+    steps: [step("tare", "Tare", { running: { ...running, confirm: "Hang nothing on either tendon." } })],
+  };
+  fireEvent.click(await screen.findByRole("button", { name: "Confirm" }));
+  expect(screen.getByRole("status", { name: "What to do now" }).textContent).toBe(
+    "Hang nothing on either tendon.",
+  );
+  await waitFor(() => expect(asked("/api/bring-up/confirm")).toHaveLength(1));
+  fireEvent.click(screen.getByRole("button", { name: "Cancel" }));
+  await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
+});
+
+it("shows a result with its figures as they are read, who and when, and none that was not measured", async () => {
+  await open([step("tare", "Tare", { state: "current", result: RESULT })]);
+  const result = card("1. Tare").getByRole("region", { name: "Result" });
+  expect(result.textContent).toContain("Both load cells answer along a line.");
+  expect(result.textContent).toContain("slope of load cell A10.02 N/V");
+  expect(result.textContent).toContain("joint moved5 deg");
+  expect(within(result).getByRole("img", { name: "not measured" })).toBeTruthy();
+  expect(result.textContent).toMatch(/A\. Operator, 2026-11-22 \d\d:00:00/);
+  expect(document.body.textContent).toContain("All of 1 steps are done.");
+});
+
+it("offers a viewer nothing to press", async () => {
+  role = "viewer";
+  const running = { phase: "waiting", elapsed_s: 1, confirm: "Hang the weight on." };
+  await open([step("tare", "Tare", { running }), step("zero", "Zero", { inputs: [WEIGHT] })]);
+  await waitFor(() => expect(screen.queryByRole("button")).toBeNull());
+  expect(screen.getByText("Hang the weight on.")).toBeTruthy();
+});

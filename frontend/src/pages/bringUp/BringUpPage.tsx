@@ -1,0 +1,60 @@
+/** Bringing a rig up, step by step: from motors off and a turn by hand to a safety module that was seen to trip. */
+
+import { useQuery } from "@tanstack/react-query";
+import { Card } from "../../components/Card";
+import { bringUpQuery } from "../../service/bringUp";
+import { useMayCommand } from "../../service/useMayCommand";
+import type { BringUp } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./BringUp.module.css";
+import { StepCard } from "./StepCard";
+
+export default function BringUpPage() {
+  const { data, error } = useQuery(bringUpQuery);
+  return (
+    <div className={page.page}>
+      <h1 className={page.title}>Bring-up</h1>
+      {data?.applies ? (
+        <Steps steps={data.steps} />
+      ) : (
+        <Nothing why={data?.why_not ?? error?.message ?? "Loading …"} />
+      )}
+    </div>
+  );
+}
+
+function Nothing({ why }: { why: string }) {
+  return (
+    <Card title="Steps">
+      <p className={page.empty}>{why}</p>
+    </Card>
+  );
+}
+
+function Steps({ steps }: { steps: BringUp["steps"] }) {
+  const viewer = useMayCommand() === false;
+  const done = steps.filter(({ state }) => state === "current").length;
+  const at = atStep(steps);
+  return (
+    <>
+      <p className={page.lead}>
+        {done === steps.length ? "All" : done} of {steps.length} steps are done. Each is small, can be
+        cancelled, and is kept with who did it and when.
+        {viewer && " You are signed in as a viewer: you look on, and may press STOP."}
+      </p>
+      <ol className={styles.steps} aria-label="Steps of the bring-up">
+        {steps.map((step, index) => (
+          <li key={step.id}>
+            <StepCard step={step} number={index + 1} open={index === at} />
+          </li>
+        ))}
+      </ol>
+    </>
+  );
+}
+
+/** The step to look at: the one that runs, or else the first that is not done; -1 for none. */
+function atStep(steps: BringUp["steps"]): number {
+  const running = steps.findIndex((step) => step.running !== null);
+  return running >= 0 ? running : steps.findIndex(({ state }) => state !== "current");
+}

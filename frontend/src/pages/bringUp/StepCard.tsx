@@ -1,0 +1,216 @@
+/** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
+
+import { Button, Loader } from "@mantine/core";
+import {
+  IconAlertTriangle,
+  IconCircle,
+  IconCircleCheck,
+  IconCircleX,
+  IconPlayerPlay,
+} from "@tabler/icons-react";
+import { type FormEvent, useState } from "react";
+import { Shown } from "../../components/Absent";
+import { Card } from "../../components/Card";
+import { NumberField } from "../../components/NumberField";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { Refusal } from "../../components/Refusal";
+import { Told } from "../../components/Told";
+import { Verdict } from "../../components/Verdict";
+import { dateTime, duration, NOT_MEASURED } from "../../samples/format";
+import { labelWith, rangeText, told } from "../../samples/quantity";
+import { capital } from "../../samples/words";
+import { useAngles } from "../../service/angles";
+import { useStepCommand } from "../../service/bringUp";
+import { RefusedFields } from "../../service/refusedFields";
+import type { BringUpResult, BringUpRunning, BringUpStep } from "../../wire/types";
+import page from "../Page.module.css";
+import styles from "./BringUp.module.css";
+import { StepReadings } from "./StepReadings";
+
+type Standing = BringUpStep["state"] | "running";
+
+const STANDING: Record<Standing, { word: string; Icon: typeof IconCircle }> = {
+  never: { word: "to do", Icon: IconCircle },
+  current: { word: "done", Icon: IconCircleCheck },
+  out_of_date: { word: "out of date", Icon: IconAlertTriangle },
+  failed: { word: "failed", Icon: IconCircleX },
+  running: { word: "under way", Icon: IconPlayerPlay },
+};
+
+interface StepCardProps {
+  readonly step: BringUpStep;
+  readonly number: number;
+  /** Whether it is the one to look at now: it runs, or it is the next to do. */
+  readonly open: boolean;
+}
+
+export function StepCard({ step, number, open }: StepCardProps) {
+  const { id, title, instruction, state, why, result, running } = step;
+  const standing: Standing = running === null ? state : "running";
+  const { word, Icon } = STANDING[standing];
+  return (
+    <Card
+      title={`${number}. ${title}`}
+      className={styles.step}
+      aside={
+        <span className={styles.standing} data-standing={standing}>
+          <Icon size={17} aria-hidden="true" />
+          {word}
+        </span>
+      }
+    >
+      <div className={styles.halves} data-open={open}>
+        <div className={page.fields}>
+          <p className={styles.text}>
+            <Told text={instruction} />
+          </p>
+          {why !== "" && (
+            <p className={styles.why} data-standing={standing}>
+              <Told text={why} />
+            </p>
+          )}
+          {running === null ? (
+            <Start step={step} prominent={open} />
+          ) : (
+            <UnderWay running={running} title={title} />
+          )}
+        </div>
+        <div className={styles.seen}>
+          {open && <StepReadings step={id} />}
+          {result !== null && <Result result={result} outdated={state === "out_of_date"} />}
+        </div>
+      </div>
+    </Card>
+  );
+}
+
+function Start({ step, prominent }: { step: BringUpStep; prominent: boolean }) {
+  const { id, title, inputs, blocked } = step;
+  const angles = useAngles();
+  const [changed, setChanged] = useState<Record<string, number | string>>({});
+  const command = useStepCommand();
+  const values = Object.fromEntries(inputs.map(({ name, default: usual }) => [name, changed[name] ?? usual]));
+  const numbers = numbersIn(values);
+  const reason = blocked !== "" ? blocked : numbers === null ? "A value is no number." : null;
+
+  function submit(event: FormEvent): void {
+    event.preventDefault();
+    if (reason === null && numbers !== null) command.mutate({ do: "start", step: id, values: numbers });
+  }
+
+  return (
+    <RefusedFields error={command.error} about={changed}>
+      <form className={page.fields} aria-label={title} onSubmit={submit}>
+        {inputs.length > 0 && (
+          <div className={styles.inputs}>
+            {inputs.map(({ name, words, unit, minimum, maximum }) => (
+              <NumberField
+                key={name}
+                name={name}
+                label={labelWith(capital(words), unit, angles)}
+                unit={unit}
+                description={rangeText(minimum, maximum, unit, angles)}
+                value={values[name] ?? ""}
+                onChange={(value) => setChanged((before) => ({ ...before, [name]: value }))}
+              />
+            ))}
+          </div>
+        )}
+        <OperatorsOnly>
+          <div className={page.actions}>
+            <Button
+              type="submit"
+              size="sm"
+              variant={prominent ? "filled" : "default"}
+              aria-label={`Start ${title.toLowerCase()}`}
+              aria-disabled={reason !== null}
+              data-disabled={reason !== null || undefined}
+              loading={command.isPending}
+            >
+              Start
+            </Button>
+          </div>
+        </OperatorsOnly>
+        <Refusal error={command.error} about={[changed, blocked]} text={reason} />
+      </form>
+    </RefusedFields>
+  );
+}
+
+/** The values as numbers; null where one of them is none. */
+function numbersIn(values: Record<string, number | string>): Record<string, number> | null {
+  const all = Object.entries(values);
+  return all.every((entry): entry is [string, number] => typeof entry[1] === "number")
+    ? Object.fromEntries(all as [string, number][])
+    : null;
+}
+
+function UnderWay({ running, title }: { running: BringUpRunning; title: string }) {
+  const { phase, elapsed_s, confirm } = running;
+  const command = useStepCommand();
+  const asked = confirm !== "";
+  return (
+    // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
+    <div className={styles.running} role="group" aria-label={`${title} under way`}>
+      <div className={styles.phase}>
+        {!asked && <Loader size={14} aria-hidden="true" />}
+        <output aria-label="Progress">
+          <Told text={phase} />
+        </output>
+        <span className={page.dim}>{duration(elapsed_s)}</span>
+      </div>
+      <output aria-label="What to do now" className={styles.asked} data-asked={asked}>
+        {asked && <Told text={confirm} />}
+      </output>
+      <OperatorsOnly>
+        <div className={page.actions}>
+          {asked && (
+            <Button
+              size="sm"
+              loading={command.isPending && command.variables.do === "confirm"}
+              onClick={() => command.mutate({ do: "confirm" })}
+            >
+              Confirm
+            </Button>
+          )}
+          <Button
+            size="sm"
+            variant="default"
+            loading={command.isPending && command.variables.do === "cancel"}
+            onClick={() => command.mutate({ do: "cancel" })}
+          >
+            Cancel
+          </Button>
+        </div>
+      </OperatorsOnly>
+      <Refusal error={command.error} about={[phase, confirm]} />
+    </div>
+  );
+}
+
+function Result({ result, outdated }: { result: BringUpResult; outdated: boolean }) {
+  const angles = useAngles();
+  const { passed, text, figures, who, at } = result;
+  return (
+    <section className={styles.result} aria-label="Result" data-outdated={outdated}>
+      <Verdict good={passed}>{text}</Verdict>
+      {figures.length > 0 && (
+        <dl className={page.facts}>
+          {figures.map(({ words, value, unit }) => (
+            <div key={words} className={styles.figure}>
+              <dt>{words}</dt>
+              <dd>
+                <Shown value={value} why={NOT_MEASURED}>
+                  {(number) => told(number, unit, angles)}
+                </Shown>
+              </dd>
+            </div>
+          ))}
+        </dl>
+      )}
+      <span className={page.dim}>
+        {who}, {dateTime(at)}
+      </span>
+    </section>
+  );
+}
