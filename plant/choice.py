@@ -41,3 +41,6 @@ class PlantChoice:
 
 
 SIMULATOR = PlantChoice()
+
+SIMULATED = frozenset(choice.name for kind in PlantKind if (choice := PlantChoice(kind)).simulated)
+"""Names of the plants of which every run has a seed."""

@@ -146,9 +146,11 @@ class Bench:
         return References(q_ref=q_ref, S_ref=S_ref)
 
     async def push(self, push: Push, who: str) -> Push:
-        """Push the joint of the simulator from outside. Raises ApiError 409 on a rig, OutOfRangeError."""
-        if not self.picture.plant.simulated:
-            raise ApiError(409, "the simulator only is pushed by command: push a rig by hand", code="not_a_simulator")
+        """Push the joint of a simulated plant from outside. Raises ApiError 409 on any other, OutOfRangeError."""
+        plant = self.picture.plant
+        if not plant.simulated:
+            message = f"only what is simulated is pushed by command, and this is a {plant.name}: push a rig by hand"
+            raise ApiError(409, message, code="not_a_simulator")
         require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "order it again to push for longer"
         require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")

@@ -1,4 +1,4 @@
-"""Break the simulator, or a link of the safety chain, to see each reaction of the loop."""
+"""Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
 
 from backend.api.bench import Bench
 from backend.api.control import Control
@@ -52,9 +52,11 @@ def fault_list() -> FaultList:
 
 
 async def inject(bench: Bench, control: Control, injection: Injection, who: str) -> None:
-    """Break what is asked for. Raises ApiError 409 on a rig, which nobody breaks on purpose."""
-    if not bench.picture.plant.simulated:
-        raise ApiError(409, "faults are injected into the simulator only, never into a rig", code="not_a_simulator")
+    """Break what is asked for. Raises ApiError 409 where the plant is not simulated: nobody breaks a rig on purpose."""
+    plant = bench.picture.plant
+    if not plant.simulated:
+        message = f"faults are injected only into what is simulated, and this is a {plant.name}"
+        raise ApiError(409, message, code="not_a_simulator")
     match injection.kind:
         case InjectionKind.SERVICE_SILENT:
             bench.fall_silent(SERVICE_SILENT_S, who)

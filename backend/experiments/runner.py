@@ -35,8 +35,8 @@ _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-contr
 class Station:
     """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
 
-    ``plant`` is "simulator" or "rig". ``compute`` calls a function away from the event loop: in a thread, or in another
-    process where a live loop waits for this one's heartbeat, as linear algebra keeps Python's lock.
+    ``plant`` is its ``PlantChoice.name``. ``compute`` calls a function away from the event loop: in a thread, or in
+    another process where a live loop waits for this one's heartbeat, as linear algebra keeps Python's lock.
     """
 
     loop: LoopAccess

@@ -8,6 +8,7 @@ from backend.reports.source import Source
 from backend.storage.bank_entry import CHANNELS, name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
+from plant.choice import SIMULATED
 
 END_STATES = {
     EndState.RUNNING: "still running",
@@ -58,7 +59,7 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     if bank is not None and len(bank.entries) > 1 and law == "cascade":
         controller += ", interpolating between entries" if loop.get("interpolate") else ", switching between entries"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
-    if source.run.plant in ("simulator", "virtual card") and "seed" in loop:
+    if source.run.plant in SIMULATED and "seed" in loop:
         lines.append(Fact("Seed", str(loop["seed"])))
     return tuple(lines)
 

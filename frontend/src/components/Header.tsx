@@ -7,12 +7,13 @@ import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/preferences";
 import { useMayCommand } from "../service/useMayCommand";
-import type { PlantView } from "../wire/types";
 import { AngleSwitch } from "./AngleSwitch";
+import badge from "./Badge.module.css";
 import { ControlMenu } from "./ControlMenu";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
+import { PlantBadge } from "./PlantBadge";
 import { StopButton } from "./StopButton";
 
 export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onName: () => void }) {
@@ -30,7 +31,7 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
       </span>
       <PlantBadge plant={state?.plant} parameters={state?.parameters} />
       {useMayCommand() === false && (
-        <span className={styles.badge} role="img" aria-label="Viewer" title="You look on, and may press STOP">
+        <span className={badge.badge} role="img" aria-label="Viewer" title="You look on, and may press STOP">
           VIEW
         </span>
       )}
@@ -79,29 +80,6 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
       </div>
       <StopButton />
     </header>
-  );
-}
-
-const BADGES: Partial<Record<PlantView["kind"], string>> = {
-  simulator: "SIM",
-  rig: "RIG",
-  virtual_card: "VIRTUAL CARD",
-  replay: "REPLAY",
-};
-
-function PlantBadge({ plant, parameters }: { plant: PlantView | undefined; parameters: string | undefined }) {
-  const name =
-    plant === undefined ? "Plant unknown" : plant.name.charAt(0).toUpperCase() + plant.name.slice(1);
-  return (
-    <span
-      className={styles.badge}
-      data-plant={plant?.kind}
-      role="img"
-      aria-label={name}
-      title={`${plant?.says || name}, parameters ${parameters}`}
-    >
-      {plant === undefined ? "···" : (BADGES[plant.kind] ?? plant.name)}
-    </span>
   );
 }
 

@@ -18,7 +18,7 @@ export function useSetReferences() {
   return useMutation({ mutationFn: (body: References) => answered(api.PUT("/api/references", { body })) });
 }
 
-/** A push on the joint of the simulator; one of 0 N lets go. */
+/** A push on the joint of a simulated plant; one of 0 N lets go. */
 export function usePush() {
   return useMutation({
     mutationFn: (body: { F_push: number; duration_s: number }) => answered(api.POST("/api/push", { body })),

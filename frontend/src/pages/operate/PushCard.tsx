@@ -1,4 +1,4 @@
-/** A push on the joint, as by a hand: on the simulator only, held for a time, let go of by the loop itself. */
+/** A push on the joint, as by a hand: where the plant is simulated, held for a time, let go of by the loop itself. */
 
 import { Button } from "@mantine/core";
 import { useState } from "react";
@@ -34,7 +34,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   const refusal = problem === null && reason === null ? push.error : null;
   const about = [F_push, duration_s];
   return (
-    <Card title="Push" aside={<span className={styles.bounds}>simulator only</span>}>
+    <Card title="Push" aside={<span className={styles.bounds}>simulated plants only</span>}>
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.pushRow} role="group" aria-label="Push">

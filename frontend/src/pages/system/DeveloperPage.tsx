@@ -1,4 +1,4 @@
-/** Break the simulator on purpose: each fault with what brings it about, to see the reaction. */
+/** Break a simulated plant on purpose: each fault with what brings it about, to see the reaction. */
 
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
@@ -9,14 +9,15 @@ import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { faultsQuery, useInject, useMend } from "../../service/system";
 import { useMayCommand } from "../../service/useMayCommand";
-import type { Injection } from "../../wire/types";
+import type { Injection, PlantView } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
 
 export default function DeveloperPage() {
   const faults = useQuery(faultsQuery).data ?? [];
   const latched = useLive((live) => live.state?.fault?.code);
-  const isRig = useLive((live) => live.state?.plant.simulated === false);
+  const plant = useLive((live) => live.state?.plant);
+  const breakable = plant?.simulated ?? true;
   const inject = useInject();
   const mend = useMend();
   const may = useMayCommand() !== false;
@@ -24,14 +25,19 @@ export default function DeveloperPage() {
     <div className={page.page}>
       <h1 className={page.title}>Developer page</h1>
       <p className={page.lead}>
-        {isRig
-          ? "This is a rig: nothing is broken on purpose here."
-          : "Break the simulator while the joint moves, then mend it and reset the fault."}
+        {breakable
+          ? `Break the ${plant?.name ?? "simulator"} while the joint moves, then mend it and reset the fault.`
+          : `What is driven is no simulator but ${inSentence(plant)}: nothing is broken on purpose here.`}
       </p>
       <Card title="Faults">
         <OperatorsOnly>
           <div className={styles.actions}>
-            <Button variant="default" disabled={isRig} loading={mend.isPending} onClick={() => mend.mutate()}>
+            <Button
+              variant="default"
+              disabled={!breakable}
+              loading={mend.isPending}
+              onClick={() => mend.mutate()}
+            >
               Mend everything
             </Button>
             <Refusal error={inject.error ?? mend.error} />
@@ -68,7 +74,7 @@ export default function DeveloperPage() {
                         <Button
                           size="compact-xs"
                           variant="default"
-                          disabled={isRig}
+                          disabled={!breakable}
                           aria-label={`Inject ${code}`}
                           onClick={() => inject.mutate(injection)}
                         >
@@ -85,6 +91,11 @@ export default function DeveloperPage() {
       </Card>
     </div>
   );
+}
+
+function inSentence(plant: PlantView | undefined): string {
+  if (plant?.kind === "package") return `the plant “${plant.name}” of a package`;
+  return plant?.kind === "replay" ? "the replay of a recording" : "a rig";
 }
 
 const ABOUT_A_SENSOR = new Set(["no_number", "stuck", "jump", "drift_up", "drift_down"]);

@@ -1,0 +1,110 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  return replacement;
+});
+
+import type { ReactElement } from "react";
+import { LiveProvider } from "../live/react";
+import { LiveStore } from "../live/store";
+import { PushCard } from "../pages/operate/PushCard";
+import DeveloperPage from "../pages/system/DeveloperPage";
+import type { PlantView, State } from "../wire/types";
+import { Navigation } from "./Navigation";
+import { PlantBadge } from "./PlantBadge";
+
+const PLANTS: Record<PlantView["kind"], PlantView> = {
+  simulator: { kind: "simulator", simulated: true, name: "simulator", says: "simulator" },
+  rig: { kind: "rig", simulated: false, name: "rig", says: "NI PCIe-6323 as Dev1, on-demand" },
+  virtual_card: { kind: "virtual_card", simulated: true, name: "virtual card", says: "virtual NI PCIe-6323" },
+  replay: { kind: "replay", simulated: false, name: "replay", says: "replay of run 7" },
+  package: { kind: "package", simulated: false, name: "servo-bench", says: "" },
+};
+const KINDS = Object.keys(PLANTS) as PlantView["kind"][];
+
+beforeEach(() => {
+  fetched.mockReset().mockImplementation(async ({ url }) =>
+    Response.json(
+      new URL(url).pathname === "/api/faults"
+        ? {
+            faults: [
+              { code: "stop_pressed", message: "", remedy: "", injection: null, by_hand: "press STOP" },
+            ],
+          }
+        : { name: "Ana", role: "operator" },
+    ),
+  );
+});
+afterEach(cleanup);
+
+function open(element: ReactElement, kind: PlantView["kind"]): void {
+  const store = new LiveStore(0);
+  const plant = PLANTS[kind];
+  store.setState({
+    mode: "run",
+    plant,
+    limits: { F_push_max: plant.simulated ? 30 : 0 },
+    link: { starts: 1 },
+    fault: null,
+  } as unknown as State);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>{element}</LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+it.each([
+  ["simulator", "SIM", "Simulator", "Simulator, parameters lab", "false"],
+  ["rig", "RIG", "Rig", "NI PCIe-6323 as Dev1, on-demand, parameters lab", "true"],
+  ["virtual_card", "VIRTUAL CARD", "Virtual card", "Virtual NI PCIe-6323, parameters lab", "false"],
+  ["replay", "REPLAY", "Replay", "Replay of run 7, parameters lab", "false"],
+  ["package", "servo-bench", "Servo-bench", "Servo-bench, parameters lab", "true"],
+] as const)(
+  "has a badge for %s, by which what may be real is told apart",
+  (kind, badge, name, title, real) => {
+    render(<PlantBadge plant={PLANTS[kind]} parameters="lab" />);
+    const shown = screen.getByRole("img", { name });
+    expect([shown.textContent, shown.title, shown.dataset.real]).toEqual([badge, title, real]);
+  },
+);
+
+it("claims nothing of a plant that is not known yet", () => {
+  render(<PlantBadge plant={undefined} parameters={undefined} />);
+  const shown = screen.getByRole("img", { name: "Plant unknown" });
+  expect([shown.title, shown.dataset.real]).toEqual(["Plant unknown", undefined]);
+});
+
+it.each(KINDS)("offers the bring-up where there are wires: %s", (kind) => {
+  open(<Navigation onSetup={() => undefined} />, kind);
+  const offered = screen.queryByRole("link", { name: "Bring-up" }) !== null;
+  expect(offered).toBe(kind === "rig" || kind === "virtual_card");
+});
+
+it.each([
+  ["simulator", "Break the simulator while"],
+  ["virtual_card", "Break the virtual card while"],
+  ["rig", "no simulator but a rig: nothing is broken"],
+  ["replay", "no simulator but the replay of a recording: nothing is broken"],
+  ["package", "no simulator but the plant “servo-bench” of a package: nothing is broken"],
+] as const)("says at the faults what is driven: %s", async (kind, words) => {
+  open(<DeveloperPage />, kind);
+  expect(document.body.textContent).toContain(words);
+  const mend = await screen.findByRole<HTMLButtonElement>("button", { name: "Mend everything" });
+  await waitFor(() => expect(mend.disabled).toBe(!PLANTS[kind].simulated));
+});
+
+it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
+  open(<PushCard />, kind);
+  expect(screen.queryByText("simulated plants only") !== null).toBe(PLANTS[kind].simulated);
+});
