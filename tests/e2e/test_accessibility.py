@@ -1,5 +1,6 @@
 """axe-core finds nothing against WCAG A and AA on any page; keyboard, phone and reduced motion as a person has them."""
 
+import re
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +11,7 @@ from tests.e2e.browser import DESKTOP, TABLET
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
+from tests.e2e.test_viewer import SEEN
 
 AXE = (Path(__file__).parents[2] / "frontend" / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
@@ -38,7 +40,7 @@ def test_no_page_violates_wcag_a_or_aa(browser: Browser, service: Service, schem
     found: dict[str, list[str]] = {}
     for name in PAGES:
         operator.go(name)
-        operator.page.wait_for_load_state("networkidle")
+        expect(operator.page.get_by_role("main")).to_contain_text(re.compile(SEEN[name.lower()]))
         found[name] = violations(operator.page)
     operator.go("Runs")
     operator.page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
