@@ -49,7 +49,8 @@ def step_the_joint(operator: Operator) -> None:
 
 def move_lambda(operator: Operator) -> None:
     page = operator.page
-    operator.enter("λ_q value [s]", 0.45)
+    with page.expect_response(lambda answer: answer.request.method == "PUT" and answer.url.endswith("/api/tuning")):
+        operator.enter("λ_q value [s]", 0.45)
     expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
     page.reload()
     box = page.get_by_role("textbox", name="λ_q value [s]", exact=True)
@@ -102,7 +103,7 @@ def track(operator: Operator) -> None:
     operator.go("Experiments")
     operator.fill("Time each position reference is held [s]", 4)
     operator.fill("Time each stiffness reference is held [s]", 4)
-    page.get_by_role("button", name="Start tracking").click()
+    operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     criteria = page.get_by_role("table", name="Criteria", exact=True)
     expect(criteria).to_be_visible(timeout=TRACKING_TIMEOUT_MS)
@@ -135,5 +136,5 @@ def press_stop(operator: Operator) -> None:
     assert operator.reading("Motor voltage", "u_B") == 0.0
     page.reload()
     operator.expect_mode("tripped")
-    page.get_by_role("button", name="Reset", exact=True).click()
+    operator.press("Reset")
     operator.expect_mode("off")
