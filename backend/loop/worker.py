@@ -167,13 +167,14 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     parameters = load_parameters(setup.parameters)
     plant = make_plant(setup.plant, parameters, setup.seed, card)
     rehearse(parameters, setup.tuning)
+    # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
+    gc.collect()
+    gc.freeze()
+    gc.disable()
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
         worker = Worker(plant, loop, channel)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
-        gc.collect()
-        gc.freeze()
-        gc.disable()
         worker.tell(Ready(request_real_time(), plant.description))
         worker.run(Pacer(T_s))
     finally:

@@ -24,6 +24,7 @@ from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.loop.timing import timing
 from backend.sample import INDEX
+from plant.card import WATCHDOG_S
 from plant.choice import SIMULATOR, PlantChoice, PlantKind
 
 pytestmark = pytest.mark.live
@@ -173,6 +174,23 @@ def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, para
         await supervisor.stop()
 
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_a_start_that_takes_its_time_is_no_fault(setup: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine: to collect garbage takes longer than the card's watchdog waits for a tick."""
+    (tmp_path / "sitecustomize.py").write_text(f"import gc, time\ngc.collect = lambda: time.sleep({2 * WATCHDOG_S})\n")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:.")
+
+    async def session() -> None:
+        supervisor = Supervisor(setup)
+        await supervisor.start()
+        await supervisor.advance(0.05)
+        newest = supervisor.ring.newest()
+        await supervisor.stop()
+        assert newest is not None
+        assert newest[INDEX["fault"]] == FAULT_CODE[Fault.NONE]
+
+    asyncio.run(session())
 
 
 def test_killed_service_leaves_a_stopped_loop_with_zero_volts() -> None:
