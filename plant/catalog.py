@@ -2,12 +2,14 @@
 
 from importlib.util import find_spec
 
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, calibrated
 from plant.card import Card
 from plant.choice import PlantChoice, PlantKind
 from plant.interface import Plant, PlantError
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
-from plant.wiring import Wiring, WiringError, load_wiring
+from plant.wiring import Wiring, load_wiring
+from plant.wiring_errors import WiringError
 
 _NEEDS_EXTRA = (
     "driving a card needs NI's Python package, which is not installed: install Sinew with its extra rig, "
@@ -23,10 +25,17 @@ def require_available(choice: PlantChoice) -> None:
         raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
 
 
-def make_plant(choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None = None) -> Plant:
+def make_plant(
+    choice: PlantChoice,
+    parameters: PlantParameters,
+    seed: int,
+    card: Card | None = None,
+    brought_up: BroughtUp = NOT_BROUGHT_UP,
+) -> Plant:
     """Make a plant, not yet open. Raises PlantError.
 
     ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
+    ``brought_up`` is what is known of a rig with this wiring.
     """
     require_available(choice)
     match choice.kind:
@@ -35,9 +44,9 @@ def make_plant(choice: PlantChoice, parameters: PlantParameters, seed: int, card
                 card.start_watchdog()  # its process comes up while the rehearsal computes
             return Simulator(parameters, seed, card=card)
         case PlantKind.RIG:
-            return _rig(choice, card)
+            return _rig(choice, card, brought_up)
         case PlantKind.VIRTUAL_CARD:
-            return _virtual_rig(choice, parameters, seed, card)
+            return _virtual_rig(choice, parameters, seed, card, brought_up)
         case PlantKind.REPLAY | PlantKind.PACKAGE:
             raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
 
@@ -45,21 +54,27 @@ def make_plant(choice: PlantChoice, parameters: PlantParameters, seed: int, card
 # What follows imports NI's package, which is not there in every installation.
 
 
-def _rig(choice: PlantChoice, card: Card | None) -> Plant:
+def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp) -> Plant:
     from plant.daq import Daq
     from plant.rig import Rig
 
-    wiring = _wiring(choice)
-    return Rig(wiring, Daq(wiring), registers=card)
+    wiring = calibrated(wiring_of_choice(choice), brought_up.calibrations)
+    return Rig(wiring, Daq(wiring), registers=card, directions_proven=brought_up.directions_proven)
 
 
-def _virtual_rig(choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None) -> Plant:
+def _virtual_rig(
+    choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None, brought_up: BroughtUp
+) -> Plant:
     from plant.virtual_rig import VirtualRig
 
-    return VirtualRig(_wiring(choice), Simulator(parameters, seed), card)
+    true = wiring_of_choice(choice)
+    wiring = calibrated(true, brought_up.calibrations)
+    proven = brought_up.directions_proven
+    return VirtualRig(wiring, Simulator(parameters, seed), card, true, directions_proven=proven)
 
 
-def _wiring(choice: PlantChoice) -> Wiring:
+def wiring_of_choice(choice: PlantChoice) -> Wiring:
+    """Return the wiring of a rig as its file says it. Raises PlantError."""
     try:
         return load_wiring(choice.wiring)
     except WiringError as error:

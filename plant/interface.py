@@ -1,7 +1,7 @@
 """What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from plant.breakage import Broken
@@ -72,7 +72,8 @@ class Plant(Protocol):
     sample is due (a hardware clock), False where the loop keeps the time. ``loads_shafts`` tells whether ``load`` is
     there. ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
     waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
-    plant is open. ``raw`` is what the newest measurement was made from.
+    plant is open. ``raw`` is what the newest measurement was made from. ``unready`` says why the plant may not be
+    controlled yet and what to do; empty when it may.
     """
 
     paces_loop: bool
@@ -80,6 +81,11 @@ class Plant(Protocol):
     unattended_max_s: float
     description: str
     raw: RawReading
+
+    @property
+    def unready(self) -> str:
+        """Why it may not be controlled yet."""
+        ...
 
     def open(self) -> None:
         """Connect, outputs at zero volts. Raises PlantError."""
@@ -105,10 +111,26 @@ class Plant(Protocol):
         """Break something, None to mend it. PlantError where nothing can be broken to order (a rig)."""
         ...
 
+    def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
+        """Say where joint and motors stand now [rad], from the next reading on; at zero volts only.
+
+        ``at_switch``: only while the joint holds its end switch. Raises PlantError, also where positions are known.
+        """
+        ...
+
     def acknowledge(self) -> None:
         """Re-arm safety module and watchdog after the cause is gone. Raises PlantError while it is not."""
         ...
 
     def close(self) -> None:
         """Zero volts, then let go of the hardware. Safe to call twice."""
+        ...
+
+
+@runtime_checkable
+class Proven(Protocol):
+    """A plant whose motors' directions have to be proven before it may be controlled."""
+
+    def prove_directions(self) -> None:
+        """Take note that the motors turn as the wiring says."""
         ...

@@ -36,7 +36,9 @@ class Rig:
 
     loads_shafts = False
 
-    def __init__(self, wiring: Wiring, daq: Daq, registers: Card | None = None) -> None:
+    def __init__(
+        self, wiring: Wiring, daq: Daq, registers: Card | None = None, *, directions_proven: bool = False
+    ) -> None:
         self.wiring = wiring
         self.raw: RawReading = NO_RAW
         self.description = ""
@@ -50,6 +52,21 @@ class Rig:
         self._gains = wiring.motor_A.gain, wiring.motor_B.gain
         self._seen: Raw | None = None
         self._tripped = False
+        self._zeroed = False
+        self._proven = directions_proven
+
+    @property
+    def unready(self) -> str:
+        """Why the loop may not be closed on it yet."""
+        if not self._zeroed:
+            return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
+        if not self._proven:
+            return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
+        return ""
+
+    def prove_directions(self) -> None:
+        """Take note that the motors turn as the wiring says."""
+        self._proven = True
 
     def open(self) -> None:
         """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""
@@ -101,14 +118,20 @@ class Rig:
             1.0 if raw.tripped else 0.0,
         )
 
-    def zero(self, q: float, theta_A: float, theta_B: float) -> None:
-        """Say where joint and motors stand now [rad]; from the next reading on. Raises PlantError before the first."""
+    def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
+        """Say where joint and motors stand now [rad]; from the next reading on.
+
+        Raises PlantError before the first reading, and ``at_switch`` where the end switch is not held.
+        """
         if self._seen is None:
             raise PlantError("nothing has been read yet: read once, then say where joint and motors stand")
+        if at_switch and not self._seen.at_end:
+            raise PlantError("the end switch is not held: turn the joint onto it and hold it there")
         counts = self._seen.n_q, self._seen.n_A, self._seen.n_B
         given = q, theta_A, theta_B
         q_0, A_0, B_0 = (angle - scale * count for angle, scale, count in zip(given, self._scales, counts, strict=True))
         self._zeros = q_0, A_0, B_0
+        self._zeroed = True
 
     def write(self, command: MotorCommand) -> None:
         """Put the voltages on the outputs and feed the watchdog.

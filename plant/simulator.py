@@ -44,6 +44,7 @@ class Simulator:
     unattended_max_s = 0.4
     description = "simulator"
     raw = NO_RAW
+    unready = ""
 
     def __init__(
         self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST, card: Card | None = None
@@ -52,6 +53,7 @@ class Simulator:
         self._plant = parameters.dynamics()
         self._u_max = parameters.motor.u_max
         self._sensors = sensor_model(parameters.sensors, parameters.safety.F_max, self._u_max)
+        self._F_max = parameters.safety.F_max
         self._bounds = SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max)
         self._noise_N = parameters.sensors.force_noise
         self._random = np.random.default_rng(seed)
@@ -121,6 +123,14 @@ class Simulator:
             self._tripped = True
         if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH and self._card is not None:
             self._card.kill_watchdog()
+
+    def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
+        """Refuse: it knows where it stands."""
+        raise PlantError("the simulator knows where joint and motors stand: there is nothing to zero")
+
+    def limit_tension(self, F_limit: float | None) -> None:
+        """Set the tension at which the safety module trips [N], None for its own."""
+        self._bounds = self._bounds._replace(F_max=self._F_max if F_limit is None else F_limit)
 
     def acknowledge(self) -> None:
         """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""

@@ -20,6 +20,7 @@ from nidaqmx.error_codes import DAQmxErrors
 
 from plant.card import Card, WatchdogExpiredError
 from plant.daq import RANGE_V
+from plant.hand import NO_HAND, Hand
 from plant.in_process import CardError, InProcess
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
 from plant.simulator import Simulator
@@ -47,10 +48,18 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._owner: dict[str, str] = {}
         self._seen: Measurement | None = None
         self._counted_from: dict[str, float] = {}
+        self._hand = NO_HAND
 
     def options(self) -> GrpcSessionOptions:
         """Return what makes a nidaqmx task one of this card."""
         return GrpcSessionOptions(InProcess(self), "")
+
+    def by_hand(self, hand: Hand) -> None:
+        """Let a hand act on what stands behind the terminals."""
+        if self._hand.q is not None:
+            self._simulator.push(0.0)
+        self._hand = hand
+        self._simulator.limit_tension(hand.F_limit)
 
     # The physics behind the terminals.
 
@@ -61,7 +70,8 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def _volts(self, channel: str) -> float:
         m = self._measured()
-        for wired, F in ((self._wiring.load_cell_A, m.F_A), (self._wiring.load_cell_B, m.F_B)):
+        F_A, F_B = m.F_A + self._hand.pull_A, m.F_B + self._hand.pull_B
+        for wired, F in ((self._wiring.load_cell_A, F_A), (self._wiring.load_cell_B, F_B)):
             if wired.channel == channel:
                 return _converted(_volts_of(wired, F))
         return 0.0
@@ -77,7 +87,9 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         w = self._wiring
         if line == w.safety_tripped.line:
             return (self._measured().safety_trip > 0.0) == (w.safety_tripped.active == "high")
-        return w.end_switch.active == "low" if line == w.end_switch.line else False
+        if line != w.end_switch.line:
+            return False
+        return w.end_switch.held(self._simulator.x.q) == (w.end_switch.active == "high")
 
     # Tasks.
 
@@ -178,10 +190,18 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         w = self._wiring
         u_A, u_B = (_converted(volts[motor.channel]) / motor.gain for motor in (w.motor_A, w.motor_B))
         self._registers.set_outputs(MotorCommand(u_A, u_B))
-        self._simulator.write(MotorCommand(u_A, u_B) if self._registers.drives else ZERO_VOLTS)
+        driven = MotorCommand(u_A, u_B) if self._registers.drives else ZERO_VOLTS
+        self._simulator.write(driven if self._hand == NO_HAND else self._handled(driven))
         self._seen = None
         self._registers.show_trip(self._measured().safety_trip > 0.0)
         return pb.WriteAnalogF64Response(samps_per_chan_written=1)
+
+    def _handled(self, driven: MotorCommand) -> MotorCommand:
+        x = self._simulator.x
+        if self._hand.q is not None:
+            self._simulator.push(self._hand.push(x))
+        turned = self._hand.turning(x)
+        return MotorCommand(driven.u_A + turned.u_A, driven.u_B + turned.u_B)
 
     def WriteDigitalLines(self, request: Any, context: Any) -> Any:
         """Write the drive-enable line."""

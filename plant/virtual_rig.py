@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 
 from plant.card import WATCHDOG_S, Card
 from plant.daq import Daq
+from plant.hand import Hand
 from plant.interface import Measurement, ShaftLoad
 from plant.rig import Rig
 from plant.simulator import Simulator
 from plant.virtual_card import VirtualCard
-from plant.wiring import Wiring
+from plant.wiring import Wiring, wired_alike
 
 if TYPE_CHECKING:
     from plant.breakage import Broken
@@ -20,18 +21,32 @@ class VirtualRig(Rig):
 
     With ``registers`` it runs in real time under their watchdog, whose time is that of the simulated card: a virtual
     machine pauses for longer than a rig may be left alone. Without, it is stepped as fast as it goes, unwatched.
+
+    ``as_wired`` is how the card really is wired, where that is not as the wiring says: then it has to be brought up
+    like any rig. Else it stands at its zero when it is made, and may be controlled at once.
     """
 
     loads_shafts = True
 
-    def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card | None = None) -> None:
+    def __init__(
+        self,
+        wiring: Wiring,
+        simulator: Simulator,
+        registers: Card | None = None,
+        as_wired: Wiring | None = None,
+        *,
+        directions_proven: bool = False,
+    ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
         self._watched = registers is not None
         if registers is not None:
             registers.start_watchdog()
-        self.card = VirtualCard(wiring, simulator, registers or Card.create(), has_clock=self._watched)
+        true = wiring if as_wired is None else as_wired
+        self.card = VirtualCard(true, simulator, registers or Card.create(), has_clock=self._watched)
         self._simulator = simulator
-        super().__init__(wiring, Daq(wiring, self.card.options))
+        right = as_wired is None or wired_alike(wiring, as_wired)
+        super().__init__(wiring, Daq(wiring, self.card.options), directions_proven=directions_proven or right)
+        self._zeroed = right
 
     def _described(self) -> str:
         return f"virtual card, {super()._described()}"
@@ -55,3 +70,7 @@ class VirtualRig(Rig):
     def inject(self, broken: "Broken | None") -> None:
         """Break something of the simulated plant, None to mend it."""
         self._simulator.inject(broken)
+
+    def by_hand(self, hand: Hand) -> None:
+        """Let a hand act from the next period on."""
+        self.card.by_hand(hand)

@@ -11,35 +11,15 @@ from collections.abc import Iterator
 from dataclasses import Field, dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
+
+from plant.wiring_errors import Problem, WiringError
 
 _FOLDER = Path(__file__).parent / "wirings"
 SHIPPED = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
 
 WATCHDOG_MAX_S = 0.05
 """Longest time without a write after which the card's watchdog may take the drives away on a rig [s]."""
-
-
-class Problem(NamedTuple):
-    """One thing that is wrong: ``line`` of the file from 1 (0: of the whole), the entry, what and what to do."""
-
-    line: int
-    entry: str
-    text: str
-    remedy: str
-
-    def sentence(self, file: str) -> str:
-        """Say it in one line."""
-        where = f"{file}:{self.line}" if self.line else file
-        return f"{where}: {self.entry}: {self.text}; {self.remedy}"
-
-
-class WiringError(ValueError):
-    """A wiring file is refused; ``problems`` are all that was found."""
-
-    def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
-        self.problems = problems
-        super().__init__("\n".join(problem.sentence(file) for problem in problems))
 
 
 def number(unit: str, minimum: float, maximum: float, default: float | None = None) -> Any:
@@ -110,6 +90,17 @@ class LineWiring:
     active: str = name(r"high|low", '"high" or "low"')
 
 
+@dataclass(frozen=True)
+class SwitchWiring(LineWiring):
+    """The end switch; ``position`` is where it holds the joint, for homing: left out where that is not known."""
+
+    position: float = number("rad", -math.pi, math.pi, math.nan)
+
+    def held(self, q: float) -> bool:
+        """Return whether a joint at q [rad] holds the switch: at its position, or beyond."""
+        return abs(q) >= abs(self.position) and q * self.position > 0.0
+
+
 SECTIONS: dict[str, type] = {
     "card": CardWiring,
     "motor_A": MotorWiring,
@@ -121,7 +112,7 @@ SECTIONS: dict[str, type] = {
     "encoder_B": EncoderWiring,
     "drive_enable": LineWiring,
     "safety_tripped": LineWiring,
-    "end_switch": LineWiring,
+    "end_switch": SwitchWiring,
 }
 
 
@@ -140,8 +131,18 @@ class Wiring:
     encoder_B: EncoderWiring
     drive_enable: LineWiring
     safety_tripped: LineWiring
-    end_switch: LineWiring
+    end_switch: SwitchWiring
     sources: dict[str, str] = field(default_factory=dict, repr=False)
+
+
+def wired_alike(one: Wiring, other: Wiring) -> bool:
+    """Return whether channels and directions are the same, whatever calibrations and the card's timing are."""
+    return _places(one) == _places(other)
+
+
+def _places(w: Wiring) -> tuple[object, ...]:
+    motors, cells = (w.motor_A, w.motor_B), (w.load_cell_A, w.load_cell_B)
+    return motors, [(cell.channel, cell.slope < 0.0) for cell in cells], (w.encoder_q, w.encoder_A, w.encoder_B)
 
 
 def load_wiring(name_or_path: str | Path) -> Wiring:

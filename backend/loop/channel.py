@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 from backend.loop.commands import Command, Event, RunProgram, SetTuning
 from backend.loop.pacer import Granted
 from backend.loop.program import Segment, require_few
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp
 from plant.choice import PlantChoice
 
 MAX_BYTES = 16_384
@@ -26,12 +27,13 @@ PART_SEGMENTS = 64
 
 @dataclass(frozen=True)
 class Setup:
-    """First message to the loop process: the plant to open, with what parameters and tuning."""
+    """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up."""
 
     plant: PlantChoice
     parameters: str
     seed: int
     tuning: SetTuning
+    brought_up: BroughtUp = NOT_BROUGHT_UP
 
 
 @dataclass(frozen=True)

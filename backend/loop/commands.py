@@ -4,11 +4,13 @@ Both travel as JSON between the service and the loop process; ``backend.loop.cha
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.loop.program import Program
 from plant.breakage import Broken
+from plant.hand import Hand
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,35 @@ class Inject:
 
 
 @dataclass(frozen=True)
+class Zero:
+    """Say where joint and motors stand [rad]; OFF only. ``at_switch``: while the joint holds its end switch."""
+
+    q: float
+    theta_A: float
+    theta_B: float
+    at_switch: bool = False
+
+
+@dataclass(frozen=True)
+class TryMotor:
+    """Turn one motor ("A" or "B") a little, by a small voltage that rises, and back; from OFF to OFF."""
+
+    motor: Literal["A", "B"]
+
+
+@dataclass(frozen=True)
+class ProveDirections:
+    """Both motors turn as the wiring says: the plant may be controlled; OFF only."""
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """Let a hand act on a plant that is computed, as a person would at a rig."""
+
+    hand: Hand
+
+
+@dataclass(frozen=True)
 class Stop:
     """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts).
 
@@ -116,7 +147,22 @@ class Shutdown:
     """Zero volts, close the plant, end the process."""
 
 
-Command = SetMode | SetReferences | SetTuning | RunProgram | Push | Inject | Stop | Reset | Heartbeat | Shutdown
+Command = (
+    SetMode
+    | SetReferences
+    | SetTuning
+    | RunProgram
+    | Push
+    | Inject
+    | Zero
+    | TryMotor
+    | ProveDirections
+    | ByHand
+    | Stop
+    | Reset
+    | Heartbeat
+    | Shutdown
+)
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ outlives the page, the service or the control that ordered it.
 """
 
 from backend.loop.commands import Push, PushReleased
-from backend.loop.mode import Mode
-from backend.loop.mode_machine import RefusedError
+from backend.loop.mode import Mode, RefusedError
 from backend.refusal import require_within
 from plant.interface import Plant, PlantError, T_s
 

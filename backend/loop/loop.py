@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 from backend.controllers import decoupler
 from backend.controllers.limits import bounds_for
 from backend.faults import FAULT_CODE, Fault, Limit
+from backend.loop import bring_up
 from backend.loop.checks import Checks
 from backend.loop.commands import (
     Accepted,
+    ByHand,
     Command,
     Event,
     Heartbeat,
     Inject,
+    ProveDirections,
     Push,
     Refused,
     Reset,
@@ -30,10 +33,12 @@ from backend.loop.commands import (
     Shutdown,
     Stop,
     Stopped,
+    TryMotor,
+    Zero,
 )
 from backend.loop.hand_push import HandPush
-from backend.loop.mode import LEGAL, MODE_CODE, Mode
-from backend.loop.mode_machine import NO_REFERENCE, ModeMachine, RefusedError
+from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
+from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
 from backend.loop.motion import Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
@@ -139,6 +144,9 @@ class Loop:
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
+            case Zero() | TryMotor() | ProveDirections() | ByHand():
+                bring_up.carry_out(command, self._machine, self._plant)
+                self._q_before = self._q_before if not isinstance(command, Zero) else command.q  # it has not moved
             case Reset():
                 self._reset()
             case Shutdown():

@@ -36,3 +36,11 @@ LEGAL: dict[Mode, tuple[Mode, ...]] = {
 STOPPING ends in OFF by itself. The moves out of PRETENSION towards motion are granted once both tendons hold the
 pretension (``Refused`` says so before that).
 """
+
+
+class RefusedError(Exception):
+    """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
+
+    def __init__(self, reason: str, legal: tuple[Mode, ...] = ()) -> None:
+        super().__init__(reason)
+        self.legal = legal

@@ -20,9 +20,10 @@ from backend.loop.commands import (
     SetReferences,
     Stop,
 )
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
+from backend.loop.motor_trial import MotorTrial
 from backend.loop.player import Target
 from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_few, starts_from
 from backend.loop.tension_sweep import TensionSweep
@@ -37,14 +38,6 @@ NO_REFERENCE = Target(math.nan, math.nan, 0.0)
 
 _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
-
-
-class RefusedError(Exception):
-    """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
-
-    def __init__(self, reason: str, legal: tuple[Mode, ...] = ()) -> None:
-        super().__init__(reason)
-        self.legal = legal
 
 
 @dataclass(frozen=True)
@@ -99,7 +92,7 @@ class ModeMachine:
         Voltage steps are made with slack tendons on purpose.
         """
         on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
-        slack_wanted = isinstance(self.motion, MotorSteps)
+        slack_wanted = isinstance(self.motion, MotorSteps | MotorTrial)
         closed = self.motion is not None and self.zeroed and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
@@ -108,6 +101,8 @@ class ModeMachine:
         mode = command.mode
         self._require_legal(mode)
         if mode is Mode.PRETENSION:
+            if self.mode is Mode.OFF and self._plant.unready:
+                raise RefusedError(self._plant.unready)
             self._enter_pretension("asked for")
         elif mode is Mode.OFF:
             self._enter(Mode.OFF, None, "asked for")
@@ -150,6 +145,10 @@ class ModeMachine:
         self._enter(mode, motion, "program", command.run)
         self._program = program
 
+    def try_motor(self, motor: str) -> None:
+        """Turn one motor a little, from OFF."""
+        self._enter(Mode.IDENTIFY, MotorTrial(self._carried(), NO_REFERENCE, self.m, motor), "motor trial")
+
     def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
         if isinstance(self.motion, Baseline):
@@ -187,6 +186,8 @@ class ModeMachine:
         """Go on from a motion that has reached its end by itself."""
         if isinstance(self.motion, Winding):
             self._take_zero(self.motion)
+        elif isinstance(self.motion, MotorTrial):
+            self._enter(Mode.OFF, None, "motor tried")
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
             self._enter_pretension("program ended", completed=True)
         elif self.pretension_done and not self._reached_told:
@@ -273,11 +274,8 @@ class ModeMachine:
 
     def _enter_pretension(self, cause: str, *, completed: bool = False) -> None:
         carry = self._carried()
-        motion: Motion
-        if self.zeroed:
-            motion = Travel(carry, NO_REFERENCE, *self._wound(PRETENSION_N))
-        else:
-            motion = Winding(carry, NO_REFERENCE)
+        known, wound = self.zeroed, self._wound(PRETENSION_N)
+        motion: Motion = Travel(carry, NO_REFERENCE, *wound) if known else Winding(carry, NO_REFERENCE)
         self._enter(Mode.PRETENSION, motion, cause, completed=completed)
 
     def _take_zero(self, winding: Winding) -> None:

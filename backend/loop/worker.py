@@ -165,7 +165,7 @@ def _receive_setup(channel: Channel) -> Setup:
 def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters)
-    plant = make_plant(setup.plant, parameters, setup.seed, card)
+    plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up)
     rehearse(parameters, setup.tuning)
     # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
     gc.collect()

@@ -1,0 +1,37 @@
+"""What bringing a rig up asks of the loop: at zero volts, or with little of them and no loop closed."""
+
+from typing import assert_never
+
+from backend.loop.commands import ByHand, ProveDirections, TryMotor, Zero
+from backend.loop.mode import LEGAL, Mode, RefusedError
+from backend.loop.mode_machine import ModeMachine
+from plant.hand import Handled
+from plant.interface import Plant, PlantError, Proven
+
+
+def carry_out(command: Zero | TryMotor | ProveDirections | ByHand, machine: ModeMachine, plant: Plant) -> None:
+    """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
+    match command:
+        case Zero(q, theta_A, theta_B, at_switch):
+            _require_off(machine, "a zero is set")
+            plant.zero(q, theta_A, theta_B, at_switch=at_switch)
+            machine.offset_A = machine.offset_B = 0.0
+            machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
+        case TryMotor(motor):
+            _require_off(machine, "a motor is tried")
+            machine.try_motor(motor)
+        case ProveDirections():
+            _require_off(machine, "directions are proven")
+            if isinstance(plant, Proven):
+                plant.prove_directions()
+        case ByHand(hand):
+            if not isinstance(plant, Handled):
+                raise PlantError("nothing here is moved by this program's hand: do it at the rig")
+            plant.by_hand(hand)
+        case _:
+            assert_never(command)
+
+
+def _require_off(machine: ModeMachine, what: str) -> None:
+    if machine.mode is not Mode.OFF:
+        raise RefusedError(f"{what} in off only; the mode is {machine.mode}", LEGAL[machine.mode])

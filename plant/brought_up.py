@@ -1,0 +1,43 @@
+"""What bringing a rig up has found, and what takes effect of it at the start of the loop."""
+
+import math
+from dataclasses import dataclass, replace
+
+from plant.wiring import Wiring
+
+
+@dataclass(frozen=True)
+class CellCalibration:
+    """Slope [N/V] and offset [V] of the load cell of one tendon, in place of the wiring's; ``source`` says whose."""
+
+    tendon: str
+    slope: float
+    offset: float
+    source: str
+
+
+@dataclass(frozen=True)
+class BroughtUp:
+    """Calibrations of load cells, and whether the motors' directions were proven with this wiring."""
+
+    calibrations: tuple[CellCalibration, ...] = ()
+    directions_proven: bool = False
+
+
+NOT_BROUGHT_UP = BroughtUp()
+
+
+def calibrated(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:
+    """Return the wiring with calibrations in the place of its own, and where they come from."""
+    for found in calibrations:
+        section = f"load_cell_{found.tendon}"
+        cell = replace(getattr(wiring, section), slope=found.slope, offset=found.offset, table=())
+        sources = {f"{section}.slope": found.source, f"{section}.offset": found.source}
+        wiring = replace(wiring, sources={**wiring.sources, **sources}, **{section: cell})
+    return wiring
+
+
+def linear(wiring: Wiring, tendon: str) -> tuple[float, float] | None:
+    """Return slope [N/V] and offset [V] of a load cell; None where a table stands for them."""
+    cell = wiring.load_cell_A if tendon == "A" else wiring.load_cell_B
+    return None if math.isnan(cell.slope) else (cell.slope, cell.offset)
