@@ -14,6 +14,7 @@ from tests.bench import (
     live_bench,
     page_frames,
     recording_bench,
+    rig_bench,
 )
 
 PARTS: dict[str, Callable[[Console], bool]] = {
@@ -23,6 +24,7 @@ PARTS: dict[str, Callable[[Console], bool]] = {
     "live": live_bench.bench,
     "page-frames": page_frames.bench,
     "recording": recording_bench.bench,
+    "rig": rig_bench.bench,
 }
 """Each prints its tables and returns whether all its bounds were met."""
 

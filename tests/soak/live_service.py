@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -63,9 +63,9 @@ class Bench:
 
 
 @contextmanager
-def bench_on(data: Path, log: Path | None = None) -> Iterator[Bench]:
+def bench_on(data: Path, log: Path | None = None, plant: Sequence[str] = ("simulator",)) -> Iterator[Bench]:
     """Start a service on the data folder; end it, if it still runs."""
-    with running_service(data, log=log) as service:
+    with running_service(data, log=log, plant=plant) as service:
         bench = Bench(service)
         try:
             yield bench

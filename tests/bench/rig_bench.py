@@ -1,0 +1,94 @@
+"""What the real nidaqmx client costs: a read and a write at the virtual card, a whole tick, and how late it comes."""
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.loop_settings import LoopSettings
+from backend.loop.loop import Loop
+from backend.loop.ring import Ring
+from backend.sample import INDEX
+from plant.catalog import make_plant
+from plant.choice import SIMULATOR, PlantChoice, PlantKind
+from plant.interface import MotorCommand, Plant, T_s
+from plant.parameters import load_parameters
+from tests.bench.table import Ratio, print_ratios
+from tests.soak.live_service import Loop as LiveLoop
+from tests.soak.live_service import bench_on
+
+VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
+TICKS, WARM = 5000, 500
+WATCHED_S = 20.0
+MAX_TICK_MS, MAX_LATENESS_RATIO = 0.1, 1.5
+
+
+def bench(console: Console) -> bool:
+    """Print what was measured; whether all bounds are met."""
+    cycle_s, bare_s = _cycle_s(VIRTUAL), _cycle_s(SIMULATOR)
+    tick_s, bare_tick_s = _tick_s(VIRTUAL), _tick_s(SIMULATOR)
+    late_s, bare_late_s = _p99_lateness_s(("rig", "--virtual-card")), _p99_lateness_s(("simulator",))
+    lines = [
+        Ratio("read and write: virtual card / simulator", cycle_s / bare_s, detail=_microseconds(cycle_s, bare_s)),
+        Ratio("whole tick: virtual card / simulator", tick_s / bare_tick_s, detail=_microseconds(tick_s, bare_tick_s)),
+        Ratio.at_most("whole tick with client calls, median / 0.1 ms", 1e3 * tick_s / MAX_TICK_MS, 1.0),
+        Ratio.at_most(
+            "lateness p99: virtual card / simulator",
+            late_s / bare_late_s,
+            MAX_LATENESS_RATIO,
+            f"{_microseconds(late_s, bare_late_s)}, {WATCHED_S:g} s each, one after the other",
+        ),
+    ]
+    return print_ratios(console, "Rig: the client of NI-DAQmx at the virtual card", lines)
+
+
+def _cycle_s(choice: PlantChoice) -> float:
+    plant = make_plant(choice, load_parameters("lab"), 0)
+    plant.open()
+
+    def cycle() -> None:
+        plant.read()
+        plant.write(MotorCommand(1.0, 1.0))
+
+    try:
+        return _median_s(cycle)
+    finally:
+        plant.close()
+
+
+def _tick_s(choice: PlantChoice) -> float:
+    parameters = load_parameters("lab")
+    plant: Plant = make_plant(choice, parameters, 0)
+    loop = Loop(plant, parameters, Ring.create(), tuning_command(parameters, LoopSettings(), None))
+    try:
+        return _median_s(lambda: loop.tick())
+    finally:
+        loop.close()
+
+
+def _median_s(step: Callable[[], object]) -> float:
+    taken = []
+    for _ in range(WARM + TICKS):
+        begun = time.perf_counter()
+        step()
+        taken.append(time.perf_counter() - begun)
+    return float(np.median(taken[WARM:]))
+
+
+def _p99_lateness_s(plant: Sequence[str]) -> float:
+    with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder), plant=plant) as live:
+        loop = LiveLoop(live.service.pid)
+        live.run()
+        begun = loop.ring.count
+        time.sleep(WATCHED_S)
+        _, rows, _ = loop.ring.read(begun, round(WATCHED_S / T_s))
+        loop.close()
+    return float(np.percentile(rows[:, INDEX["lateness_s"]], 99.0))
+
+
+def _microseconds(ours_s: float, theirs_s: float) -> str:
+    return f"{1e6 * ours_s:.0f} µs against {1e6 * theirs_s:.0f} µs"

@@ -1,0 +1,79 @@
+"""What runs on the simulator runs on the rig at the virtual card, and comes to the same figures within quantisation."""
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.experiments.catalogue import experiment
+from backend.experiments.headless_station import headless_station
+from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.plans import Plan
+from backend.experiments.runner import Order, Outcome, run_experiment
+from backend.recording.reader import read_samples
+from backend.storage import open_database
+from plant.choice import SIMULATOR, PlantChoice, PlantKind
+from plant.interface import PlantError
+from plant.parameters import load_parameters
+
+VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
+PARAMETERS = load_parameters("lab")
+
+
+ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.5, "1": 0.05, "rad/(V·s)": 0.01}
+"""Two counts of the joint's encoder, two codes of a load cell and its noise, drawn two ticks later; what follows."""
+
+PLANS: dict[str, Plan] = {
+    "tracking": experiment("tracking").plan(q_duration_s=2.0, S_duration_s=2.0),
+    "compliance": experiment("compliance").plan(),
+    "motors": MotorIdentificationPlan(),
+    "springs": SpringIdentificationPlan(sweep_s=4.0, cycles=1),
+}
+
+
+def performed(folder: Path, plan: Plan, plant: PlantChoice) -> tuple[Outcome, dict[str, np.ndarray]]:
+    """Return what a plan came to on a plant, and its samples."""
+    database = open_database(folder)
+    with headless_station(database, PARAMETERS, LoopSettings(), plant) as station:
+        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "Ana")))
+    with database.reading() as session:
+        columns = read_samples(session, outcome.run.id).columns
+    database.close()
+    return outcome, columns
+
+
+def figures(outcome: Outcome) -> dict[str, tuple[float | None, str]]:
+    assert outcome.evaluation.result is not None
+    return {
+        figure["name"]: (figure["value"], figure["unit"]) for figure in outcome.evaluation.result.metrics["figures"]
+    }
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_a_plan_comes_to_the_same_on_simulator_and_virtual_card(tmp_path: Path, name: str) -> None:
+    simulated, without_card = performed(tmp_path / "simulator", PLANS[name], SIMULATOR)
+    virtual, with_card = performed(tmp_path / "card", PLANS[name], VIRTUAL)
+    assert (simulated.run.plant, virtual.run.plant) == ("simulator", "virtual card")
+    assert simulated.run.end_state == virtual.run.end_state == "completed"
+    ours, theirs = figures(virtual), figures(simulated)
+    assert ours.keys() == theirs.keys()
+    for figure, (value, unit) in ours.items():
+        expected = theirs[figure][0]
+        assert (value is None) == (expected is None), figure
+        if value is not None and expected is not None:
+            assert value == pytest.approx(expected, abs=ALIKE[unit], rel=0.02), figure
+    np.testing.assert_allclose(with_card["q"], without_card["q"], atol=ALIKE["rad"])
+    # Volts and counts explain what was recorded beside them, by the wiring that is shipped.
+    np.testing.assert_allclose(with_card["F_A"], 10.0 * with_card["V_A"], rtol=1e-5)
+    np.testing.assert_allclose(with_card["n_q"], np.round(with_card["n_q"]))
+    assert np.isnan(without_card["V_A"]).all()
+
+
+def test_a_rig_is_not_stepped_as_fast_as_it_goes(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    rig = PlantChoice(PlantKind.RIG)
+    with pytest.raises(PlantError, match="in real time"), headless_station(database, PARAMETERS, LoopSettings(), rig):
+        pass
+    database.close()
