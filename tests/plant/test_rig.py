@@ -1,15 +1,12 @@
 """The rig at a virtual card: what it reads, what it writes, and what takes the drives away."""
 
 import math
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from plant.card import Card, WatchdogExpiredError
-from plant.catalog import make_plant
-from plant.choice import PlantChoice, PlantKind
+from plant.card import Card
 from plant.daq import Daq
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading
 from plant.parameters import load_parameters
@@ -102,36 +99,6 @@ def test_zero_says_where_joint_and_motors_stand() -> None:
     rig.close()
 
 
-def watched() -> tuple[Rig, Card]:
-    registers = Card.create()
-    rig = make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS, 0, registers)
-    assert isinstance(rig, Rig)
-    return rig, registers
-
-
-def until_expired(registers: Card) -> None:
-    while not registers.state().expired:
-        time.sleep(0.01)
-
-
-def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
-    rig, registers = watched()
-    rig.open()
-    rig.read()
-    rig.write(MotorCommand(1.0, 1.0))
-    assert registers.state().u_A == pytest.approx(1.0, abs=STEP_V)
-    until_expired(registers)
-    state = registers.state()
-    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
-    with pytest.raises(WatchdogExpiredError, match=r"nothing for 0\.5 s"):
-        rig.write(MotorCommand(1.0, 1.0))
-    rig.acknowledge()
-    rig.write(MotorCommand(0.5, 0.0))
-    assert registers.state().u_A == pytest.approx(0.5, abs=STEP_V)
-    rig.close()
-    assert not registers.state().drive_enabled
-
-
 def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     """A card whose watchdog never expires: nobody looks at its registers."""
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
@@ -139,26 +106,6 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     with pytest.raises(PlantError, match="watchdog did not expire within"):
         rig.open()
     assert not registers.state().drive_enabled
-
-
-def test_what_nobody_else_can_look_into_is_mirrored() -> None:
-    rig, registers = watched()
-    mirror = Card.create()
-    assert isinstance(rig, VirtualRig)
-    mirrored = Rig(rig.wiring, Daq(rig.wiring, rig.card.options), mirror)
-    mirrored.open()
-    mirrored.read()
-    mirrored.write(MotorCommand(1.0, 2.0))
-    state = mirror.state()
-    assert state.mirror
-    assert (state.armed, state.drive_enabled, state.expired) == (True, True, False)
-    assert (state.u_A, state.u_B, state.watchdog_s) == (1.0, 2.0, 0.5)
-    until_expired(registers)
-    with pytest.raises(WatchdogExpiredError):
-        mirrored.write(MotorCommand(1.0, 2.0))
-    assert mirror.state().expired
-    assert mirror.state().u_A == 0.0
-    mirrored.close()
 
 
 def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:

@@ -1,0 +1,69 @@
+"""The rig at a virtual card under its watchdog process: silence takes the drives away, and everybody can see it."""
+
+import time
+
+import pytest
+
+from plant.card import Card, WatchdogExpiredError
+from plant.catalog import make_plant
+from plant.choice import PlantChoice, PlantKind
+from plant.daq import Daq
+from plant.interface import MotorCommand
+from plant.parameters import load_parameters
+from plant.rig import Rig
+from plant.virtual_rig import VirtualRig
+
+pytestmark = pytest.mark.live
+
+PARAMETERS = load_parameters("lab")
+STEP_V = 20.0 / 2**16
+
+
+def watched() -> tuple[Rig, Card]:
+    registers = Card.create()
+    rig = make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS, 0, registers)
+    assert isinstance(rig, Rig)
+    return rig, registers
+
+
+def until_expired(registers: Card) -> None:
+    while not registers.state().expired:
+        time.sleep(0.01)
+
+
+def test_silence_takes_the_drives_away_until_they_are_acknowledged() -> None:
+    rig, registers = watched()
+    rig.open()
+    rig.read()
+    rig.write(MotorCommand(1.0, 1.0))
+    assert registers.state().u_A == pytest.approx(1.0, abs=STEP_V)
+    until_expired(registers)
+    state = registers.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (0.0, 0.0, False)
+    with pytest.raises(WatchdogExpiredError, match=r"nothing for 0\.5 s"):
+        rig.write(MotorCommand(1.0, 1.0))
+    rig.acknowledge()
+    rig.write(MotorCommand(0.5, 0.0))
+    assert registers.state().u_A == pytest.approx(0.5, abs=STEP_V)
+    rig.close()
+    assert not registers.state().drive_enabled
+
+
+def test_what_nobody_else_can_look_into_is_mirrored() -> None:
+    rig, registers = watched()
+    mirror = Card.create()
+    assert isinstance(rig, VirtualRig)
+    mirrored = Rig(rig.wiring, Daq(rig.wiring, rig.card.options), mirror)
+    mirrored.open()
+    mirrored.read()
+    mirrored.write(MotorCommand(1.0, 2.0))
+    state = mirror.state()
+    assert state.mirror
+    assert (state.armed, state.drive_enabled, state.expired) == (True, True, False)
+    assert (state.u_A, state.u_B, state.watchdog_s) == (1.0, 2.0, 0.5)
+    until_expired(registers)
+    with pytest.raises(WatchdogExpiredError):
+        mirrored.write(MotorCommand(1.0, 2.0))
+    assert mirror.state().expired
+    assert mirror.state().u_A == 0.0
+    mirrored.close()
