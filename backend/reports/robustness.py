@@ -11,7 +11,7 @@ from backend.reports.tracking_figures import tension_panel
 _NOTES = (
     "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "
     "looks for λ_motor; it prints the load and the chosen M_s = 1.4, no response.",
-    "The load pulls the way the tendon does. The simulator applies it at the shaft, in one step, beside the tendon's "
+    "The load pulls the way the tendon does. It is applied at the shaft, in one step, beside the tendon's "
     "own force; joint and stiffness loops stay closed, so that both motor references answer as well.",
     "The integral of the error is what the integral part of the motor loop had to add: τ_load/(K_t k_i), but for "
     "friction and for the little that the references move.",

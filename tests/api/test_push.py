@@ -1,4 +1,4 @@
-"""A push on the joint by command: on the simulator only, and let go of when control is lost."""
+"""A push on the joint by command: on a simulated plant only, and let go of when control is lost."""
 
 from collections.abc import Iterator
 from dataclasses import replace

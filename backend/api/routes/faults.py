@@ -1,4 +1,4 @@
-"""The faults there are, and injecting them into the simulator."""
+"""The faults there are, and injecting them into a simulated plant."""
 
 from fastapi import APIRouter
 
@@ -12,13 +12,13 @@ router = APIRouter(prefix="/api/faults", tags=["faults"])
 
 @router.get("")
 async def list_faults(_person: SignedIn) -> FaultList:
-    """List all faults with message, remedy, and what brings them about on the simulator."""
+    """List all faults with message, remedy, and what brings them about where the plant is simulated."""
     return fault_list()
 
 
 @router.post("/injection", status_code=204)
 async def inject_fault(body: Injection, service: ServiceInUse, person: InControl) -> None:
-    """Break a part of the simulator or a link of the safety chain; refused on a rig."""
+    """Break a part of a simulated plant or a link of the safety chain; refused on any other."""
     await inject(service.bench, service.control, body, person.name)
 
 

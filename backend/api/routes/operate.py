@@ -44,8 +44,8 @@ async def set_references(body: References, service: ServiceInUse, person: InCont
 
 @router.post("/push")
 async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
-    """Push the joint of the simulator from outside; the loop lets go after the time, and when control is lost.
+    """Push a simulated joint from outside; the loop lets go after the time, and when control is lost.
 
-    Refused on a rig, which is pushed by hand, and in other modes than run and compliance.
+    Refused where nothing is simulated (a rig is pushed by hand), and in other modes than run and compliance.
     """
     return await service.bench.push(body, person.name)

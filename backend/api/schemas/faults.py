@@ -1,4 +1,4 @@
-"""What can go wrong, and how to make it happen on the simulator."""
+"""What can go wrong, and how to make it happen where the plant is simulated."""
 
 from enum import StrEnum
 

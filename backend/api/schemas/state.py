@@ -54,7 +54,7 @@ class ReferencesView(References):
 
 
 class Push(Schema):
-    """An external force on the joint, held for a time; the simulator only."""
+    """An external force on a simulated joint, held for a time."""
 
     F_push: float = quantity("N", "force, tangential at the joint pulley, positive towards +q; 0 lets go", **ANY_SIZE)
     duration_s: float = quantity("s", "time after which the loop lets go by itself", default=1.0, **ANY_SIZE)

@@ -273,9 +273,9 @@ export interface paths {
         put?: never;
         /**
          * Push
-         * @description Push the joint of the simulator from outside; the loop lets go after the time, and when control is lost.
+         * @description Push a simulated joint from outside; the loop lets go after the time, and when control is lost.
          *
-         *     Refused on a rig, which is pushed by hand, and in other modes than run and compliance.
+         *     Refused where nothing is simulated (a rig is pushed by hand), and in other modes than run and compliance.
          */
         post: operations["push"];
         delete?: never;
@@ -373,7 +373,7 @@ export interface paths {
         };
         /**
          * List Faults
-         * @description List all faults with message, remedy, and what brings them about on the simulator.
+         * @description List all faults with message, remedy, and what brings them about where the plant is simulated.
          */
         get: operations["list_faults"];
         put?: never;
@@ -395,7 +395,7 @@ export interface paths {
         put?: never;
         /**
          * Inject Fault
-         * @description Break a part of the simulator or a link of the safety chain; refused on a rig.
+         * @description Break a part of a simulated plant or a link of the safety chain; refused on any other.
          */
         post: operations["inject_fault"];
         /**
@@ -3459,7 +3459,7 @@ export interface components {
         };
         /**
          * Push
-         * @description An external force on the joint, held for a time; the simulator only.
+         * @description An external force on a simulated joint, held for a time.
          */
         Push: {
             /**

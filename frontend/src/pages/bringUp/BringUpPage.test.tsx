@@ -114,9 +114,9 @@ it("shows the steps in order, each with how it stands, and the readings at the n
   expect(document.body.textContent).toContain("1 of 4 steps are done.");
   expect(card("1. Wiring test").getByText("done")).toBeTruthy();
   expect(card("2. Tare").getByText("out of date")).toBeTruthy();
-  expect(card("2. Tare").getByText("done 40 days ago")).toBeTruthy();
+  expect(card("2. Tare").getByText("Done 40 days ago")).toBeTruthy();
   expect(card("3. Zero").getByText("to do")).toBeTruthy();
-  expect(card("4. Safety module").getByText("it did not trip")).toBeTruthy();
+  expect(card("4. Safety module").getByText("It did not trip")).toBeTruthy();
   expect(screen.getAllByRole("region", { name: "Readings" })).toHaveLength(1);
   expect(card("2. Tare").getByRole("region", { name: "Readings" }).textContent).not.toContain("q");
 });
@@ -178,13 +178,17 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("turn the joint by 5.73 deg");
   expect(card("2. Tare").getByText("under way")).toBeTruthy();
   expect(card("2. Tare").getByRole("region", { name: "Readings" })).toBeTruthy();
-  expect(group.queryByRole("button", { name: "Confirm" })).toBeNull();
+  const confirm = () => screen.getByRole("button", { name: "Confirm" });
+  expect(confirm().getAttribute("aria-disabled")).toBe("true");
+  fireEvent.click(confirm());
   expect(screen.queryByRole("button", { name: "Start tare" })).toBeNull();
   view = {
     ...view,
     steps: [step("tare", "Tare", { running: { ...running, confirm: "Hang nothing on either tendon." } })],
   };
-  fireEvent.click(await screen.findByRole("button", { name: "Confirm" }));
+  await waitFor(() => expect(confirm().getAttribute("aria-disabled")).toBe("false"));
+  expect(asked("/api/bring-up/confirm")).toEqual([]);
+  fireEvent.click(confirm());
   expect(screen.getByRole("status", { name: "What to do now" }).textContent).toBe(
     "Hang nothing on either tendon.",
   );
@@ -193,12 +197,24 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
 });
 
+it("keeps what was typed for the next time", async () => {
+  const calibrate = step("calibrate", "Calibrate", { inputs: [WEIGHT] });
+  await open([calibrate]);
+  fireEvent.change(screen.getByLabelText("First weight [N]"), { target: { value: "12.5" } });
+  view = { ...view, steps: [{ ...calibrate, running: { phase: "at rest", elapsed_s: 0, confirm: "" } }] };
+  fireEvent.click(start("Start calibrate"));
+  const cancel = await screen.findByRole("button", { name: "Cancel" });
+  view = { ...view, steps: [calibrate] };
+  fireEvent.click(cancel);
+  await waitFor(() => expect(screen.getByLabelText<HTMLInputElement>("First weight [N]").value).toBe("12.5"));
+});
+
 it("shows a result with its figures as they are read, who and when, and none that was not measured", async () => {
   await open([step("tare", "Tare", { state: "current", result: RESULT })]);
   const result = card("1. Tare").getByRole("region", { name: "Result" });
   expect(result.textContent).toContain("Both load cells answer along a line.");
   expect(result.textContent).toContain("slope of load cell A10.02 N/V");
-  expect(result.textContent).toContain("joint moved5 deg");
+  expect(result.textContent).toContain("joint moved5.000 deg");
   expect(within(result).getByRole("img", { name: "not measured" })).toBeTruthy();
   expect(result.textContent).toMatch(/A\. Operator, 2026-11-22 \d\d:00:00/);
   expect(document.body.textContent).toContain("All of 1 steps are done.");

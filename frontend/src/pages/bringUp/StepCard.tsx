@@ -16,8 +16,8 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
-import { dateTime, duration, NOT_MEASURED } from "../../samples/format";
-import { labelWith, rangeText, told } from "../../samples/quantity";
+import { dateTime, duration, NOT_MEASURED, significant } from "../../samples/format";
+import { type Angles, labelWith, rangeText, readingOf } from "../../samples/quantity";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { useStepCommand } from "../../service/bringUp";
@@ -37,6 +37,9 @@ const STANDING: Record<Standing, { word: string; Icon: typeof IconCircle }> = {
   running: { word: "under way", Icon: IconPlayerPlay },
 };
 
+/** What was typed into the boxes of a step, by name; text where it is no number. */
+type Typed = Readonly<Record<string, number | string>>;
+
 interface StepCardProps {
   readonly step: BringUpStep;
   readonly number: number;
@@ -46,6 +49,8 @@ interface StepCardProps {
 
 export function StepCard({ step, number, open }: StepCardProps) {
   const { id, title, instruction, state, why, result, running } = step;
+  // outlives the run of the step: whoever does it again finds the numbers that they typed
+  const [changed, setChanged] = useState<Typed>({});
   const standing: Standing = running === null ? state : "running";
   const { word, Icon } = STANDING[standing];
   return (
@@ -64,13 +69,13 @@ export function StepCard({ step, number, open }: StepCardProps) {
           <p className={styles.text}>
             <Told text={instruction} />
           </p>
-          {why !== "" && (
+          {why !== "" && state !== "never" && (
             <p className={styles.why} data-standing={standing}>
-              <Told text={why} />
+              <Told text={capital(why)} />
             </p>
           )}
           {running === null ? (
-            <Start step={step} prominent={open} />
+            <Start step={step} prominent={open} changed={changed} onChange={setChanged} />
           ) : (
             <UnderWay running={running} title={title} />
           )}
@@ -84,10 +89,16 @@ export function StepCard({ step, number, open }: StepCardProps) {
   );
 }
 
-function Start({ step, prominent }: { step: BringUpStep; prominent: boolean }) {
+interface StartProps {
+  readonly step: BringUpStep;
+  readonly prominent: boolean;
+  readonly changed: Typed;
+  onChange(changed: Typed): void;
+}
+
+function Start({ step, prominent, changed, onChange }: StartProps) {
   const { id, title, inputs, blocked } = step;
   const angles = useAngles();
-  const [changed, setChanged] = useState<Record<string, number | string>>({});
   const command = useStepCommand();
   const values = Object.fromEntries(inputs.map(({ name, default: usual }) => [name, changed[name] ?? usual]));
   const numbers = numbersIn(values);
@@ -111,7 +122,7 @@ function Start({ step, prominent }: { step: BringUpStep; prominent: boolean }) {
                 unit={unit}
                 description={rangeText(minimum, maximum, unit, angles)}
                 value={values[name] ?? ""}
-                onChange={(value) => setChanged((before) => ({ ...before, [name]: value }))}
+                onChange={(value) => onChange({ ...changed, [name]: value })}
               />
             ))}
           </div>
@@ -145,6 +156,7 @@ function numbersIn(values: Record<string, number | string>): Record<string, numb
     : null;
 }
 
+/** Nothing in it moves when something is asked: whoever goes for Cancel must not meet Confirm there. */
 function UnderWay({ running, title }: { running: BringUpRunning; title: string }) {
   const { phase, elapsed_s, confirm } = running;
   const command = useStepCommand();
@@ -164,15 +176,15 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
       </output>
       <OperatorsOnly>
         <div className={page.actions}>
-          {asked && (
-            <Button
-              size="sm"
-              loading={command.isPending && command.variables.do === "confirm"}
-              onClick={() => command.mutate({ do: "confirm" })}
-            >
-              Confirm
-            </Button>
-          )}
+          <Button
+            size="sm"
+            aria-disabled={!asked}
+            data-disabled={!asked || undefined}
+            loading={command.isPending && command.variables.do === "confirm"}
+            onClick={() => asked && command.mutate({ do: "confirm" })}
+          >
+            Confirm
+          </Button>
           <Button
             size="sm"
             variant="default"
@@ -201,7 +213,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
               <dt>{words}</dt>
               <dd>
                 <Shown value={value} why={NOT_MEASURED}>
-                  {(number) => told(number, unit, angles)}
+                  {(number) => figure(number, unit, angles)}
                 </Shown>
               </dd>
             </div>
@@ -213,4 +225,12 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
       </span>
     </section>
   );
+}
+
+const DIGITS = 4;
+
+function figure(value: number, unit: string, angles: Angles): string {
+  const { unit: read, factor } = readingOf(unit, angles);
+  const number = significant(value * factor, DIGITS);
+  return unit === "1" ? number : `${number} ${read}`;
 }

@@ -22,17 +22,19 @@ const WORDS: Record<Movement, string> = { rising: "rising", falling: "falling", 
 export function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const store = useLiveStore();
   const angles = useAngles();
+  const names = signalsOf(step);
   const period_s = useLive((live) => live.layout?.period_s ?? 0.001);
   const old_s = useSampleAge();
   useNow(LOOK_MS);
   return (
     <section className={styles.readings} aria-label="Readings" data-stale={old_s !== null}>
       <dl>
-        {signalsOf(step).map((name) => {
+        {names.map((name, index) => {
           const unit = unitOf(name);
+          const first = unit !== unitOf(names[index - 1] ?? "");
           const going = old_s === null ? movement(store.window, name, period_s) : "unknown";
           return (
-            <div key={name} className={styles.reading} data-movement={going}>
+            <div key={name} className={styles.reading} data-movement={going} data-first={first}>
               <dt>
                 <SignalName name={symbolOf(name)} />
               </dt>
