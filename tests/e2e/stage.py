@@ -44,8 +44,8 @@ CHANGED: Values = {
     "S_low": 9.0,
     "S_high": 12.0,
     "controller": "single-loop",
-    "q_duration_s": 0.75,
-    "S_duration_s": 0.5,
+    "q_duration_s": 6.75,
+    "S_duration_s": 5.5,
     "lam_q": 0.9,
     "lam_S": 0.8,
     "lam_motor": 0.0854,
@@ -57,16 +57,16 @@ CHANGED: Values = {
 
 EXPERIMENTS = ("tracking", "compliance", "robustness", "sequence")
 IDENTIFICATIONS = ("actuator", "motor", "spring")
-SHORT: dict[str, Values] = {
-    "tracking": {"q_duration_s": 0.5, "S_duration_s": 0.5},
-    "compliance": {"profile": "steps", "hold_s": 0.5},
-    "robustness": {"hold_s": 1.0},
+LASTING: dict[str, Values] = {
+    "tracking": {"q_duration_s": 6.0, "S_duration_s": 5.0},
+    "compliance": {"profile": "steps", "hold_s": 5.0},
+    "robustness": {"hold_s": 10.0},
     "sequence": {},
-    "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 1.0},
-    "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 0.5},
-    "spring": {"sweep_s": 3.0, "cycles": 1.0, "settle_s": 0.5},
+    "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 20.0},
+    "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 5.0},
+    "spring": {"sweep_s": 20.0, "cycles": 1.0, "settle_s": 0.5},
 }
-"""What keeps a run short, by what is run."""
+"""A program that goes on until it is ended, however late the page is to do so, by what is run."""
 
 
 class Stage:
@@ -161,8 +161,11 @@ class Stage:
         self.operator.take_control()
         page.get_by_role("button", name="Control: you").click()
         page.get_by_role("menuitem", name="Give up control").click()
+        nobody = page.get_by_role("button", name="Control: nobody")
+        expect(nobody).to_be_visible()
         with self._script() as script:
             script.put("/api/tuning", json=OWN).raise_for_status()
+        expect(nobody).to_have_count(0)  # the script has it now: the page says whom it is taken over from
         self.operator.take_control()
 
     def _run_another_tuning(self) -> None:

@@ -4,6 +4,7 @@ Each test brings the service into its state by itself, so that it runs alone too
 """
 
 import json
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,7 +15,7 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
-from tests.e2e.stage import EXPERIMENTS, IDENTIFICATIONS, SHORT, STATES, Stage, declared, form_of, let_go, start
+from tests.e2e.stage import EXPERIMENTS, IDENTIFICATIONS, LASTING, STATES, Stage, declared, form_of, let_go, start
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -34,8 +35,15 @@ def state(stage: Stage, request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-def undeclared(form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
-    """Name what a form shows otherwise than it is declared, or than it is in force."""
+def undeclared(stage: Stage, form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
+    """Name what a form shows otherwise than it is declared or in force, once the page has been told all."""
+    deadline = time.monotonic() + MOTION_TIMEOUT_MS / 1000
+    while (wrong := undeclared_now(form, settings, in_force)) and time.monotonic() < deadline:
+        stage.page.wait_for_timeout(50)
+    return wrong
+
+
+def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
     fields = forms.fields(form)
     wrong = []
     for setting in settings:
@@ -106,8 +114,8 @@ def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
     wrong: dict[str, list[str]] = {}
     for kind in (*EXPERIMENTS, *IDENTIFICATIONS):
         path = "/api/identifications" if kind in IDENTIFICATIONS else "/api/experiments"
-        form = form_of(stage, kind, SHORT[kind])
-        wrong[f"form of {kind}"] = undeclared(form, declared(stage, kind)["settings"], own)
+        form = form_of(stage, kind, LASTING[kind])
+        wrong[f"form of {kind}"] = undeclared(stage, form, declared(stage, kind)["settings"], own)
         if kind in EXPERIMENTS:
             wrong[f"queue of {kind}"] = not_queued(stage, form)
         run, settings, wrong[f"order of {kind}"] = start(stage, form, path)
@@ -191,7 +199,7 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
         about = declared(stage, kind)
         page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
         form = page.get_by_role("form", name=about["title"], exact=True)
-        assert undeclared(form, about["settings"], own) == []
+        assert undeclared(stage, form, about["settings"], own) == []
         deciding = [one.inner_text() for one in form.get_by_role("button").all() if one.inner_text()]
         assert set(deciding) <= {"Dry run", "Add segment"}
     for number in (4, 3, 2):
