@@ -1,5 +1,7 @@
 """The safety chain as it stands: from the page that holds control to the safety module, each watched by the next."""
 
+from typing import assert_never
+
 from backend.api.schemas.control import HolderView
 from backend.api.schemas.state import ChainLinkView, LinkView
 from backend.faults import Fault
@@ -7,6 +9,7 @@ from backend.loop.card_guard import CardGuard
 from backend.loop.supervisor import Supervisor
 from backend.loop.worker import SILENCE_S
 from plant.card import CardState
+from plant.choice import PlantChoice, PlantKind
 
 LOOP_SILENT_S = 1.0
 """A loop without a new sample for so long [s] is not well."""
@@ -26,9 +29,31 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
             says="beats" if beat_s is not None else "has no loop to beat for",
         ),
         ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
-        _watchdog(supervisor.card.state(), supervisor.guard, alive),
-        _safety_module(supervisor.card.state(), fault),
+        *behind_loop(supervisor.setup.plant, supervisor.card.state(), supervisor.guard, alive, fault),
     ]
+
+
+def behind_loop(
+    plant: PlantChoice, card: CardState, guard: CardGuard, alive: bool, fault: Fault
+) -> tuple[ChainLinkView, ChainLinkView]:
+    """Return watchdog and safety module: what is left when the loop is not.
+
+    Only the registers of a card tell of them. A recording has none and moves nothing; what a package has is not seen
+    from here, so it is not called good.
+    """
+    tripped = fault is Fault.SAFETY_MODULE
+    match plant.kind:
+        case PlantKind.SIMULATOR | PlantKind.RIG | PlantKind.VIRTUAL_CARD:
+            return _watchdog(card, guard, alive), _safety_module(card.safety_tripped or tripped)
+        case PlantKind.REPLAY:
+            good, says = True, "not needed: a recording is played, nothing moves"
+        case PlantKind.PACKAGE:
+            good, says = False, f"not seen from here: {plant.name} has to bring its own"
+        case _:
+            assert_never(plant.kind)
+    watchdog = ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
+    unseen = ChainLinkView(name="safety_module", good=good, silent_s=None, says=says)
+    return watchdog, _safety_module(tripped) if tripped else unseen
 
 
 def _page(holder: HolderView | None) -> ChainLinkView:
@@ -54,7 +79,6 @@ def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
     return ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
 
 
-def _safety_module(card: CardState, fault: Fault) -> ChainLinkView:
-    tripped = card.safety_tripped or fault is Fault.SAFETY_MODULE
+def _safety_module(tripped: bool) -> ChainLinkView:
     says = "tripped: the motors are cut" if tripped else "watching"
     return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)
