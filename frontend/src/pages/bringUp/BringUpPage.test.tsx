@@ -175,7 +175,7 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   const running = { phase: "turn the joint by 0.1 rad", elapsed_s: 3.2, confirm: "" };
   await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
   const group = within(screen.getByRole("group", { name: "Tare under way" }));
-  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("turn the joint by 5.73 deg");
+  expect(group.getByRole("status", { name: "Progress" }).textContent).toBe("Turn the joint by 5.73 deg");
   expect(card("2. Tare").getByText("under way")).toBeTruthy();
   expect(card("2. Tare").getByRole("region", { name: "Readings" })).toBeTruthy();
   const confirm = () => screen.getByRole("button", { name: "Confirm" });

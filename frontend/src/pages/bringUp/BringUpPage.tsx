@@ -2,6 +2,7 @@
 
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
+import { capital } from "../../samples/words";
 import { bringUpQuery } from "../../service/bringUp";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { BringUp } from "../../wire/types";
@@ -26,7 +27,7 @@ export default function BringUpPage() {
 function Nothing({ why }: { why: string }) {
   return (
     <Card title="Steps">
-      <p className={page.empty}>{why}</p>
+      <p className={page.empty}>{capital(why)}</p>
     </Card>
   );
 }

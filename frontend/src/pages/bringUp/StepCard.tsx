@@ -167,7 +167,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
       <div className={styles.phase}>
         {!asked && <Loader size={14} aria-hidden="true" />}
         <output aria-label="Progress">
-          <Told text={phase} />
+          <Told text={capital(phase)} />
         </output>
         <span className={page.dim}>{duration(elapsed_s)}</span>
       </div>
@@ -205,7 +205,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
   const { passed, text, figures, who, at } = result;
   return (
     <section className={styles.result} aria-label="Result" data-outdated={outdated}>
-      <Verdict good={passed}>{text}</Verdict>
+      <Verdict good={passed}>{capital(text)}</Verdict>
       {figures.length > 0 && (
         <dl className={page.facts}>
           {figures.map(({ words, value, unit }) => (

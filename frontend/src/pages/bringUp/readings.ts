@@ -18,8 +18,8 @@ const SIGNALS: Readonly<Record<StepId, readonly SignalName[]>> = {
   wiring_test: [...ANGLES, ...FORCES],
   tare: [...FORCES, ...VOLTS],
   calibrate: [...FORCES, ...VOLTS],
-  zero: [...ANGLES, ...VOLTAGES],
-  direction: [...ANGLES, ...VOLTAGES],
+  zero: ANGLES,
+  direction: [...ANGLES, ...FORCES, ...VOLTAGES],
   pretension: [...FORCES, ...VOLTAGES],
   safety_module: [...FORCES, ...VOLTAGES],
 };
