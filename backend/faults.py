@@ -27,6 +27,8 @@ class Fault(StrEnum):
     WATCHDOG = "watchdog"
     WATCHDOG_DEAD = "watchdog_dead"
     SERVICE_ENDED = "service_ended"
+    SENSOR_SATURATED = "sensor_saturated"
+    MOTOR_REVERSED = "motor_reversed"
 
 
 FAULTS: tuple[Fault, ...] = tuple(Fault)
@@ -105,6 +107,16 @@ EXPLAINED: dict[Fault, Explanation] = {
     ),
     Fault.SERVICE_ENDED: Explanation(
         "The service was told to end and stopped the loop.", "Start the service again; it comes up without the fault."
+    ),
+    Fault.SENSOR_SATURATED: Explanation(
+        "A load cell is beyond what its input can read.",
+        "Look for a blocked joint, then at the load cell's amplifier, supply and calibration; "
+        "reset once the reading is back.",
+    ),
+    Fault.MOTOR_REVERSED: Explanation(
+        "A motor turns against its command.",
+        "Look for swapped wires of motors or encoders, and for a wrong sign in the wiring file; "
+        "go through the direction test before you close the loop again.",
     ),
 }
 

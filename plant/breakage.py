@@ -19,7 +19,10 @@ class Sensor(StrEnum):
 
 
 class Breakage(StrEnum):
-    """What breaks. The first five are about one sensor and last; those from LATE on happen once."""
+    """What breaks. The first five are about one sensor and last; those from LATE to WATCHDOG_DEATH happen once.
+
+    From DEVICE_GONE on only a card has them: they are tried on the virtual card.
+    """
 
     NO_NUMBER = "no_number"
     STUCK = "stuck"
@@ -32,6 +35,14 @@ class Breakage(StrEnum):
     HANG = "hang"
     SAFETY_TRIP = "safety_trip"
     WATCHDOG_DEATH = "watchdog_death"
+    DEVICE_GONE = "device_gone"
+    BUFFER_OVERRUN = "buffer_overrun"
+    LOST_SAMPLE = "lost_sample"
+    SATURATION = "saturation"
+    LOST_COUNTS = "lost_counts"
+    SWAPPED_LOAD_CELLS = "swapped_load_cells"
+    SWAPPED_ENCODERS = "swapped_encoders"
+    SWAPPED_MOTORS = "swapped_motors"
 
 
 @dataclass(frozen=True)
@@ -45,7 +56,8 @@ class Broken:
     def words(self) -> str:
         """What is broken, as a person reads it: "drift up of θ_A"."""
         kind = str(self.kind).replace("_", " ")
-        return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if self.kind in _ON_SENSORS else kind
+        named = self.kind in (*_ON_SENSORS, *_AT_TERMINALS)
+        return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
 
 
 JUMPS = {Sensor.Q: 0.3, Sensor.THETA_A: 1.0, Sensor.THETA_B: 1.0, Sensor.F_A: 15.0, Sensor.F_B: 15.0}
@@ -126,4 +138,8 @@ class BrokenPart:
             time.sleep(pause_s)
 
 
+ONLY_OF_A_CARD = tuple(Breakage)[tuple(Breakage).index(Breakage.DEVICE_GONE) :]
+"""What a simulator without a card does not have."""
+
+_AT_TERMINALS = (Breakage.SATURATION, Breakage.LOST_COUNTS)
 _ON_SENSORS = (Breakage.NO_NUMBER, Breakage.STUCK, Breakage.JUMP, Breakage.DRIFT_UP, Breakage.DRIFT_DOWN)

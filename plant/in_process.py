@@ -1,10 +1,9 @@
 """NI's device service without a network: a channel whose calls are calls, and its errors as the server sends them."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import grpc
-from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.error_codes import DAQmxErrors
 
 
@@ -33,16 +32,24 @@ class CardError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
         return (_Entry("ni-error", str(self._code.value)),)
 
 
+class Answering(Protocol):
+    """A service of NI's: every call goes through here."""
+
+    def answer(self, method: str, request: Any) -> Any:
+        """Answer a call by its name. Raises grpc.RpcError."""
+        ...
+
+
 class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
     """A channel whose calls are calls: over a socket a cycle takes 1 ms, more than a period."""
 
-    def __init__(self, service: nidaqmx_pb2_grpc.NiDAQmxServicer) -> None:
+    def __init__(self, service: Answering) -> None:
         self._service = service
 
     def unary_unary(self, method: str, *_: Any, **__: Any) -> Callable[..., Any]:
         """Return what calls the service's method."""
-        answer = getattr(self._service, method.rpartition("/")[2])
-        return lambda request, timeout=None, metadata=None, **_: _answered(answer, request)
+        answer, name = self._service.answer, method.rpartition("/")[2]
+        return lambda request, timeout=None, metadata=None, **_: answer(name, request)
 
     def unary_stream(self, *_: Any, **__: Any) -> None:
         """Not used by the client's tasks."""
@@ -64,16 +71,19 @@ class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
         self.close()
 
 
-class _Unimplemented(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
+class UnknownCallError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
     """What a server says that does not know a call."""
 
     def code(self) -> grpc.StatusCode:
+        """Return what gRPC calls it."""
         return grpc.StatusCode.UNIMPLEMENTED
 
     def details(self) -> str:
+        """Return it in words."""
         return "the virtual card does not know this call"
 
     def trailing_metadata(self) -> tuple[()]:
+        """Return nothing: there is no code of NI-DAQmx."""
         return ()
 
 
@@ -88,8 +98,9 @@ class _Context:
 _CONTEXT = _Context()
 
 
-def _answered(answer: Callable[[Any, Any], Any], request: Any) -> Any:
+def answered(service: object, method: str, request: Any) -> Any:
+    """Call a servicer's method. Raises UnknownCallError where it has none."""
     try:
-        return answer(request, _CONTEXT)
+        return getattr(service, method)(request, _CONTEXT)
     except NotImplementedError:
-        raise _Unimplemented from None
+        raise UnknownCallError from None

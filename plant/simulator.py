@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from plant.breakage import Breakage, Broken, BrokenPart
+from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, BrokenPart
 from plant.card import Card
 from plant.compiled import compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
@@ -117,7 +117,9 @@ class Simulator:
         self._load = ShaftLoad(float(load.load_A), float(load.load_B))
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something from the next reading on; None mends it."""
+        """Break something from the next reading on; None mends it. Raises PlantError for what only a card has."""
+        if broken is not None and broken.kind in ONLY_OF_A_CARD:
+            raise PlantError(f"{broken.words}: only a card has that, try it with --plant rig --virtual-card")
         self._broken = None if broken is None else BrokenPart(broken)
         if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
             self._tripped = True

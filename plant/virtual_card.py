@@ -6,10 +6,9 @@ both outputs advances the physics by one period. The registers, watchdog and dri
 away, once its cause is gone.
 """
 
-import math
 import time
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import session_pb2
 from nidaqmx import GrpcSessionOptions
@@ -19,15 +18,17 @@ from nidaqmx.constants import AcquisitionType, Level, WDTTaskAction
 from nidaqmx.error_codes import DAQmxErrors
 
 from plant.card import Card, WatchdogExpiredError
-from plant.daq import RANGE_V
+from plant.card_channels import Channels
+from plant.card_faults import CardFaults, miswired
 from plant.hand import NO_HAND, Hand
-from plant.in_process import CardError, InProcess
+from plant.in_process import CardError, InProcess, answered
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
 from plant.simulator import Simulator
-from plant.wiring import LoadCellWiring, Wiring
+from plant.terminals import converted, counts_of, volts_of
+from plant.wiring import Wiring
 
-_STEP_V = 2.0 * RANGE_V / 2**16
-"""One code of the 16-bit converters [V]."""
+if TYPE_CHECKING:
+    from plant.breakage import Broken
 
 
 class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made by a generator, without types
@@ -37,15 +38,17 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     """
 
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
-        self._wiring = wiring
+        self._wiring = self._sound = wiring
+        self._faults = CardFaults()
+        self._held = ZERO_VOLTS
+        self._unheard_s = 0.0
         self._simulator = simulator
         self._registers = registers
         self._has_clock = has_clock
         self._clocked: set[str] = set()
         self._next_s = 0.0
         self._watchdog_s: dict[str, float] = {}
-        self._channels: dict[str, list[str]] = {}
-        self._owner: dict[str, str] = {}
+        self._channels = Channels(wiring.card.device)
         self._seen: Measurement | None = None
         self._counted_from: dict[str, float] = {}
         self._hand = NO_HAND
@@ -61,6 +64,31 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._hand = hand
         self._simulator.limit_tension(hand.F_limit)
 
+    def answer(self, method: str, request: Any) -> Any:
+        """Answer a call by its name, as far as what is broken lets it."""
+        try:
+            self._faults.refuse(method)
+        except CardError:
+            if self._faults.gone and method == "WriteAnalogF64":
+                self._go_on_alone()
+            raise
+        return answered(self, method, request)
+
+    def inject(self, broken: "Broken | None") -> None:
+        """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
+        before = {counter: self._angle_counts(counter) for counter in self._counted_from}
+        self._faults.inject(broken)
+        self._wiring = miswired(self._sound, broken)
+        for counter, counts in before.items():
+            self._counted_from[counter] += self._angle_counts(counter) - counts
+
+    def _go_on_alone(self) -> None:
+        """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
+        self._unheard_s += T_s
+        if self._registers.watchdog_pid is None and self._unheard_s > max(self._watchdog_s.values(), default=0.0):
+            self._registers.expire()
+        self._move()
+
     # The physics behind the terminals.
 
     def _measured(self) -> Measurement:
@@ -73,14 +101,14 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         F_A, F_B = m.F_A + self._hand.pull_A, m.F_B + self._hand.pull_B
         for wired, F in ((self._wiring.load_cell_A, F_A), (self._wiring.load_cell_B, F_B)):
             if wired.channel == channel:
-                return _converted(_volts_of(wired, F))
+                return converted(volts_of(wired, F))
         return 0.0
 
     def _angle_counts(self, counter: str) -> float:
         w, m = self._wiring, self._measured()
         for wired, angle in ((w.encoder_q, m.q), (w.encoder_A, m.theta_A), (w.encoder_B, m.theta_B)):
             if wired.counter == counter:
-                return wired.direction * round(angle * wired.counts_per_rev / (2.0 * math.pi))
+                return counts_of(wired, angle)
         return 0.0
 
     def _level(self, line: str) -> bool:
@@ -95,15 +123,13 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def CreateTask(self, request: Any, context: Any) -> Any:
         """Make a task; its name is free."""
-        if request.session_name in self._channels:
-            raise CardError(DAQmxErrors.DUPLICATE_TASK, f"Task name: {request.session_name} is taken already")
-        self._channels[request.session_name] = []
+        self._channels.make(request.session_name)
         return pb.CreateTaskResponse(task=session_pb2.Session(name=request.session_name), new_session_initialized=True)
 
     def CreateWatchdogTimerTaskEx(self, request: Any, context: Any) -> Any:
         """Make the watchdog's task."""
-        self._require_device(request.device_name)
-        self._channels[request.session_name] = []
+        self._channels.require_device(request.device_name)
+        self._channels.make(request.session_name)
         self._watchdog_s[request.session_name] = request.timeout
         return pb.CreateWatchdogTimerTaskExResponse(
             task=session_pb2.Session(name=request.session_name), new_session_initialized=True
@@ -111,8 +137,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def ClearTask(self, request: Any, context: Any) -> Any:
         """Let go of a task's channels."""
-        for channel in self._channels.pop(request.task.name, []):
-            self._owner.pop(channel, None)
+        self._channels.let_go(request.task.name)
         self._clocked.discard(request.task.name)
         if self._watchdog_s.pop(request.task.name, None) is not None:
             self._registers.disarm()
@@ -141,27 +166,27 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def CreateAIVoltageChan(self, request: Any, context: Any) -> Any:
         """Take analog inputs."""
-        self._take(request.task.name, request.physical_channel, "ai", 32)
+        self._channels.take(request.task.name, request.physical_channel, "ai", 32)
         return pb.CreateAIVoltageChanResponse()
 
     def CreateAOVoltageChan(self, request: Any, context: Any) -> Any:
         """Take analog outputs."""
-        self._take(request.task.name, request.physical_channel, "ao", 4)
+        self._channels.take(request.task.name, request.physical_channel, "ao", 4)
         return pb.CreateAOVoltageChanResponse()
 
     def CreateCIAngEncoderChan(self, request: Any, context: Any) -> Any:
         """Take a counter."""
-        self._take(request.task.name, request.counter, "ctr", 4)
+        self._channels.take(request.task.name, request.counter, "ctr", 4)
         return pb.CreateCIAngEncoderChanResponse()
 
     def CreateDIChan(self, request: Any, context: Any) -> Any:
         """Take lines to read."""
-        self._take(request.task.name, request.lines, "port", 48)
+        self._channels.take(request.task.name, request.lines, "port", 48)
         return pb.CreateDIChanResponse()
 
     def CreateDOChan(self, request: Any, context: Any) -> Any:
         """Take lines to write."""
-        self._take(request.task.name, request.lines, "port", 48)
+        self._channels.take(request.task.name, request.lines, "port", 48)
         return pb.CreateDOChanResponse()
 
     # Reading and writing.
@@ -188,13 +213,18 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         """Write both outputs: the physics goes on by one period."""
         volts = dict(zip(self._channels[request.task.name], request.write_array, strict=True))
         w = self._wiring
-        u_A, u_B = (_converted(volts[motor.channel]) / motor.gain for motor in (w.motor_A, w.motor_B))
-        self._registers.set_outputs(MotorCommand(u_A, u_B))
-        driven = MotorCommand(u_A, u_B) if self._registers.drives else ZERO_VOLTS
+        u_A, u_B = (converted(volts[motor.channel]) / motor.gain for motor in (w.motor_A, w.motor_B))
+        self._held = MotorCommand(u_A, u_B)
+        self._registers.set_outputs(self._held)
+        self._unheard_s = 0.0
+        self._move()
+        return pb.WriteAnalogF64Response(samps_per_chan_written=1)
+
+    def _move(self) -> None:
+        driven = self._held if self._registers.drives else ZERO_VOLTS
         self._simulator.write(driven if self._hand == NO_HAND else self._handled(driven))
         self._seen = None
         self._registers.show_trip(self._measured().safety_trip > 0.0)
-        return pb.WriteAnalogF64Response(samps_per_chan_written=1)
 
     def _handled(self, driven: MotorCommand) -> MotorCommand:
         x = self._simulator.x
@@ -240,7 +270,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         offered = [AcquisitionType.FINITE, AcquisitionType.CONTINUOUS]
         if self._has_clock:
             offered.append(AcquisitionType.HW_TIMED_SINGLE_POINT)
-        return pb.GetDeviceAttributeInt32ArrayResponse(value=[mode.value for mode in offered])
+        return pb.GetDeviceAttributeInt32ArrayResponse(value_raw=[mode.value for mode in offered])
 
     def CfgSampClkTiming(self, request: Any, context: Any) -> Any:
         """Let the card's clock time a task."""
@@ -256,39 +286,3 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         with suppress(PlantError):  # its cause is still there: it stays tripped, and says so
             self._simulator.acknowledge()
         self._seen = None
-
-    def _take(self, task: str, names: str, kind: str, count: int) -> None:
-        for name in names.replace(" ", "").split(","):
-            device, _, channel = name.partition("/")
-            self._require_device(device)
-            number = "".join(filter(str.isdigit, channel.rpartition("/")[2]))
-            if not channel.startswith(kind) or not number or int(number) >= count:
-                raise CardError(
-                    DAQmxErrors.PHYSICAL_CHAN_DOES_NOT_EXIST,
-                    f"Physical channel specified does not exist on this device: {channel} of {device}",
-                )
-            if self._owner.setdefault(channel, task) != task:
-                raise CardError(
-                    DAQmxErrors.PAL_RESOURCE_RESERVED,
-                    f"The specified resource is reserved: {channel} belongs to the task {self._owner[channel]}",
-                )
-            self._channels[task].append(channel)
-
-    def _require_device(self, device: str) -> None:
-        if device != self._wiring.card.device:
-            raise CardError(DAQmxErrors.INVALID_DEVICE_ID, f"Device identifier is invalid: {device}")
-
-
-def _volts_of(wired: LoadCellWiring, F: float) -> float:
-    if not wired.table:
-        return wired.offset + F / wired.slope
-    points = sorted((newtons, volts) for volts, newtons in wired.table)
-    below = [point for point in points if point[0] <= F] or points[:1]
-    above = [point for point in points if point[0] > F] or points[-1:]
-    (F_0, V_0), (F_1, V_1) = below[-1], above[0]
-    return V_0 if F_1 == F_0 else V_0 + (V_1 - V_0) * (F - F_0) / (F_1 - F_0)
-
-
-def _converted(V: float) -> float:
-    """Volts as a 16-bit converter gives them, at its end where they are beyond."""
-    return min(max(round(V / _STEP_V), -(2**15)), 2**15 - 1) * _STEP_V

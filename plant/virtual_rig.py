@@ -1,9 +1,9 @@
 """The rig on a virtual card: for training and tests, without hardware."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from plant.card import WATCHDOG_S, Card
+from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken
+from plant.card import WATCHDOG_S, Card, CardState
 from plant.daq import Daq
 from plant.hand import Hand
 from plant.interface import Measurement, ShaftLoad
@@ -12,15 +12,13 @@ from plant.simulator import Simulator
 from plant.virtual_card import VirtualCard
 from plant.wiring import Wiring, wired_alike
 
-if TYPE_CHECKING:
-    from plant.breakage import Broken
-
 
 class VirtualRig(Rig):
     """A rig at a virtual card: what moves can be pushed, loaded and broken to order.
 
     With ``registers`` it runs in real time under their watchdog, whose time is that of the simulated card: a virtual
     machine pauses for longer than a rig may be left alone. Without, it is stepped as fast as it goes, unwatched.
+    ``has_clock``: the card offers hardware timing; None: in real time only.
 
     ``as_wired`` is how the card really is wired, where that is not as the wiring says: then it has to be brought up
     like any rig. Else it stands at its zero when it is made, and may be controlled at once.
@@ -36,13 +34,16 @@ class VirtualRig(Rig):
         as_wired: Wiring | None = None,
         *,
         directions_proven: bool = False,
+        has_clock: bool | None = None,
     ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
         self._watched = registers is not None
-        if registers is not None:
-            registers.start_watchdog()
+        self._card_registers = registers or Card.create()
+        if self._watched:
+            self._card_registers.start_watchdog()
         true = wiring if as_wired is None else as_wired
-        self.card = VirtualCard(true, simulator, registers or Card.create(), has_clock=self._watched)
+        has_clock = self._watched if has_clock is None else has_clock
+        self.card = VirtualCard(true, simulator, self._card_registers, has_clock=has_clock)
         self._simulator = simulator
         right = as_wired is None or wired_alike(wiring, as_wired)
         super().__init__(wiring, Daq(wiring, self.card.options), directions_proven=directions_proven or right)
@@ -51,9 +52,16 @@ class VirtualRig(Rig):
     def _described(self) -> str:
         return f"virtual card, {super()._described()}"
 
+    def _measure_cycle(self) -> None:
+        """Spare it: each write would move what is simulated."""
+
     def _prove_watchdog(self) -> None:
         if self._watched:
             super()._prove_watchdog()
+
+    def card_state(self) -> CardState:
+        """Return what the card puts out, as anybody may see it."""
+        return self._card_registers.state()
 
     def read(self) -> Measurement:
         """Return what the sensors say now, and the push. Raises PlantError."""
@@ -67,9 +75,13 @@ class VirtualRig(Rig):
         """Load the motors' shafts from the next period on. Raises PlantError."""
         self._simulator.load(load)
 
-    def inject(self, broken: "Broken | None") -> None:
-        """Break something of the simulated plant, None to mend it."""
-        self._simulator.inject(broken)
+    def inject(self, broken: Broken | None) -> None:
+        """Break something of the card or of the simulated plant, None to mend it."""
+        of_the_card = broken is not None and broken.kind in ONLY_OF_A_CARD
+        self.card.inject(broken if of_the_card else None)
+        self._simulator.inject(None if of_the_card else broken)
+        if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH:
+            self._card_registers.kill_watchdog()
 
     def by_hand(self, hand: Hand) -> None:
         """Let a hand act from the next period on."""

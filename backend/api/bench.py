@@ -106,9 +106,10 @@ class Bench:
         self.changed()
 
     async def reset(self, who: str) -> State:
-        """Clear the latched fault after its cause is gone; start the loop anew if it or its watchdog has died."""
+        """Clear the latched fault after its cause is gone; start the loop anew if it, its watchdog or its card died."""
         async with self._turn:
-            if self._supervisor.alive and not self._supervisor.guard.watchdog_lost:
+            lost = self._supervisor.guard.watchdog_lost or self.picture.card_lost
+            if self._supervisor.alive and not lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
             else:

@@ -3,9 +3,10 @@
 from backend.api.bench import Bench
 from backend.api.control import Control
 from backend.api.errors import ApiError
-from backend.api.schemas.faults import FaultKind, FaultList, Injection, InjectionKind
+from backend.api.schemas.faults import CardFault, FaultKind, FaultList, Injection, InjectionKind
 from backend.faults import EXPLAINED, FAULTS, Fault
-from plant.breakage import Breakage, Broken, Sensor
+from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, Sensor
+from plant.choice import PlantChoice, PlantKind
 
 SERVICE_SILENT_S = 1.0
 """How long the service falls silent [s]: the loop waits for 0.34 s."""
@@ -25,8 +26,23 @@ LEADS_TO: dict[Fault, Injection] = {
     Fault.PLANT_ERROR: Injection(kind=InjectionKind.READ_ERROR),
     Fault.WATCHDOG: Injection(kind=InjectionKind.HANG),
     Fault.WATCHDOG_DEAD: Injection(kind=InjectionKind.WATCHDOG_DEATH),
+    Fault.MOTOR_REVERSED: Injection(kind=InjectionKind.SWAPPED_MOTORS),
+    Fault.SENSOR_SATURATED: Injection(kind=InjectionKind.SATURATION, sensor=Sensor.F_A),
 }
 """What brings a fault about while the joint moves."""
+
+OF_A_CARD: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
+    (Injection(kind=InjectionKind.DEVICE_GONE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectionKind.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectionKind.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectionKind.STUCK, sensor=Sensor.F_A), (Fault.SENSOR_STUCK,)),
+    (Injection(kind=InjectionKind.SATURATION, sensor=Sensor.F_A), (Fault.SENSOR_SATURATED,)),
+    (Injection(kind=InjectionKind.LOST_COUNTS, sensor=Sensor.THETA_A), (Fault.IMPLAUSIBLE,)),
+    (Injection(kind=InjectionKind.SWAPPED_LOAD_CELLS), (Fault.IMPLAUSIBLE, Fault.SENSOR_JUMP)),
+    (Injection(kind=InjectionKind.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
+    (Injection(kind=InjectionKind.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
+)
+"""What can be broken of a virtual card and its wires, and the faults it may end in while the joint moves."""
 
 BY_HAND: dict[Fault, str] = {
     Fault.STOP_PRESSED: "press STOP",
@@ -35,35 +51,62 @@ BY_HAND: dict[Fault, str] = {
 """What a person does to bring about the faults that nothing has to be broken for."""
 
 
-def fault_list() -> FaultList:
-    """Return all faults with their words and what brings them about."""
+_NEEDS_A_CARD = "only with a card: start with --plant rig --virtual-card"
+
+
+def fault_list(plant: PlantChoice) -> FaultList:
+    """Return all faults with their words and what brings them about on a plant."""
+    virtual = plant.kind is PlantKind.VIRTUAL_CARD
+
+    def offered(fault: Fault) -> Injection | None:
+        injection = LEADS_TO.get(fault)
+        return None if injection is None or (_needs_a_card(injection) and not virtual) else injection
+
     return FaultList(
         faults=[
             FaultKind(
                 code=fault,
                 message=told.message,
                 remedy=told.remedy,
-                injection=LEADS_TO.get(fault),
-                by_hand=BY_HAND.get(fault, ""),
+                injection=offered(fault),
+                by_hand="" if offered(fault) else BY_HAND.get(fault, _NEEDS_A_CARD),
             )
             for fault, told in ((fault, EXPLAINED[fault]) for fault in FAULTS if fault is not Fault.NONE)
-        ]
+        ],
+        card=[
+            CardFault(injection=injection, says=_broken(injection).words, leads_to=list(leads_to))
+            for injection, leads_to in (OF_A_CARD if virtual else ())
+        ],
     )
 
 
+def _broken(injection: Injection) -> Broken:
+    return Broken(Breakage(injection.kind.value), injection.sensor)
+
+
+def _needs_a_card(injection: Injection) -> bool:
+    return injection.kind.value in ONLY_OF_A_CARD
+
+
 async def inject(bench: Bench, control: Control, injection: Injection, who: str) -> None:
-    """Break what is asked for. Raises ApiError 409 where the plant is not simulated: nobody breaks a rig on purpose."""
+    """Break what is asked for.
+
+    Raises ApiError 409 where the plant is not simulated, as nobody breaks a rig on purpose, and for what only a card
+    has where there is none.
+    """
     plant = bench.picture.plant
     if not plant.simulated:
         message = f"faults are injected only into what is simulated, and this is a {plant.name}"
         raise ApiError(409, message, code="not_a_simulator")
+    if _needs_a_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
+        raise ApiError(409, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card")
     match injection.kind:
         case InjectionKind.SERVICE_SILENT:
             bench.fall_silent(SERVICE_SILENT_S, who)
         case InjectionKind.PAGE_SILENT:
             control.mute()
-        case kind:
-            await bench.break_plant(Broken(Breakage(kind.value), injection.sensor), who)
+        case _:
+            await bench.break_plant(_broken(injection), who)
 
 
 async def mend(bench: Bench, who: str) -> None:

@@ -36,7 +36,7 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
-from plant.choice import PlantChoice
+from plant.choice import PlantChoice, PlantKind
 from plant.parameters import PlantParameters
 from plant.spring import elongation, slope
 
@@ -83,6 +83,11 @@ class Picture:
     def plant(self) -> PlantChoice:
         """What is controlled."""
         return self._supervisor.setup.plant
+
+    @property
+    def card_lost(self) -> bool:
+        """Whether a card does not answer: what was opened there is gone for good, and a new loop opens it anew."""
+        return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
     @property
     def operators_tuning(self) -> TuningInUse:

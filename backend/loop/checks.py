@@ -6,7 +6,7 @@ from backend.controllers.limits import bounds_for
 from backend.faults import Fault
 from backend.loop.sensor_checks import SensorChecks
 from backend.reading import in_digits
-from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, T_s
+from plant.interface import NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, RawReading, T_s
 from plant.parameters import PlantParameters
 
 SLACK_MAX_S = 0.1
@@ -26,14 +26,23 @@ class Checks:
         self._missed_max = round(unattended_max_s / T_s)
         self._slack_s = 0.0
 
-    def step(self, raw: Measurement, m: Measurement, zeroed: bool, taut_wanted: bool, missed: int) -> tuple[Fault, str]:
+    def step(
+        self,
+        raw: Measurement,
+        m: Measurement,
+        zeroed: bool,
+        taut_wanted: bool,
+        missed: int,
+        at_card: RawReading = NO_RAW,
+    ) -> tuple[Fault, str]:
         """Return the first fault found and what was seen, or ``Fault.NONE``.
 
-        ``raw`` is as read; in ``m`` the motor encoders have their zeros, which are known where ``zeroed``.
+        ``raw`` is as read, ``at_card`` what it was made from; in ``m`` the motor encoders have their zeros, which are
+        known where ``zeroed``.
         ``taut_wanted``: the mode keeps tendons under tension; ``missed``: deadlines missed since the last tick.
         """
-        fault, seen = self.standing(m)
-        if fault is Fault.SENSOR_INVALID:
+        fault, seen = self.standing(m, at_card)
+        if fault in (Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED):
             return fault, seen
         if m.safety_trip:
             return Fault.SAFETY_MODULE, ""
@@ -50,11 +59,17 @@ class Checks:
             return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
         return Fault.NONE, ""
 
-    def standing(self, m: Measurement) -> tuple[Fault, str]:
+    def standing(self, m: Measurement, at_card: RawReading = NO_RAW) -> tuple[Fault, str]:
         """Return the fault that one measurement shows by itself, without what came before."""
         bounds = self._bounds
         if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
             silent = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
+            volts = {"F_A": at_card.V_A, "F_B": at_card.V_B}  # a number there, and yet no newtons
+            at_end = [
+                f"{name} reads {volts[name]:.2f} V" for name in silent if math.isfinite(volts.get(name, math.nan))
+            ]
+            if len(at_end) == len(silent):
+                return Fault.SENSOR_SATURATED, f"{', '.join(at_end)}: the end of its input, or of its calibration"
             return Fault.SENSOR_INVALID, f"no number from {', '.join(silent)}"
         if max(m.F_A, m.F_B) > bounds.F_max:
             return Fault.FORCE_LIMIT, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N; the bound is {bounds.F_max:g} N"

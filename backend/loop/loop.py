@@ -52,6 +52,7 @@ from plant.parameters import PlantParameters
 VELOCITY_FILTER_S = 0.010
 """Time constant of the estimate of joint velocity [s]: an encoder count in one tick would read as 1.6 rad/s."""
 
+_AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
 _NAN = math.nan
 _RESTING = Decision(0.0, 0.0, _NAN, _NAN, NO_REFERENCE, _NAN, _NAN, _NAN, Limit(0))
 
@@ -160,7 +161,7 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
-        fault, seen = self._checks.standing(machine.m)
+        fault, seen = self._checks.standing(machine.m, self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise RefusedError(f"the cause is still there: {seen}")
@@ -201,8 +202,8 @@ class Loop:
 
     def _check(self, m: Measurement, missed: int) -> None:
         machine = self._machine
-        fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed)
-        at_risk = machine.motion is not None or fault in (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID)
+        fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed, self._plant.raw)
+        at_risk = machine.motion is not None or fault in _AT_REST_TOO
         if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
             machine.begin_stop(Stop(fault), seen)
 

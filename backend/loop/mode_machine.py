@@ -36,7 +36,7 @@ from plant.spring import elongation
 
 NO_REFERENCE = Target(math.nan, math.nan, 0.0)
 
-_DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE)
+_DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
 
 

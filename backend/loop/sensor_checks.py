@@ -1,5 +1,7 @@
 """Can the readings be true? Each sensor against its own past, and encoders against load cells."""
 
+import math
+
 from backend.controllers.plausibility import contradictions, tendons_for
 from backend.faults import Fault
 from plant.interface import Measurement, MotorCommand, T_s
@@ -21,6 +23,13 @@ VOLTAGE_MARGIN = 1.0
 """Driven means this much [V] above what holds the largest tension against friction: after 0.1 s a thousandth of a
 revolution lies behind the slowest motor."""
 
+REVERSED_S = 0.05
+"""A motor that is driven turns against its voltage, and faster in the second of two such times than in the first [s]:
+something is connected the wrong way round. One that is being turned round by its voltage gets slower."""
+
+_REVERSED_RAD = 5e-3
+"""How much faster, as an angle in that time [rad]: some counts of the encoder."""
+
 TURNED_RAD = 2.0
 """A load cell that does not change in its last digit while its motor turns this far [rad] is stuck; slack before
 pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
@@ -28,6 +37,7 @@ pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
 _MOTOR_MARGIN = 3.0
 """Times the motor's fastest speed without load: a reading that moves faster has jumped."""
 
+_REVERSED_TICKS = round(REVERSED_S / T_s)
 _NAMES = ("q", "theta_A", "theta_B", "F_A", "F_B")
 _UNITS = ("rad", "rad", "rad", "N", "N")
 _MARGIN_N = 1.0
@@ -44,6 +54,7 @@ class SensorChecks:
         self._unchanged_s = [0.0] * len(_NAMES)
         self._unmoved_s = [0.0, 0.0]
         self._turned_from = [0.0, 0.0]
+        self._turning = _Turning(), _Turning()
         self._contradicted_s = [0.0, 0.0]
 
     def step(
@@ -68,6 +79,11 @@ class SensorChecks:
                 return Fault.SENSOR_JUMP, f"{_NAMES[index]} went from {way}"
         excess = contradictions(self._tendons, m) if zeroed else (0.0, 0.0)
         known_slack = [zeroed and m[3 + side] - excess[side] <= 0.0 for side in (0, 1)]
+        for side, turning in enumerate(self._turning):
+            driven = command[side] if abs(command[side]) > self._driven_V[side] else 0.0
+            if turning.is_reversed(raw[1 + side], driven):
+                reversed_ = f"{_NAMES[1 + side]} runs away from {command[side]:.1f} V, faster and faster"
+                return Fault.MOTOR_REVERSED, reversed_
         stuck = self._stuck(raw, command, known_slack)
         return (Fault.SENSOR_STUCK, stuck) if stuck else self._contradiction(m, excess)
 
@@ -103,6 +119,29 @@ class SensorChecks:
                         return Fault.SENSOR_STUCK, f"{_NAMES[index]} stands still; {seen}"
                 return Fault.IMPLAUSIBLE, seen
         return Fault.NONE, ""
+
+
+class _Turning:
+    """Looks at one motor over two times of REVERSED_S in which it was driven one way."""
+
+    def __init__(self) -> None:
+        self._sign = 0.0
+        self._ticks = 0
+        self._angles = [0.0, 0.0]
+
+    def is_reversed(self, theta: float, driven: float) -> bool:
+        """Tell whether it turned [rad] against a voltage [V] all the while and got faster; 0 V where not driven."""
+        sign = math.copysign(1.0, driven) if driven else 0.0
+        if sign != self._sign or not sign:
+            self._sign, self._ticks, self._angles = sign, 0, [theta, theta]
+            return False
+        self._ticks += 1
+        if self._ticks % _REVERSED_TICKS:
+            return False
+        before, middle = self._angles
+        self._angles = [middle, theta]
+        first, second = sign * (middle - before), sign * (theta - middle)
+        return self._ticks > _REVERSED_TICKS and first < 0.0 and second < first - _REVERSED_RAD
 
 
 def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, ...]:

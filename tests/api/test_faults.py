@@ -9,9 +9,10 @@ import pytest
 from backend.api.bench import Bench
 from backend.api.control import Control
 from backend.api.errors import ApiError
-from backend.api.injection import BY_HAND, LEADS_TO, inject
+from backend.api.injection import BY_HAND, LEADS_TO, fault_list, inject
 from backend.faults import FAULTS, Fault
-from plant.choice import PlantChoice, PlantKind
+from plant.breakage import ONLY_OF_A_CARD
+from plant.choice import SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
 
 ONLY_HERE = [
@@ -28,6 +29,24 @@ ONLY_HERE = [
 def test_every_fault_has_its_injection_or_a_button() -> None:
     assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
     assert set(BY_HAND) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED}
+
+
+def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
+    here, there = fault_list(SIMULATOR), fault_list(PlantChoice(PlantKind.VIRTUAL_CARD))
+    assert here.card == []
+    assert {fault.injection.kind.value for fault in there.card} >= set(ONLY_OF_A_CARD)
+    assert all(fault.leads_to for fault in there.card)
+    lacking = {fault.code for fault in here.faults if fault.injection is None} - set(BY_HAND)
+    assert lacking == {Fault.SENSOR_SATURATED, Fault.MOTOR_REVERSED}
+    assert all("--virtual-card" in fault.by_hand for fault in here.faults if fault.code in lacking)
+    assert {fault.code for fault in there.faults if fault.injection is None} == set(BY_HAND)
+
+
+def test_a_simulator_has_no_card_to_break(off: httpx.Client) -> None:
+    refused = off.post("/api/faults/injection", json={"kind": "device_gone"})
+    assert refused.status_code == 409
+    assert problem(refused)["code"] == "no_virtual_card"
+    assert "--virtual-card" in str(problem(refused)["message"])
 
 
 def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:

@@ -1,7 +1,7 @@
 """Every fault that the loop or its plant finds, injected into the simulator: what docs/faults.md says happens, in time.
 
-The two that others find are tested where these are: ``service_lost`` in test_worker.py, ``operator_lost`` in
-tests/api/test_control.py.
+Those that are found elsewhere are tested there: ``service_lost`` in test_worker.py, ``operator_lost`` in
+tests/api/test_control.py, and in test_card_faults.py what only a card has.
 """
 
 import time
@@ -37,7 +37,13 @@ from tests.docs.faults_page import documented_ms
 from tests.loop.bench_top import BenchTop
 
 ENCODERS, CELLS = (Sensor.Q, Sensor.THETA_A, Sensor.THETA_B), (Sensor.F_A, Sensor.F_B)
-FOUND_ELSEWHERE = {Fault.NONE, Fault.SERVICE_LOST, Fault.OPERATOR_LOST}
+FOUND_ELSEWHERE = {
+    Fault.NONE,
+    Fault.SERVICE_LOST,
+    Fault.OPERATOR_LOST,
+    Fault.SENSOR_SATURATED,
+    Fault.MOTOR_REVERSED,
+}
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ def test_words_hold_no_name_of_the_code(kind: Breakage, sensor: Sensor) -> None:
     words = Broken(kind, sensor).words
     assert BrokenPart(Broken(kind, sensor)).description == words
     assert not re.search(r"[a-z]{2,}_|_[a-z]|theta", words), words
-    about_a_sensor = kind in list(Breakage)[:5]
+    about_a_sensor = kind in (*list(Breakage)[:5], Breakage.SATURATION, Breakage.LOST_COUNTS)
     assert words.endswith(f" of {sensor.replace('theta', 'θ')}") == about_a_sensor
 
 

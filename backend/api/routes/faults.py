@@ -11,9 +11,9 @@ router = APIRouter(prefix="/api/faults", tags=["faults"])
 
 
 @router.get("")
-async def list_faults(_person: SignedIn) -> FaultList:
-    """List all faults with message, remedy, and what brings them about where the plant is simulated."""
-    return fault_list()
+async def list_faults(_person: SignedIn, service: ServiceInUse) -> FaultList:
+    """List all faults with message, remedy, and what brings them about on what is driven."""
+    return fault_list(service.bench.picture.plant)
 
 
 @router.post("/injection", status_code=204)

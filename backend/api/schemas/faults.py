@@ -23,6 +23,14 @@ class InjectionKind(StrEnum):
     HANG = "hang"
     SAFETY_TRIP = "safety_trip"
     WATCHDOG_DEATH = "watchdog_death"
+    DEVICE_GONE = "device_gone"
+    BUFFER_OVERRUN = "buffer_overrun"
+    LOST_SAMPLE = "lost_sample"
+    SATURATION = "saturation"
+    LOST_COUNTS = "lost_counts"
+    SWAPPED_LOAD_CELLS = "swapped_load_cells"
+    SWAPPED_ENCODERS = "swapped_encoders"
+    SWAPPED_MOTORS = "swapped_motors"
     SERVICE_SILENT = "service_silent"
     PAGE_SILENT = "page_silent"
 
@@ -44,7 +52,16 @@ class FaultKind(Schema):
     by_hand: str = Field(description="what a person does instead; empty where something can be broken")
 
 
+class CardFault(Schema):
+    """Something that can go wrong with a card and its wires."""
+
+    injection: Injection
+    says: str = Field(description="what is broken, as a person reads it")
+    leads_to: list[Fault] = Field(description="the faults it may end in while the joint moves")
+
+
 class FaultList(Schema):
-    """All faults there are, in the order of their codes."""
+    """All faults there are, in the order of their codes; and what can be broken of the card, where it is virtual."""
 
     faults: list[FaultKind]
+    card: list[CardFault]

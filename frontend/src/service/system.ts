@@ -18,7 +18,7 @@ export const flightsQuery = queryOptions({
 
 export const faultsQuery = queryOptions({
   queryKey: ["faults"],
-  queryFn: async () => (await answered(api.GET("/api/faults"))).faults,
+  queryFn: () => answered(api.GET("/api/faults")),
   staleTime: Number.POSITIVE_INFINITY,
 });
 

@@ -373,7 +373,7 @@ export interface paths {
         };
         /**
          * List Faults
-         * @description List all faults with message, remedy, and what brings them about where the plant is simulated.
+         * @description List all faults with message, remedy, and what brings them about on what is driven.
          */
         get: operations["list_faults"];
         put?: never;
@@ -1833,6 +1833,23 @@ export interface components {
             problem: string;
         };
         /**
+         * CardFault
+         * @description Something that can go wrong with a card and its wires.
+         */
+        CardFault: {
+            injection: components["schemas"]["Injection"];
+            /**
+             * Says
+             * @description what is broken, as a person reads it
+             */
+            says: string;
+            /**
+             * Leads To
+             * @description the faults it may end in while the joint moves
+             */
+            leads_to: components["schemas"]["Fault"][];
+        };
+        /**
          * ChainLinkView
          * @description One link of the safety chain; each watches the one before it.
          */
@@ -2289,7 +2306,7 @@ export interface components {
          * @description Why the loop stopped. The position in this enum is the code in the sample.
          * @enum {string}
          */
-        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead" | "service_ended";
+        Fault: "none" | "stop_pressed" | "force_limit" | "joint_limit" | "slack" | "sensor_invalid" | "sensor_stuck" | "sensor_jump" | "implausible" | "deadlines_missed" | "service_lost" | "operator_lost" | "safety_module" | "plant_error" | "watchdog" | "watchdog_dead" | "service_ended" | "sensor_saturated" | "motor_reversed";
         /**
          * FaultKind
          * @description A fault with its words, and what brings it about while the joint moves.
@@ -2310,11 +2327,13 @@ export interface components {
         };
         /**
          * FaultList
-         * @description All faults there are, in the order of their codes.
+         * @description All faults there are, in the order of their codes; and what can be broken of the card, where it is virtual.
          */
         FaultList: {
             /** Faults */
             faults: components["schemas"]["FaultKind"][];
+            /** Card */
+            card: components["schemas"]["CardFault"][];
         };
         /**
          * FaultView
@@ -2592,7 +2611,7 @@ export interface components {
          * @description What is broken: parts of the plant as in ``plant.breakage.Breakage``, then links of the safety chain.
          * @enum {string}
          */
-        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "watchdog_death" | "service_silent" | "page_silent";
+        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "watchdog_death" | "device_gone" | "buffer_overrun" | "lost_sample" | "saturation" | "lost_counts" | "swapped_load_cells" | "swapped_encoders" | "swapped_motors" | "service_silent" | "page_silent";
         /**
          * LatenessClass
          * @description Ticks that began later than one bound and not later than the next.

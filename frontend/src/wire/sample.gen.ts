@@ -221,7 +221,9 @@ export const FAULTS = [
   "plant_error",
   "watchdog",
   "watchdog_dead",
-  "service_ended"
+  "service_ended",
+  "sensor_saturated",
+  "motor_reversed"
 ] as const;
 export const LIMITS = {
   "VOLTAGE_A": 1,

@@ -14,7 +14,7 @@ import page from "../Page.module.css";
 import styles from "./System.module.css";
 
 export default function DeveloperPage() {
-  const faults = useQuery(faultsQuery).data ?? [];
+  const { faults, card } = useQuery(faultsQuery).data ?? { faults: [], card: [] };
   const latched = useLive((live) => live.state?.fault?.code);
   const plant = useLive((live) => live.state?.plant);
   const breakable = plant?.simulated ?? true;
@@ -89,6 +89,52 @@ export default function DeveloperPage() {
           </Table>
         </div>
       </Card>
+      {card.length > 0 && (
+        <Card title="The card and its wires">
+          <div className={page.tableScroll}>
+            <Table aria-label="The card and its wires" verticalSpacing={4}>
+              <Table.Thead>
+                <Table.Tr>
+                  <Table.Th>Broken</Table.Th>
+                  <Table.Th>May end in</Table.Th>
+                  {may && (
+                    <Table.Th>
+                      <span className={styles.hidden}>Action</span>
+                    </Table.Th>
+                  )}
+                </Table.Tr>
+              </Table.Thead>
+              <Table.Tbody>
+                {card.map(({ injection, says, leads_to }) => (
+                  <Table.Tr key={says}>
+                    <Table.Td>{says}</Table.Td>
+                    <Table.Td>
+                      {leads_to.map((code, position) => (
+                        <span key={code}>
+                          {position > 0 && ", "}
+                          <code>{code}</code>
+                        </span>
+                      ))}
+                    </Table.Td>
+                    {may && (
+                      <Table.Td>
+                        <Button
+                          size="compact-xs"
+                          variant="default"
+                          aria-label={`Inject ${says}`}
+                          onClick={() => inject.mutate(injection)}
+                        >
+                          Inject
+                        </Button>
+                      </Table.Td>
+                    )}
+                  </Table.Tr>
+                ))}
+              </Table.Tbody>
+            </Table>
+          </div>
+        </Card>
+      )}
     </div>
   );
 }
@@ -98,7 +144,15 @@ function inSentence(plant: PlantView | undefined): string {
   return plant?.kind === "replay" ? "the replay of a recording" : "a rig";
 }
 
-const ABOUT_A_SENSOR = new Set(["no_number", "stuck", "jump", "drift_up", "drift_down"]);
+const ABOUT_A_SENSOR = new Set([
+  "no_number",
+  "stuck",
+  "jump",
+  "drift_up",
+  "drift_down",
+  "saturation",
+  "lost_counts",
+]);
 
 function described({ kind, sensor }: Injection): string {
   const words = kind.replaceAll("_", " ");

@@ -1,0 +1,30 @@
+"""What is at a rig's terminals: volts and counts out of newtons and radians, the way back from ``plant/rig.py``."""
+
+import math
+
+from plant.daq import RANGE_V
+from plant.wiring import EncoderWiring, LoadCellWiring
+
+_STEP_V = 2.0 * RANGE_V / 2**16
+"""One code of the 16-bit converters [V]."""
+
+
+def counts_of(wired: EncoderWiring, angle: float) -> float:
+    """Count the steps of an encoder that has turned by an angle [rad]."""
+    return wired.direction * round(angle * wired.counts_per_rev / (2.0 * math.pi))
+
+
+def volts_of(wired: LoadCellWiring, F: float) -> float:
+    """Give the volts of a load cell under a tension F [N], by its calibration the other way round."""
+    if not wired.table:
+        return wired.offset + F / wired.slope
+    points = sorted((newtons, volts) for volts, newtons in wired.table)
+    below = [point for point in points if point[0] <= F] or points[:1]
+    above = [point for point in points if point[0] > F] or points[-1:]
+    (F_0, V_0), (F_1, V_1) = below[-1], above[0]
+    return V_0 if F_1 == F_0 else V_0 + (V_1 - V_0) * (F - F_0) / (F_1 - F_0)
+
+
+def converted(V: float) -> float:
+    """Round volts as a 16-bit converter does, at its end where they are beyond."""
+    return min(max(round(V / _STEP_V), -(2**15)), 2**15 - 1) * _STEP_V

@@ -1,0 +1,107 @@
+"""The real loop process on the virtual card: faults of the card in real time, and a loop that is killed."""
+
+import asyncio
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.channel import Setup
+from backend.loop.commands import Accepted, Inject, Reset, SetMode, SetTuning
+from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.supervisor import Supervisor
+from backend.sample import INDEX
+from plant.breakage import Breakage, Broken
+from plant.choice import PlantChoice, PlantKind
+from tests.loop.test_supervisor import TIMEOUT_S, loop_processes
+
+pytestmark = pytest.mark.live
+
+KILLS = 3
+VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
+WIRINGS = Path(__file__).parents[2] / "plant" / "wirings"
+
+
+def on(plant: PlantChoice, tuning: SetTuning) -> Supervisor:
+    return Supervisor(Setup(plant=plant, parameters="ideal", seed=0, tuning=tuning))
+
+
+async def until_off(supervisor: Supervisor) -> None:
+    """Wait until nothing reaches the motors any more, whoever took it away."""
+    while (state := supervisor.card.state()).drive_enabled or (state.u_A, state.u_B) != (0.0, 0.0):
+        await asyncio.sleep(0.005)
+
+
+async def wound_up(supervisor: Supervisor) -> None:
+    assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
+    await supervisor.advance_until(lambda: supervisor.card.state().u_A != 0.0, timeout_s=20.0)
+
+
+def newest(supervisor: Supervisor, name: str) -> float:
+    row = supervisor.ring.newest()
+    assert row is not None
+    return float(row[INDEX[name]])
+
+
+def test_a_loop_that_is_killed_leaves_zero_volts_and_drives_off(tuning: SetTuning) -> None:
+    async def session() -> None:
+        supervisor = on(VIRTUAL, tuning)
+        await supervisor.start()
+        for _ in range(KILLS):
+            await wound_up(supervisor)
+            (loop,) = loop_processes()
+            os.kill(loop, signal.SIGKILL)
+            await until_off(supervisor)
+            await supervisor.restart()
+            assert supervisor.card.state().drive_enabled  # tried and enabled anew, at zero volts
+            assert newest(supervisor, "u_A") == 0.0
+        await supervisor.stop()
+        await until_off(supervisor)
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_a_card_that_is_gone_is_cut_by_its_own_watchdog(tuning: SetTuning) -> None:
+    """The loop lives, and cannot write: its zero volts do not arrive. Once the card is back, a reset is enough."""
+
+    async def session() -> None:
+        supervisor = on(VIRTUAL, tuning)
+        await supervisor.start()
+        await wound_up(supervisor)
+        await supervisor.send(Inject(Broken(Breakage.DEVICE_GONE)))
+        await supervisor.advance_until(lambda: newest(supervisor, "mode") == MODE_CODE[Mode.TRIPPED], timeout_s=20.0)
+        assert newest(supervisor, "fault") == FAULT_CODE[Fault.PLANT_ERROR]
+        await until_off(supervisor)
+        assert supervisor.card.state().expired
+        assert supervisor.alive
+        await supervisor.send(Inject(None))
+        while not isinstance(await supervisor.send(Reset()), Accepted):
+            await supervisor.advance(0.01)
+        assert supervisor.card.state().drive_enabled
+        await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_the_cards_clock_paces_a_loop_whose_wiring_asks_for_it(tuning: SetTuning, tmp_path: Path) -> None:
+    shipped = (WIRINGS / "pcie-6323.toml").read_text(encoding="utf-8")
+    wiring = tmp_path / "clocked.toml"
+    wiring.write_text(shipped.replace('timing = "on-demand"', 'timing = "hardware"'), encoding="utf-8")
+
+    async def session() -> None:
+        supervisor = on(replace(VIRTUAL, wiring=str(wiring)), tuning)
+        ready = await supervisor.start()
+        assert "timed by the card's clock" in supervisor.driven
+        assert ready == supervisor.granted
+        begun = supervisor.ring.count
+        await supervisor.advance(0.3)
+        _, rows, _ = supervisor.ring.read(begun, 300)
+        assert np.array_equal(np.diff(rows[:, INDEX["tick"]]), np.ones(len(rows) - 1))
+        assert rows[:, INDEX["lateness_s"]].max() > 0.0
+        await supervisor.stop()
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
