@@ -59,7 +59,13 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp) -> Plant
     from plant.rig import Rig
 
     wiring = calibrated(wiring_of_choice(choice), brought_up.calibrations)
-    return Rig(wiring, Daq(wiring), registers=card, directions_proven=brought_up.directions_proven)
+    proven = brought_up.directions_proven
+    if not choice.address:
+        return Rig(wiring, Daq(wiring), registers=card, directions_proven=proven)
+    from plant.device_server import DeviceServer
+
+    daq = Daq(wiring, DeviceServer(choice.address).options)
+    return Rig(wiring, daq, registers=card, directions_proven=proven, server=choice.address)
 
 
 def _virtual_rig(

@@ -1,6 +1,7 @@
 """The rig behind a DAQ card as a Plant: volts and counts on one side, radians and newtons on the other."""
 
 import math
+import statistics
 import time
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,12 @@ SATURATED_V = 0.999 * RANGE_V
 UNATTENDED = 0.8
 """Part of the watchdog's time that the loop may be late, before it stops by itself."""
 
+CYCLE_MAX_S = 0.7e-3
+"""Longest time that reading and writing once may take [s]: the rest of the period is for the control law."""
+
+TRIED_CYCLES = 50
+"""Over how many cycles that is measured when the card is opened."""
+
 _PROOF_S = 0.3
 """How much longer than its time the watchdog may take to show that it cuts the drives [s]."""
 
@@ -30,14 +37,21 @@ _SETTLING_S = 0.01
 class Rig:
     """Two motors, two load cells and three encoders at one card; outputs are at zero volts but between two writes.
 
-    ``registers`` show other processes what is known of the card. An encoder counts from where it stands at the start:
+    ``server`` is the address of the device server that it is reached through, if any. ``registers`` show other
+    processes what is known of the card. An encoder counts from where it stands at the start:
     ``zero`` says where that is.
     """
 
     loads_shafts = False
 
     def __init__(
-        self, wiring: Wiring, daq: Daq, registers: Card | None = None, *, directions_proven: bool = False
+        self,
+        wiring: Wiring,
+        daq: Daq,
+        registers: Card | None = None,
+        *,
+        directions_proven: bool = False,
+        server: str = "",
     ) -> None:
         self.wiring = wiring
         self.raw: RawReading = NO_RAW
@@ -46,6 +60,7 @@ class Rig:
         self.unattended_max_s = UNATTENDED * wiring.card.watchdog_s
         self._daq = daq
         self._registers = registers
+        self._server = server
         self._scales = tuple(map(_radians_per_count, (wiring.encoder_q, wiring.encoder_A, wiring.encoder_B)))
         self._zeros = (0.0, 0.0, 0.0)
         self._cells = _LoadCell(wiring.load_cell_A), _LoadCell(wiring.load_cell_B)
@@ -76,12 +91,15 @@ class Rig:
             self.description = self._described()
             self._prove_watchdog()
             self._begin()
+            if not self.paces_loop:  # a card's clock ends the cycle itself
+                self._measure_cycle()
         except BaseException:
             self.close()
             raise
 
     def _described(self) -> str:
-        return f"{self.wiring.title} as {self.wiring.card.device}, {self._daq.timing}"
+        place = f" at {self._server}" if self._server else ""
+        return f"{self.wiring.title} as {self.wiring.card.device}{place}, {self._daq.timing}"
 
     def _prove_watchdog(self) -> None:
         self._begin()
@@ -93,6 +111,26 @@ class Rig:
                     "was tried at zero volts: the drives stay off; do not go on while this comes back"
                 )
             time.sleep(_SETTLING_S)
+
+    def _measure_cycle(self) -> None:
+        taken_s = []
+        for _ in range(TRIED_CYCLES):
+            begun_s = time.perf_counter()
+            self.read()
+            self.write(ZERO_VOLTS)
+            taken_s.append(time.perf_counter() - begun_s)
+        cycle_ms, worst_ms = 1e3 * statistics.median(taken_s), 1e3 * max(taken_s)
+        if cycle_ms > 1e3 * CYCLE_MAX_S:
+            where, remedy = (
+                (f"through the device server at {self._server}", "run Sinew on the machine with the card")
+                if self._server
+                else ("at this card", "close other programs, or take a card in a PCIe slot: one at USB is too slow")
+            )
+            raise PlantError(
+                f"reading and writing {where} takes {cycle_ms:.2f} ms (median of {TRIED_CYCLES} cycles at zero volts, "
+                f"at most {worst_ms:.2f} ms), and 1 kHz leaves {1e3 * CYCLE_MAX_S:g} ms for it: {remedy}"
+            )
+        self.description += f", {cycle_ms:.2f} ms to read and write"
 
     def _begin(self) -> None:
         self._daq.write(0.0, 0.0)

@@ -1,0 +1,119 @@
+"""The same rig through a gRPC server of its own on this machine, as through NI's device server at another one."""
+
+import re
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from nidaqmx import Task
+
+from plant import device_server, rig
+from plant.card import WATCHDOG_S, Card
+from plant.catalog import make_plant
+from plant.choice import PlantChoice, PlantKind
+from plant.daq import Daq
+from plant.device_server import DeviceServer
+from plant.interface import MotorCommand, PlantError
+from plant.parameters import load_parameters
+from plant.rig import Rig
+from plant.simulator import Simulator
+from plant.virtual_card import VirtualCard
+from plant.wiring import Wiring, load_wiring
+from tests.plant.served_card import served
+
+PARAMETERS = load_parameters("lab")
+SHIPPED = load_wiring("pcie-6323")
+WIRING = replace(SHIPPED, card=replace(SHIPPED.card, watchdog_s=WATCHDOG_S))
+"""With a watchdog that waits for longer: on a busy machine a call over a socket may take 50 ms."""
+
+
+@pytest.fixture
+def registers() -> Iterator[Card]:
+    made = Card.create()
+    made.start_watchdog()
+    yield made
+    made.disarm()
+    made.close()
+
+
+def virtual(registers: Card) -> VirtualCard:
+    return VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers, has_clock=False)
+
+
+def network_rig(address: str, wiring: Wiring = WIRING) -> Rig:
+    return Rig(wiring, Daq(wiring, DeviceServer(address).options), server=address)
+
+
+def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long a cycle takes here, it is measured and told, and the values are the card's own."""
+    monkeypatch.setattr(rig, "CYCLE_MAX_S", 10.0)
+    with served(virtual(registers)) as address:
+        far = network_rig(address)
+        far.open()
+        assert re.fullmatch(
+            rf"pcie-6323 as Dev1 at {address}, timed by this machine, on demand, \d+\.\d\d ms to read and write",
+            far.description,
+        )
+        assert registers.state().drive_enabled
+        for _ in range(50):
+            m = far.read()
+            far.write(MotorCommand(0.7, -0.2))
+        assert m.theta_A > 0.0 > m.theta_B
+        assert (registers.state().u_A, registers.state().u_B) == pytest.approx((0.7, -0.2), abs=20.0 / 2**16)
+        far.close()
+        assert not registers.state().drive_enabled
+
+
+def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: Card) -> None:
+    """Seven calls a cycle, each 2 ms later: no machine is quick enough to make good for that."""
+    with served(virtual(registers), delay_s=2e-3) as address:
+        far = network_rig(address)
+        with pytest.raises(PlantError, match="run Sinew on the machine with the card") as refused:
+            far.open()
+        found = re.search(r"takes ([\d.]+) ms \(median of 50 cycles at zero volts.* leaves 0\.7 ms", str(refused.value))
+        assert found is not None
+        assert float(found[1]) > 7 * 2.0
+        assert address in str(refused.value)
+        assert not registers.state().drive_enabled
+
+
+def test_a_card_that_another_program_owns_is_refused(registers: Card) -> None:
+    card = virtual(registers)
+    with served(card) as address, Task("other", grpc_options=DeviceServer(address).options()) as other:
+        other.ao_channels.add_ao_voltage_chan("Dev1/ao1")
+        with pytest.raises(PlantError, match=r"reserved: ao1 belongs to the task other Status Code: -50103"):
+            network_rig(address).open()
+        assert not registers.state().drive_enabled
+        # It has let go of what it had: once the other is gone, everything is free.
+        other.close()
+        again = Daq(WIRING, card.options)
+        again.open()
+        again.close()
+
+
+@pytest.mark.parametrize(
+    ("wiring", "said"),
+    [
+        (replace(WIRING, card=replace(WIRING.card, device="Dev7")), "Device identifier is invalid: Dev7 .*-200220"),
+        (replace(WIRING, motor_B=replace(WIRING.motor_B, channel="ao7")), "does not exist.*: ao7 of Dev1 .*-200170"),
+    ],
+)
+def test_a_channel_or_card_that_is_not_there_is_refused(registers: Card, wiring: Wiring, said: str) -> None:
+    far = Rig(wiring, Daq(wiring, virtual(registers).options))
+    with pytest.raises(PlantError, match=said) as refused:
+        far.open()
+    assert "\n" not in str(refused.value)
+    assert not registers.state().drive_enabled
+
+
+def test_an_address_where_nobody_answers_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_server, "CONNECTED_S", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as nobody:
+        address = f"127.0.0.1:{nobody.getsockname()[1]}"
+    plant = make_plant(PlantChoice(PlantKind.RIG, address=address), PARAMETERS, 0)
+    with pytest.raises(PlantError, match=rf"nothing answers at {address} .*: start NI's gRPC device server") as refused:
+        plant.open()
+    assert "\n" not in str(refused.value)
+    with pytest.raises(PlantError, match="give HOST:PORT"):
+        make_plant(PlantChoice(PlantKind.RIG, address="lab-pc"), PARAMETERS, 0).open()
