@@ -64,7 +64,7 @@ class Bench:
 
 @contextmanager
 def bench_on(data: Path, log: Path | None = None, plant: Sequence[str] = ("simulator",)) -> Iterator[Bench]:
-    """Start a service on the data folder; end it, if it still runs."""
+    """Start a service on the data folder, with ``plant`` the words after ``--plant``; end it, if it still runs."""
     with running_service(data, log=log, plant=plant) as service:
         bench = Bench(service)
         try:

@@ -1,6 +1,7 @@
 """Kill the loop with -9 while it stands, winds up, moves or plays; the card's watchdog and the service take over."""
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import httpx
@@ -15,8 +16,17 @@ from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
 def kill_loop(times: int, console: Console) -> bool:
     """Kill the loop process ``times`` times under one service; whether each was told, made safe and replaced."""
-    tally = Tally("loop killed", console)
-    with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder)) as bench:
+    return _kill("loop killed", ("simulator",), times, console)
+
+
+def kill_card_loop(times: int, console: Console) -> bool:
+    """Do the same to a loop that drives the virtual card through NI-DAQmx."""
+    return _kill("loop killed on the virtual card", ("rig", "--virtual-card"), times, console)
+
+
+def _kill(what: str, plant: Sequence[str], times: int, console: Console) -> bool:
+    tally = Tally(what, console)
+    with tempfile.TemporaryDirectory() as folder, bench_on(Path(folder), plant=plant) as bench:
         button, accounts, flights = StopButton(bench), Accounts(), Flights(bench, "loop_died")
         for turn in range(times):
             name = list(OCCUPATIONS)[turn % len(OCCUPATIONS)]

@@ -1,4 +1,4 @@
-"""The parts of the attack, and how 300 kills are spread over those that kill."""
+"""The parts of the attack, and how 400 kills are spread over those that kill."""
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping
@@ -8,7 +8,7 @@ from rich.console import Console
 from tests.soak.attack.ending import end_service
 from tests.soak.attack.frozen import freeze
 from tests.soak.attack.full_disk import fill_disk
-from tests.soak.attack.kill_loop import kill_loop
+from tests.soak.attack.kill_loop import kill_card_loop, kill_loop
 from tests.soak.attack.kill_pool import kill_pool
 from tests.soak.attack.kill_service import kill_service
 from tests.soak.attack.kill_watchdog import kill_watchdog
@@ -21,6 +21,7 @@ Part = Callable[[argparse.Namespace, Console], bool]
 KILLS: Mapping[str, tuple[int, Callable[[int, Console], bool]]] = {
     "service-kills": (30, kill_service),
     "loop-kills": (120, kill_loop),
+    "card-kills": (100, kill_card_loop),
     "watchdog-kills": (75, kill_watchdog),
     "pool-kills": (75, kill_pool),
 }
