@@ -48,9 +48,3 @@ class DeviceServer:
                 "and look at address and firewall"
             ) from None
         return channel
-
-    def close(self) -> None:
-        """Hang up. Safe to call twice."""
-        if self._channel is not None:
-            self._channel.close()
-            self._channel = None

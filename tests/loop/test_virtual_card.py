@@ -21,7 +21,7 @@ from tests.loop.test_supervisor import TIMEOUT_S, loop_processes
 
 pytestmark = pytest.mark.live
 
-KILLS = 3
+KILLS = 2
 VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 WIRINGS = Path(__file__).parents[2] / "plant" / "wirings"
 
