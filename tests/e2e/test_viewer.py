@@ -9,9 +9,10 @@ from tests.e2e.layout import survey
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service
 
-PAGES = ("operate", "identify", "banks", "experiments", "runs", "system", "system/developer")
+PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
     "operate": "In force|in force",
+    "bring-up": "A rig is brought up",
     "identify": "Register bits|You are signed in as a viewer",
     "banks": "In force: λ_q",
     "experiments": "Settings of the loop: λ_q",
