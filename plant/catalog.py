@@ -6,7 +6,10 @@ from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, calibrated
 from plant.card import Card
 from plant.choice import PlantChoice, PlantKind
 from plant.interface import Plant, PlantError
+from plant.packages import load_maker, plant_of_package
 from plant.parameters import PlantParameters
+from plant.recording import load_recording
+from plant.replay import Replay
 from plant.simulator import Simulator
 from plant.wiring import Wiring, load_wiring
 from plant.wiring_errors import WiringError
@@ -21,8 +24,10 @@ def require_available(choice: PlantChoice) -> None:
     """Raise PlantError, in one line, where what the choice needs is not installed or cannot be read."""
     if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
         raise PlantError(_NEEDS_EXTRA)
-    if choice.kind in (PlantKind.REPLAY, PlantKind.PACKAGE):
-        raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
+    if choice.kind is PlantKind.REPLAY:
+        load_recording(choice.recording)
+    if choice.kind is PlantKind.PACKAGE:
+        load_maker(choice.package)
 
 
 def make_plant(
@@ -37,7 +42,8 @@ def make_plant(
     ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
     ``brought_up`` is what is known of a rig with this wiring.
     """
-    require_available(choice)
+    if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are looked at as they are made
+        require_available(choice)
     match choice.kind:
         case PlantKind.SIMULATOR:
             if card is not None:
@@ -47,8 +53,10 @@ def make_plant(
             return _rig(choice, card, brought_up)
         case PlantKind.VIRTUAL_CARD:
             return _virtual_rig(choice, parameters, seed, card, brought_up)
-        case PlantKind.REPLAY | PlantKind.PACKAGE:
-            raise PlantError(f"there is no plant {choice.name}: choose simulator or rig")
+        case PlantKind.REPLAY:
+            return Replay(load_recording(choice.recording))
+        case PlantKind.PACKAGE:
+            return plant_of_package(choice.package, parameters, seed)
 
 
 # What follows imports NI's package, which is not there in every installation.

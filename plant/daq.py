@@ -211,6 +211,8 @@ class Daq:
             self.enable(on=False)
         with suppress(*_FAILED):
             self._tasks.close()
+        for writer in ("_outputs", "_enable"):  # of a task that is gone: not to be written again
+            self.__dict__.pop(writer, None)
         self._watchdog = None
         self.watched = self.drives = False
 

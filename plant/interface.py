@@ -64,19 +64,27 @@ class PlantError(Exception):
     """The plant cannot be opened, read or written; the message says what to do."""
 
 
+def require_numbers(command: MotorCommand) -> None:
+    """Raise PlantError for a voltage that is no number: no output has a place for it."""
+    if not math.isfinite(command.u_A + command.u_B):
+        raise PlantError(f"voltages of {command.u_A:g} and {command.u_B:g} V: both have to be numbers")
+
+
 class Plant(Protocol):
     """The one road between the loop and what it controls.
 
     A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
-    sample is due (a hardware clock), False where the loop keeps the time. ``loads_shafts`` tells whether ``load`` is
-    there. ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
+    sample is due (a hardware clock), False where the loop keeps the time. ``stepped`` is True where time passes with
+    the writes alone: it may be driven as fast as one likes. ``loads_shafts`` tells whether ``load`` is there.
+    ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
     waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
     plant is open. ``raw`` is what the newest measurement was made from. ``unready`` says why the plant may not be
-    controlled yet and what to do; empty when it may.
+    controlled yet and what to do; empty when it may. ``plant/contract.py`` checks all of it.
     """
 
     paces_loop: bool
+    stepped: bool
     loads_shafts: bool
     unattended_max_s: float
     description: str

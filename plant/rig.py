@@ -9,7 +9,16 @@ import numpy as np
 
 from plant.card import Card, CardState
 from plant.daq import RANGE_V, Daq, Raw
-from plant.interface import NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading, ShaftLoad
+from plant.interface import (
+    NO_RAW,
+    ZERO_VOLTS,
+    Measurement,
+    MotorCommand,
+    PlantError,
+    RawReading,
+    ShaftLoad,
+    require_numbers,
+)
 from plant.wiring import EncoderWiring, LoadCellWiring, Wiring
 
 if TYPE_CHECKING:
@@ -42,6 +51,7 @@ class Rig:
     ``zero`` says where that is.
     """
 
+    stepped = False
     loads_shafts = False
 
     def __init__(
@@ -176,6 +186,7 @@ class Rig:
 
         Raises PlantError; WatchdogExpiredError once the watchdog has taken the drives away.
         """
+        require_numbers(command)
         try:
             self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
             self._daq.feed_watchdog()

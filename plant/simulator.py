@@ -8,7 +8,17 @@ from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, BrokenPart
 from plant.card import Card
 from plant.compiled import compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
-from plant.interface import NO_LOAD, NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, PlantError, ShaftLoad, T_s
+from plant.interface import (
+    NO_LOAD,
+    NO_RAW,
+    ZERO_VOLTS,
+    Measurement,
+    MotorCommand,
+    PlantError,
+    ShaftLoad,
+    T_s,
+    require_numbers,
+)
 from plant.parameters import PlantParameters
 from plant.safety import SafetyBounds, exceeded
 from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
@@ -40,6 +50,7 @@ class Simulator:
     """
 
     paces_loop = False
+    stepped = True
     loads_shafts = True
     unattended_max_s = 0.4
     description = "simulator"
@@ -89,6 +100,7 @@ class Simulator:
 
     def write(self, command: MotorCommand) -> None:
         """Advance the physics by one period; the command gets through with drive-enable on and no trip. PlantError."""
+        require_numbers(command)
         if self._broken is not None:
             self._broken.delay_write()
         cut = self._tripped or (self._card is not None and not self._card.drives)

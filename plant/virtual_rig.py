@@ -38,6 +38,7 @@ class VirtualRig(Rig):
     ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
         self._watched = registers is not None
+        self.stepped = not self._watched
         self._card_registers = registers or Card.create()
         if self._watched:
             self._card_registers.start_watchdog()

@@ -1,4 +1,4 @@
-"""A station on the simulator, stepped as fast as it goes: for the command line, for dry runs, for tests."""
+"""A station stepped as fast as it goes, on what waits for its writes: for the command line, for dry runs, for tests."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,11 +38,10 @@ def headless_station(
         for recorder in recorders:
             recorder.drain()
 
-    if not plant.simulated:
+    made = make_plant(plant, parameters, settings.seed)
+    if not made.stepped:
         raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
-    loop = Headless(
-        make_plant(plant, parameters, settings.seed), parameters, tuning_command(parameters, settings, bank), record
-    )
+    loop = Headless(made, parameters, tuning_command(parameters, settings, bank), record)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.hear)

@@ -213,10 +213,7 @@ class Loop:
             return _RESTING
         decision = machine.motion.step(machine.tuning, m)
         if decision.pushes:
-            self._plant.push(decision.target.F_push)
-            if decision.target.load != self._machine.load:  # a rig that cannot load its shafts is not asked to
-                self._plant.load(decision.target.load)
-                self._machine.load = decision.target.load
+            machine.act_on_joint(decision.target.F_push, decision.target.load)
         if machine.motion.done:
             machine.end_motion()
         return decision

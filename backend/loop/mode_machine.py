@@ -30,7 +30,7 @@ from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
 from backend.tuning.models import Lambdas
-from plant.interface import NO_LOAD, Measurement, Plant, PlantError
+from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad
 from plant.parameters import PlantParameters
 from plant.spring import elongation
 
@@ -77,7 +77,7 @@ class ModeMachine:
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
         self.zeroed = False
-        self.load = NO_LOAD
+        self.F_push, self.load = 0.0, NO_LOAD
         self._reached_told = False
 
     @property
@@ -253,19 +253,20 @@ class ModeMachine:
         if self._program is not None:
             self.events.append(ProgramEnded(self.tick, self.run, completed))
             if self._program.law not in IDENTIFYING:
-                self._release_push()
+                with suppress(PlantError):  # whoever pushes the plant has let go of it with it
+                    self.act_on_joint(0.0, NO_LOAD)
             self._program = None
         self.events.append(ModeChanged(self.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
         self._reached_told = False
 
-    def _release_push(self) -> None:
-        # A rig can neither push nor load by itself: there is nothing to release then.
-        with suppress(PlantError):
-            self._plant.push(0.0)
-        if self.load != NO_LOAD:
-            self.load = NO_LOAD
-            self._plant.load(NO_LOAD)
+    def act_on_joint(self, F_push: float, load: ShaftLoad) -> None:
+        """Push [N] and load the shafts; what can do neither is not asked to while the program does not. PlantError."""
+        (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
+        if load != load_before:
+            self._plant.load(load)
+        if F_push != F_before:
+            self._plant.push(F_push)
 
     def _wound(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""

@@ -1,0 +1,82 @@
+"""``sinew rig``."""
+
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from backend.cli.output import AsJson, errors, fail, out, print_json
+from backend.cli.place import (
+    CardAddress,
+    ParameterSet,
+    PlantName,
+    Recording,
+    VirtualCard,
+    WiringFile,
+    settings_with,
+)
+
+if TYPE_CHECKING:
+    from plant.promises import Finding
+
+app = typer.Typer(help="Look at what is driven, before it is.", no_args_is_help=True, rich_markup_mode=None)
+
+STEPPED_VOLTAGE = 0.5
+"""What is put on the outputs where nothing real moves [V]."""
+
+
+@app.command()
+def conformance(
+    plant: PlantName = None,
+    virtual_card: VirtualCard = None,
+    wiring: WiringFile = None,
+    card_address: CardAddress = None,
+    recording: Recording = None,
+    params: ParameterSet = None,
+    voltage: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=2.0,
+            help="Largest voltage [V] a check may put on a motor, for 0.3 s. [0; 0.5 where nothing real moves]",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a plant against the contract that the loop relies on; exit 1 when it does not keep it."""
+    from plant.catalog import make_plant
+    from plant.contract import run_contract
+    from plant.parameters import load_parameters
+    from plant.promises import Outcome, Subject
+    from plant.replay import Replay
+
+    settings = settings_with(
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        recording=recording,
+        params=params,
+    )
+    choice, parameters = settings.plant_choice, load_parameters(settings.params)
+    first = make_plant(choice, parameters, 0)
+    allowed = voltage if voltage is not None else STEPPED_VOLTAGE if first.stepped else 0.0
+    subject = Subject(lambda: make_plant(choice, parameters, 0), parameters, allowed)
+    if isinstance(first, Replay):
+        subject = replace(subject, answers=False, lasts=first.samples)
+    findings = []
+    for finding in run_contract(subject):
+        findings.append(finding)
+        if not as_json:
+            _show(finding)
+    broken = [finding for finding in findings if finding.outcome is Outcome.BROKEN]
+    if as_json:
+        print_json({"plant": choice.name, "findings": [asdict(finding) for finding in findings]})
+    if broken:
+        fail(f"{choice.name}: {len(broken)} of {len(findings)} promises are not kept")
+    errors.print(f"{choice.name}: keeps what a plant promises", highlight=False, markup=False)
+
+
+def _show(finding: "Finding") -> None:
+    seen = f"\n           {finding.seen}" if finding.seen else ""
+    out.print(f"{finding.outcome:9}  {finding.sentence}{seen}", highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,177 @@
+"""What a Plant promises holds for the simulator, the rig on a virtual card, a recording, and a package's plant."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from plant.catalog import make_plant
+from plant.choice import PlantChoice, PlantKind
+from plant.contract import CHECKS, run_contract
+from plant.interface import Measurement, MotorCommand
+from plant.parameters import PlantParameters
+from plant.promises import Check, Outcome, Subject
+from plant.recording import load_recording
+from plant.simulator import Simulator
+from tests.plant import example
+from tests.plant.recorded import trip_recorded
+
+NOT_FOR_A_RECORDING = {"a_voltage_acts", "a_write_counts_from_the_next_reading", "keeps_to_its_voltages"}
+"""What is written to a recording has no effect."""
+
+
+@pytest.fixture(scope="module")
+def choices(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> dict[str, PlantChoice]:
+    recording = tmp_path_factory.mktemp("recording") / "run-7.csv"
+    trip_recorded(lab, recording)
+    return {
+        "simulator": PlantChoice(),
+        "virtual card": PlantChoice(PlantKind.VIRTUAL_CARD),
+        "replay": PlantChoice(PlantKind.REPLAY, recording=str(recording)),
+        example.NAME: PlantChoice(PlantKind.PACKAGE, package=example.NAME),
+    }
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return example.installed_in(tmp_path_factory.mktemp("example"))
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)
+@pytest.mark.parametrize("name", ["simulator", "virtual card", "replay", example.NAME])
+def test_the_contract_holds(
+    choices: dict[str, PlantChoice],
+    site: Path,
+    lab: PlantParameters,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    check: Check,
+) -> None:
+    monkeypatch.syspath_prepend(str(site))
+    subject = Subject(lambda: make_plant(choices[name], lab, 0), lab, voltage=0.5)
+    if name == "replay":
+        subject = replace(subject, answers=False, lasts=len(load_recording(choices[name].recording)))
+    (finding,) = run_contract(subject, (check,))
+    left_out = name == "replay" and check.name in NOT_FOR_A_RECORDING
+    assert finding.outcome is (Outcome.NOT_TRIED if left_out else Outcome.HOLDS), finding.seen
+
+
+class Degrees(Simulator):
+    def read(self) -> Measurement:
+        m = super().read()
+        return m._replace(q=m.q + 30.0)
+
+
+class Swapped(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(command.u_B, command.u_A))
+
+
+class Backwards(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(-command.u_A, -command.u_B))
+
+
+class Driving(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(command.u_A + 1.0, command.u_B))
+
+
+class Unbound(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(10.0 if command.u_A > 10.0 else 0.9 * command.u_A, 0.9 * command.u_B))
+
+
+class Restless(Simulator):
+    def read(self) -> Measurement:
+        super().write(MotorCommand(10.0, 10.0))
+        return super().read()
+
+
+class Hoarding(Simulator):
+    def __init__(self, parameters: PlantParameters) -> None:
+        super().__init__(parameters)
+        self.kept: list[Measurement] = []
+
+    def read(self) -> Measurement:
+        self.kept.append(super().read())
+        return self.kept[-1]
+
+
+class Odd(Simulator):
+    def push(self, F_push: float) -> None:
+        raise ValueError("no")
+
+
+class OpenOnce(Simulator):
+    done = False
+
+    def close(self) -> None:
+        assert not self.done
+        self.done = True
+
+
+class Hasty(Simulator):
+    stepped, paces_loop = False, True
+
+
+class Random(Simulator):
+    made = 0
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        Random.made += 1
+        super().__init__(parameters, seed=Random.made)
+
+
+class Mute(Simulator):
+    description = ""
+
+
+class Less:
+    open = read = close = Simulator.open
+
+
+@pytest.mark.parametrize(
+    ("make", "promise", "said"),
+    [
+        (Less, "is_a_plant", "it has no paces_loop, "),
+        (Mute, "describes_itself", "says nothing"),
+        (Restless, "opens_at_rest", "moved by"),
+        (Degrees, "reads_in_si", "is it in rad?"),
+        (Driving, "rests_at_zero_volts", "at zero volts"),
+        (Backwards, "a_voltage_acts", "sign"),
+        (Swapped, "a_voltage_acts", "sign, or too little?|swapped"),
+        (Restless, "a_write_counts_from_the_next_reading", "without a write"),
+        (Unbound, "keeps_to_its_voltages", "further than at 10 V"),
+        (Odd, "refuses_in_a_sentence", "ValueError in place of a PlantError: no"),
+        (OpenOnce, "closes_twice_and_opens_again", "AssertionError"),
+        (Hasty, "keeps_the_time", "before they were due"),
+        (Hoarding, "keeps_nothing_of_a_tick", "blocks of memory more"),
+        (Random, "repeats", "the second time it read otherwise"),
+    ],
+)
+def test_a_plant_that_breaks_a_promise_is_found(
+    lab: PlantParameters, make: Callable[[PlantParameters], Simulator], promise: str, said: str
+) -> None:
+    def made() -> Simulator:
+        return make(lab) if make is not Less else make()  # type: ignore[call-arg]  # it is none of ours
+
+    (check,) = (check for check in CHECKS if check.name == promise)
+    (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
+    assert finding.outcome is Outcome.BROKEN
+    assert any(words in finding.seen for words in said.split("|")), finding.seen
+
+
+def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:
+    written: list[MotorCommand] = []
+
+    class Watched(Simulator):
+        def write(self, command: MotorCommand) -> None:
+            written.append(command)
+            super().write(command)
+
+    findings = list(run_contract(Subject(lambda: Watched(lab), lab)))
+    assert {f.name for f in findings if f.outcome is Outcome.NOT_TRIED} == NOT_FOR_A_RECORDING
+    assert not [f for f in findings if f.outcome is Outcome.BROKEN]
+    assert all(not abs(u) > 0.0 or u == float("inf") for command in written for u in command)

@@ -1,0 +1,134 @@
+"""A plant of an installed package, as an outsider has it: found by its name, driven, and told what is wrong with it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from plant.catalog import make_plant, require_available
+from plant.choice import PlantChoice, PlantKind
+from plant.interface import PlantError
+from plant.packages import GROUP
+from plant.parameters import PlantParameters
+from tests.plant import example
+
+SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return example.installed_in(tmp_path_factory.mktemp("example"))
+
+
+def sinew(site: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "backend", *words]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": str(site)}
+    )
+
+
+def test_an_outsider_checks_drives_and_reports_a_plant_of_a_package(site: Path, tmp_path: Path) -> None:
+    checked = sinew(site, "rig", "conformance", "--plant", example.NAME, "--json")
+    assert checked.returncode == 0, checked.stderr
+    document = json.loads(checked.stdout)
+    assert document["plant"] == example.NAME
+    assert {finding["outcome"] for finding in document["findings"]} == {"holds"}
+
+    data, out = ["--data", str(tmp_path / "data")], tmp_path / "out"
+    order = ["experiment", "tracking", "--plant", example.NAME, "--params", "ideal", "--out", str(out), *SHORT]
+    ran = sinew(site, *order, *data)
+    assert ran.returncode == 0, ran.stderr
+    assert "| two-springs, parameters" in " | ".join((out / "report.html").read_text("utf-8").split(">"))
+    metrics = json.loads((out / "metrics.json").read_text("utf-8"))
+    assert (metrics["plant"], metrics["end_state"]) == (example.NAME, "completed")
+
+    file = tmp_path / "run.parquet"
+    assert sinew(site, "runs", "export", "1", str(file), *data).returncode == 0
+    played = sinew(site, "rig", "conformance", "--plant", "replay", "--recording", str(file))
+    assert played.returncode == 0, played.stderr
+    assert "not tried" in played.stdout
+    assert "replay: keeps what a plant promises" in played.stderr
+
+
+def package(folder: Path, name: str, entry: str, code: str, plant: str = "odd") -> None:
+    """What an installer leaves of a package with one module and one entry point."""
+    (folder / f"{name.replace('-', '_')}.py").write_text(code)
+    metadata = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[{GROUP}]\n{plant} = {entry}\n")
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("import no_such_driver", "cannot be imported: ModuleNotFoundError: No module named 'no_such_driver'"),
+        ("", r"cannot be imported: AttributeError: .*make"),
+        ("make = 3", "odd_plant:make has to be callable, it is an int"),
+        ("def make(parameters): ...", "cannot be made: TypeError: .*positional argument"),
+        (
+            "def make(parameters, seed): raise OSError('no card\\nin slot 2')",
+            "cannot be made: OSError: no card in slot 2",
+        ),
+        (
+            "def make(parameters, seed): ...",
+            r"made None, which is no Plant: it has no .*open\(\), read\(\)",
+        ),
+        ("def make(parameters, seed): return 3", "made an int, which is no Plant"),
+    ],
+)
+def test_a_package_that_brings_no_plant_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lab: PlantParameters, code: str, said: str
+) -> None:
+    package(tmp_path, "odd-plant", "odd_plant:make", code)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "odd_plant", raising=False)
+    with pytest.raises(PlantError, match=rf"^plant odd of the package odd-plant:? .*{said}") as error:
+        make_plant(PlantChoice(PlantKind.PACKAGE, package="odd"), lab, 0)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_what_a_package_refuses_itself_is_told_as_it_says_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lab: PlantParameters
+) -> None:
+    code = "from plant.interface import PlantError\ndef make(parameters, seed): raise PlantError('plug it in')"
+    package(tmp_path, "plugged", "plugged:make", code, plant="far")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PlantError, match=r"^plug it in$"):
+        make_plant(PlantChoice(PlantKind.PACKAGE, package="far"), lab, 0)
+
+
+def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(site))
+    for name in ("toaster", "virtual_card", ""):
+        with pytest.raises(PlantError, match=rf"there is no plant {name}: .*of installed packages two-springs$"):
+            require_available(PlantChoice(PlantKind.PACKAGE, package=name))
+    package(tmp_path, "other", "other:make", "", plant=example.NAME)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PlantError, match=r"more than one package brings a plant two-springs: .*other.*uninstall"):
+        require_available(PlantChoice(PlantKind.PACKAGE, package=example.NAME))
+
+
+def test_a_plant_of_a_package_does_not_take_the_name_of_another_kind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package(tmp_path, "other", "other:make", "", plant="virtual_card")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PlantError, match="there is no plant virtual_card"):
+        require_available(PlantChoice(PlantKind.PACKAGE, package="virtual_card"))
+
+
+def test_a_plant_that_breaks_its_promise_ends_the_check_with_a_line(tmp_path: Path) -> None:
+    code = (
+        "from plant.simulator import Simulator\n"
+        "class Mute(Simulator):\n    description = ''\n"
+        "def make(parameters, seed): return Mute(parameters, seed)\n"
+    )
+    package(tmp_path, "mute", "mute:make", code, plant="mute")
+    checked = sinew(tmp_path, "rig", "conformance", "--plant", "mute")
+    assert checked.returncode == 1
+    assert "broken     Once it is open, its description says" in checked.stdout
+    assert checked.stderr.strip() == "sinew: mute: 1 of 16 promises are not kept"

@@ -1,0 +1,224 @@
+"""A recording that Sinew wrote, played back: the same readings, the same trip, told how far the voltages were."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from backend.faults import FAULT_CODE, Fault
+from backend.loop.commands import Accepted, PlantFailing, Reset, Stopped
+from backend.loop.mode import Mode
+from backend.reports.exports import to_csv, to_mat, to_parquet
+from plant import replay
+from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
+from plant.parameters import PlantParameters
+from plant.recording import load_recording
+from plant.replay import Replay
+from tests.loop.bench_top import BenchTop
+from tests.plant.recorded import columns_of, session, trip_recorded
+
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def recorded(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> tuple[BenchTop, Path]:
+    file = tmp_path_factory.mktemp("replay") / "run-7.csv"
+    return trip_recorded(lab, file, seed=3), file
+
+
+@pytest.fixture
+def columns() -> Columns:
+    """Two hundred samples of a joint that stands under tension."""
+    ticks = np.arange(200.0)
+    still = {"q": 0.1, "theta_A": 4.0, "theta_B": 3.0, "F_A": 12.0, "F_B": 11.0, "u_A": 0.5, "u_B": 0.4}
+    return {
+        "t": ticks / 1000.0,
+        **{name: np.full(200, value) for name, value in still.items()},
+        "S_true": np.full(200, np.nan),
+        "F_push": np.zeros(200),
+        "fault": np.zeros(200),
+    }
+
+
+def played(columns: Columns, folder: Path, write: Callable[[Columns], bytes] = to_csv, ending: str = "csv") -> Replay:
+    file = folder / f"run-7.{ending}"
+    file.write_bytes(write(columns))
+    plant = Replay(load_recording(file))
+    plant.open()
+    return plant
+
+
+def test_a_trip_that_was_recorded_happens_again_in_the_same_tick(
+    recorded: tuple[BenchTop, Path], lab: PlantParameters
+) -> None:
+    bench, file = recorded
+    plant = Replay(load_recording(file))
+    again = session(lab, plant)
+    assert again.loop.fault is bench.loop.fault is Fault.SENSOR_JUMP
+    for name in ("fault", "mode"):
+        np.testing.assert_array_equal(again.column(name), bench.column(name))
+    stops = [[event for event in which.events if isinstance(event, Stopped)] for which in (bench, again)]
+    assert [(stop.fault, stop.detail) for stop in stops[1]] == [(stop.fault, stop.detail) for stop in stops[0]]
+    assert plant.difference.volts == pytest.approx(
+        max(np.abs(again.column(u) - bench.column(u)).max() for u in ("u_A", "u_B")), abs=1e-5
+    )
+
+
+def test_another_controller_is_told_by_its_voltages(recorded: tuple[BenchTop, Path], lab: PlantParameters) -> None:
+    bench, file = recorded
+    plant = Replay(load_recording(file))
+    plant.open()
+    u_A, u_B = (bench.column(name).astype(np.float32).astype(float) for name in ("u_A", "u_B"))
+    u_B[4321] += 0.25
+    for tick in range(u_A.size):
+        plant.read()
+        plant.write(MotorCommand(u_A[tick], u_B[tick]))
+    assert plant.difference == pytest.approx((0.25, "u_B", 4.321))
+    with pytest.raises(PlantError, match=r"at most 0.25 V, u_B at t = 4.321 s; reset plays it again"):
+        plant.read()
+
+
+def test_it_reads_what_was_recorded_whatever_is_written(columns: Columns, tmp_path: Path) -> None:
+    columns["F_A"] += np.arange(200.0) / 100.0
+    columns["S_true"][:] = 9.5
+    columns["F_push"][50:] = 3.0
+    plant = played(columns, tmp_path)
+    for tick in range(199):
+        m = plant.read()
+        assert m[:5] == plant.read()[:5]
+        assert m == pytest.approx(
+            (0.1, 4.0, 3.0, columns["F_A"][tick], 11.0, 9.5, columns["F_push"][tick], 0.0), rel=1e-6
+        )
+        plant.write(MotorCommand(10.0, -10.0))
+
+
+@pytest.mark.parametrize(("write", "ending"), [(to_csv, "csv"), (to_parquet, "parquet")])
+def test_both_formats_of_the_export_say_the_same(
+    recorded: tuple[BenchTop, Path], tmp_path: Path, write: Callable[[Columns], bytes], ending: str
+) -> None:
+    bench, file = recorded
+    other = tmp_path / f"other.{ending}"
+    other.write_bytes(write(dict(columns_of(bench))))
+    first, second = load_recording(file), load_recording(other)
+    for name, values in first.columns.items():
+        np.testing.assert_array_equal(values.astype(np.float32), second.columns[name].astype(np.float32))
+
+
+def test_a_flight_record_begins_before_its_trip(columns: Columns, tmp_path: Path) -> None:
+    columns["t"] = columns["t"] - 0.15
+    columns["fault"][150:] = FAULT_CODE[Fault.SENSOR_INVALID]
+    columns["q"][150:] = np.nan
+    plant = played(columns, tmp_path)
+    for _ in range(150):
+        assert np.isfinite(plant.read().q)
+        plant.write(MotorCommand(0.0, 0.0))
+    assert np.isnan(plant.read().q)
+    assert plant.difference.t == pytest.approx(-0.15)
+
+
+def test_the_safety_module_trips_where_it_did(columns: Columns, tmp_path: Path) -> None:
+    assert FAULT_CODE[Fault.SAFETY_MODULE] == replay.SAFETY_MODULE
+    columns["fault"][100:150] = replay.SAFETY_MODULE
+    plant = played(columns, tmp_path)
+    trips = []
+    for _ in range(200):
+        trips.append(plant.read().safety_trip)
+        plant.write(MotorCommand(0.0, 0.0))
+    assert trips == [0.0] * 100 + [1.0] * 50 + [0.0] * 50
+
+
+def test_at_its_end_the_loop_trips_once_with_the_reason_and_a_reset_plays_it_again(
+    columns: Columns, tmp_path: Path, lab: PlantParameters
+) -> None:
+    plant = played(columns, tmp_path)
+    bench = BenchTop(lab, plant=plant)
+    bench.advance(0.3)
+    assert (bench.loop.mode, bench.loop.fault) == (Mode.TRIPPED, Fault.PLANT_ERROR)
+    (failing,) = (event for event in bench.events if isinstance(event, PlantFailing))
+    assert failing.tick == 200
+    assert "the recording has ended after 200 samples; the voltages differed by at most 0.5 V" in failing.reason
+    bench.advance(1.0)
+    assert plant.sample == 0
+    assert isinstance(bench.send(Reset()), Accepted)
+    bench.advance(0.05)
+    assert plant.sample == 50
+
+
+def test_what_a_recording_cannot_do_is_refused(columns: Columns, tmp_path: Path) -> None:
+    plant = played(columns, tmp_path)
+    before: Measurement = plant.read()
+    for attempt, said in (
+        (lambda: plant.push(1.0), "pushed"),
+        (lambda: plant.load(NO_LOAD), "loaded"),
+        (lambda: plant.inject(None), "broken"),
+        (lambda: plant.zero(0.0, 0.0, 0.0), "zeros"),
+    ):
+        with pytest.raises(PlantError, match=said):
+            attempt()
+    assert plant.read()[:5] == before[:5]
+
+
+def without(name: str) -> Callable[[Columns], None]:
+    return lambda columns: columns.__delitem__(name)
+
+
+def at(name: str, index: int, value: float) -> Callable[[Columns], None]:
+    return lambda columns: columns[name].__setitem__(index, value)
+
+
+def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[Columns], None]:
+    return lambda columns: columns.update({name: change(columns[name]) for name in names or tuple(columns)})
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (without("theta_B"), r"no column theta_B \[rad\]; the file has t, q,"),
+        (without("u_A"), r"no column u_A \[V\]"),
+        (at("F_A", 40, np.nan), r"F_A is no number at t = 0\.040 s, and no fault stands there"),
+        (at("u_B", 41, np.nan), r"u_B is no number at t = 0\.041 s"),
+        (at("t", 3, np.nan), "sample 4 has no time t"),
+        (at("u_A", 7, 11.0), r"u_A is 11 at t = 0\.007 s, beyond 10 V"),
+        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142 rad: the column has to be in rad"),
+        (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, it has to be 1 ms"),
+        (
+            each(lambda values: np.delete(values, slice(60, 72))),
+            r"after t = 0\.059 s the next sample comes 13 ms later",
+        ),
+        (each(lambda values: values[:1]), "it holds 1 samples: two are the least"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_refused_with_the_place(
+    columns: Columns, tmp_path: Path, spoil: Callable[[Columns], None], said: str
+) -> None:
+    spoil(columns)
+    file = tmp_path / "run-7.csv"
+    file.write_bytes(to_csv(columns))
+    with pytest.raises(PlantError, match=rf"the recording run-7\.csv cannot be played: .*{said}"):
+        load_recording(file)
+
+
+def test_files_of_other_kinds_are_refused(columns: Columns, tmp_path: Path) -> None:
+    for name, content, said in (
+        ("run.mat", to_mat(columns), "only .csv and .parquet are read"),
+        ("run.parquet", b"PAR1 junk", "cannot be played"),
+        ("run.csv", b"t,q\n1,2\n3\n", "cannot be played"),
+        ("text.csv", to_csv(columns).replace(b",0.1,", b",far,"), "the column q holds something else than numbers"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(PlantError, match=said) as error:
+            load_recording(tmp_path / name)
+        assert len(str(error.value).splitlines()) == 1
+    with pytest.raises(PlantError, match=r"gone\.csv cannot be played: .*[Nn]o such file"):
+        load_recording(tmp_path / "gone.csv")
+
+
+def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tmp_path: Path) -> None:
+    table = pa.parquet.read_table(pa.BufferReader(to_parquet(columns)))
+    fields = [field.with_metadata({"unit": "deg"}) if field.name == "q" else field for field in table.schema]
+    pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
+    with pytest.raises(PlantError, match="the column q is in deg, it has to be in rad"):
+        load_recording(tmp_path / "run.parquet")
