@@ -50,6 +50,7 @@ from backend.api.tasks import Tasks
 from backend.api.tokens import TokenFiles, Tokens
 from backend.api.tuning_in_use import TuningInUse
 from backend.api.upkeep import Upkeep
+from backend.bring_up.standing import brought_up_of
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder, only_service_on
 from backend.ending import Ending, address_on
@@ -160,7 +161,9 @@ def _build(
     _close_interrupted(database)
     kept = KeptTuning(database)
     tuning, said = kept.restore(parameters)
-    supervisor = Supervisor(Setup(settings.plant_choice, settings.params, SEED, tuning.command()), supervision)
+    brought_up = brought_up_of(database, settings.plant_choice)
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up)
+    supervisor = Supervisor(setup, supervision)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
 
@@ -228,6 +231,8 @@ def _build(
         stack.callback(supervision.keep_thread(SCENE, mirror.run, mirror.end).end, 2.0)
     scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
     upkeep = Upkeep(database, settings.data, supervisor)
+    bring_up = BringUp(bench, supervisor, database, parameters)
+    stack.push_async_callback(bring_up.close)
     service = Service(
         bench,
         control,
@@ -242,7 +247,7 @@ def _build(
         live,
         upkeep,
         retention,
-        BringUp(bench),
+        bring_up,
     )
     return supervisor, recorder, service, scenes
 

@@ -213,7 +213,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         """Write both outputs: the physics goes on by one period."""
         volts = dict(zip(self._channels[request.task.name], request.write_array, strict=True))
         w = self._wiring
-        u_A, u_B = (converted(volts[motor.channel]) / motor.gain for motor in (w.motor_A, w.motor_B))
+        u_A, u_B = (converted(volts.get(motor.channel, 0.0)) / motor.gain for motor in (w.motor_A, w.motor_B))
         self._held = MotorCommand(u_A, u_B)
         self._registers.set_outputs(self._held)
         self._unheard_s = 0.0

@@ -6,6 +6,7 @@ Every command goes to the loop and is in force only once the loop has accepted i
 import asyncio
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 from backend.api.errors import ApiError
 from backend.api.event_marks import mark_of
@@ -28,6 +29,7 @@ from backend.reading import in_digits
 from backend.refusal import require_within
 from backend.supervision import KeptTask, Part, Supervision
 from plant.breakage import Broken
+from plant.brought_up import BroughtUp
 
 STOP_PROOF_S = 1.0
 """How long a stop may take to be confirmed; the loop itself takes two ticks."""
@@ -113,12 +115,24 @@ class Bench:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
             else:
-                await self._supervisor.restart()
-                self._on_new_ring(self._supervisor.ring)
-                self.picture.starts += 1
-                self._journal.note(MarkKind.FAULT, "loop started again", 0, who)
+                await self._start_anew(MarkKind.FAULT, "loop started again", who)
         self.picture.forget_stop()
         return await self._state_once(lambda: self.picture.fault is Fault.NONE)
+
+    async def take_up(self, brought_up: BroughtUp, who: str) -> None:
+        """Start the loop anew with what a bring-up has found. Raises ApiError unless it is off."""
+        async with self._turn:
+            if self.picture.mode is not Mode.OFF:
+                raise ApiError(409, f"what was measured takes effect in off; the mode is {self.picture.mode}")
+            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+            await self._start_anew(MarkKind.NOTE, "loop started with what the bring-up has measured", who)
+        self.changed()
+
+    async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
+        await self._supervisor.restart()
+        self._on_new_ring(self._supervisor.ring)
+        self.picture.starts += 1
+        self._journal.note(kind, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> State:
         """Move to another mode; one in which a person moves the joint is recorded as a session."""

@@ -1,35 +1,161 @@
-"""Bringing the rig up from the page: one step at a time, its results kept."""
+"""Bringing the rig up from the page: one step at a time, its results kept, what it has measured put in force."""
+
+import asyncio
+import logging
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 
 from backend.api.bench import Bench
 from backend.api.errors import ApiError
-from backend.api.schemas.bring_up import BringUpStep, BringUpView, StepInput, StepState
-from backend.bring_up.steps import STEPS, Step, StepId
+from backend.api.schemas.bring_up import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
+from backend.bring_up import standing
+from backend.bring_up.engine import perform, values_of
+from backend.bring_up.standing import Standing, StepState, blocked_by
+from backend.bring_up.steps import STEP, STEPS, Step, StepId
+from backend.bring_up.work import Finding, Work
+from backend.loop.access import LoopDiedError
+from backend.loop.mode import Mode
+from backend.loop.supervisor import Supervisor
+from backend.refusal import RefusedValueError
+from backend.storage import Database
+from backend.storage.bring_up import StepResult as Stored
+from plant.brought_up import calibrated
+from plant.catalog import wiring_of_choice
 from plant.choice import PlantKind
+from plant.interface import PlantError
+from plant.parameters import PlantParameters
+from plant.wiring import Wiring
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Running:
+    """The step under way; ``confirmed`` is what it waits for, None for nothing."""
+
+    step: StepId
+    phase: str = "starting"
+    ask: str = ""
+    confirmed: asyncio.Future[None] | None = None
+    began_s: float = field(default_factory=lambda: asyncio.get_running_loop().time())
+    task: asyncio.Task[None] | None = None
 
 
 class BringUp:
     """Belongs to the service's event loop."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, supervisor: Supervisor, database: Database, parameters: PlantParameters) -> None:
         self._bench = bench
+        self._supervisor = supervisor
+        self._database = database
+        self._parameters = parameters
+        self._running: _Running | None = None
+        self._started = bench.picture.starts, datetime.now(UTC)
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
         why_not = self._why_not()
-        return BringUpView(applies=not why_not, why_not=why_not, steps=[self._step(step) for step in STEPS])
+        if why_not:
+            states = dict.fromkeys(StepId, Standing(StepState.NEVER, why_not))
+            return BringUpView(
+                applies=False, why_not=why_not, steps=[self._view(step, states, None, why_not) for step in STEPS]
+            )
+        try:
+            wired = standing.fingerprint(await asyncio.to_thread(self._wiring))
+        except PlantError as error:
+            wired, why_not = "", str(error)
+        results = await asyncio.to_thread(standing.newest, self._database)
+        states = self._states(results, wired)
+        steps = [
+            self._view(step, states, results.get(step.id), why_not or self._blocked(step, states)) for step in STEPS
+        ]
+        return BringUpView(applies=True, why_not="", steps=steps)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
         """Start a step. Raises ApiError where it cannot be started now, OutOfRangeError."""
-        self._require_applies()
-        raise ApiError(409, f"{step} cannot be started yet")
+        why_not = self._why_not()
+        if why_not:
+            raise ApiError(409, why_not)
+        try:
+            wanted = values_of(step, values)
+            wiring = await asyncio.to_thread(self._wiring)
+        except RefusedValueError:
+            raise
+        except ValueError as error:
+            raise ApiError(422, str(error)) from None
+        except PlantError as error:
+            raise ApiError(409, str(error)) from None
+        results = await asyncio.to_thread(standing.newest, self._database)
+        blocked = self._blocked(STEP[step], self._states(results, standing.fingerprint(wiring)))
+        if blocked:
+            raise ApiError(409, blocked)
+        running = self._running = _Running(step)
+        running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
+        self._bench.changed()
+        return await self.view()
 
     async def confirm(self) -> BringUpView:
         """Go on with the step under way. Raises ApiError where nothing waits for it."""
-        raise ApiError(409, "no step of the bring-up waits for a confirmation")
+        running = self._running
+        if running is None or running.confirmed is None or running.confirmed.done():
+            raise ApiError(409, "no step of the bring-up waits for a confirmation")
+        running.confirmed.set_result(None)
+        return await self.view()
 
     async def cancel(self) -> BringUpView:
         """Give up the step under way. Raises ApiError where there is none."""
-        raise ApiError(409, "no step of the bring-up is under way")
+        running = self._running
+        if running is None or running.task is None:
+            raise ApiError(409, "no step of the bring-up is under way")
+        running.task.cancel()
+        await asyncio.wait((running.task,))
+        return await self.view()
+
+    async def close(self) -> None:
+        """Give up what is under way, at the end of the service."""
+        if self._running is not None and self._running.task is not None:
+            self._running.task.cancel()
+            await asyncio.wait((self._running.task,))
+
+    async def _run(self, running: _Running, wiring: Wiring, values: dict[str, float], who: str) -> None:
+        async def confirmed(words: str) -> None:
+            running.ask, running.confirmed = words, asyncio.get_running_loop().create_future()
+            self._bench.changed()
+            try:
+                await running.confirmed
+            finally:
+                running.ask, running.confirmed = "", None
+                self._bench.changed()
+
+        def phase(name: str) -> None:
+            running.phase = name
+            self._bench.changed()
+
+        in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
+        computed = self._bench.picture.plant.simulated
+        work = Work(
+            self._supervisor, in_force, self._parameters, values, computed=computed, confirmed=confirmed, phase=phase
+        )
+        try:
+            try:
+                finding = await perform(running.step, work)
+            except LoopDiedError as died:
+                finding = Finding(False, str(died))
+            phase("keeping the result")
+            await asyncio.to_thread(standing.keep, self._database, running.step, wiring, finding, who)
+            brought_up = await asyncio.to_thread(standing.in_effect, self._database, wiring)
+            if finding.calibrations and finding.passed:
+                await self._bench.take_up(brought_up, who)
+            elif not finding.passed or running.step is StepId.DIRECTION:  # at the next start of the loop
+                self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        except Exception:
+            _log.exception("the step %s of the bring-up failed", running.step)
+        finally:
+            self._running = None
+            self._bench.changed()
+
+    def _wiring(self) -> Wiring:
+        return wiring_of_choice(self._bench.picture.plant)
 
     def _why_not(self) -> str:
         plant = self._bench.picture.plant
@@ -37,20 +163,40 @@ class BringUp:
             return ""
         return f"a rig is brought up; what is driven here is the {plant.name}"
 
-    def _require_applies(self) -> None:
-        why_not = self._why_not()
-        if why_not:
-            raise ApiError(409, why_not)
+    def _states(self, results: dict[str, Stored], wired: str) -> dict[StepId, Standing]:
+        starts = self._bench.picture.starts
+        if starts != self._started[0]:
+            self._started = starts, datetime.now(UTC)
+        return {step.id: standing.standing(step, results.get(step.id), wired, self._started[1]) for step in STEPS}
 
-    def _step(self, step: Step) -> BringUpStep:
+    def _blocked(self, step: Step, states: dict[StepId, Standing]) -> str:
+        picture = self._bench.picture
+        if self._running is not None:
+            return f"{STEP[self._running.step].title} is under way"
+        if picture.task is not None:
+            return f"run {picture.task.run} is under way"
+        if picture.mode is not Mode.OFF:
+            return f"the mode is {picture.mode}: bring it to off first"
+        return blocked_by(step, states)
+
+    def _view(self, step: Step, states: dict[StepId, Standing], result: Stored | None, blocked: str) -> BringUpStep:
+        running = self._running if self._running is not None and self._running.step is step.id else None
+        now_s = asyncio.get_running_loop().time()
         return BringUpStep(
             id=step.id,
             title=step.title,
             instruction=step.instruction,
             inputs=[StepInput(**vars(asked)) for asked in step.inputs],
-            state=StepState.NEVER,
-            why="it has never been done with this wiring",
-            blocked=self._why_not(),
-            result=None,
-            running=None,
+            state=states[step.id].state,
+            why=states[step.id].why,
+            blocked=blocked,
+            result=None if result is None else _result(result),
+            running=None
+            if running is None
+            else RunningStep(phase=running.phase, elapsed_s=now_s - running.began_s, confirm=running.ask),
         )
+
+
+def _result(stored: Stored) -> StepResult:
+    figures = [StepFigure(**figure) for figure in stored.figures]
+    return StepResult(passed=stored.passed, text=stored.text, figures=figures, who=stored.who, at=stored.at)

@@ -227,3 +227,19 @@ class SettingRow(Numbered, Base):
     value: Mapped[Any] = mapped_column(JSON)
     who: Mapped[str] = mapped_column(String(200))
     at: Mapped[datetime]
+
+
+class BringUpRow(Numbered, Base):
+    """What one step of bringing a rig up came to, with one wiring."""
+
+    __tablename__ = "bring_up"
+
+    step: Mapped[str] = mapped_column(String(40), index=True)
+    wiring: Mapped[str] = mapped_column(String(200))
+    fingerprint: Mapped[str] = mapped_column(String(64), index=True)
+    passed: Mapped[bool]
+    text: Mapped[str] = mapped_column(Text)
+    figures: Mapped[list[Document]]
+    calibrations: Mapped[list[Document]]
+    who: Mapped[str] = mapped_column(String(200))
+    at: Mapped[datetime]

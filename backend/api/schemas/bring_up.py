@@ -1,21 +1,12 @@
 """Bringing a rig up: its steps, what each is about, how it stands, what came of it."""
 
 from datetime import datetime
-from enum import StrEnum
 
 from pydantic import Field
 
 from backend.api.schemas.base import Finite, Schema, quantity
+from backend.bring_up.standing import StepState
 from backend.bring_up.steps import StepId
-
-
-class StepState(StrEnum):
-    """How a step stands."""
-
-    NEVER = "never"
-    CURRENT = "current"
-    OUT_OF_DATE = "out_of_date"
-    FAILED = "failed"
 
 
 class StepInput(Schema):

@@ -1,0 +1,66 @@
+"""Plays one step, whatever becomes of it: at its end nothing is driven and no hand is left."""
+
+from collections.abc import Awaitable, Callable, Mapping
+
+from backend.bring_up.directions import direction
+from backend.bring_up.load_cells import calibrate, require_weights, tare
+from backend.bring_up.steps import STEP, StepId
+from backend.bring_up.tension import pretension, safety_module
+from backend.bring_up.wiring_test import wiring_test
+from backend.bring_up.work import Finding, StepFailedError, Work
+from backend.bring_up.zeroing import zero
+from backend.loop.access import LoopDiedError
+from backend.loop.commands import ByHand, ProveDirections, SetMode
+from backend.loop.mode import Mode
+from backend.refusal import require_within
+from plant.hand import NO_HAND
+
+_WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {
+    StepId.WIRING_TEST: wiring_test,
+    StepId.TARE: tare,
+    StepId.CALIBRATE: calibrate,
+    StepId.ZERO: zero,
+    StepId.DIRECTION: direction,
+    StepId.PRETENSION: pretension,
+    StepId.SAFETY_MODULE: safety_module,
+}
+
+
+def values_of(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
+    """Return all numbers that a step asks for. Raises OutOfRangeError, ValueError for one it does not ask for."""
+    asked = {wanted.name: wanted for wanted in STEP[step].inputs}
+    unknown = ", ".join(sorted(set(given) - set(asked)))
+    if unknown:
+        raise ValueError(f"{step} asks for no {unknown}; it asks for {', '.join(asked) or 'nothing'}")
+    values = {name: float(given.get(name, wanted.default)) for name, wanted in asked.items()}
+    for name, value in values.items():
+        wanted = asked[name]
+        require_within(name, value, wanted.minimum, wanted.maximum, wanted.unit, words=wanted.words)
+    if step is StepId.CALIBRATE:
+        require_weights(values)
+    return values
+
+
+async def perform(step: StepId, work: Work) -> Finding:
+    """Play a step; what it fails on is its finding. Raises LoopDiedError, and CancelledError where it is given up."""
+    try:
+        finding = await _WORK[step](work)
+        if step is StepId.DIRECTION and finding.passed:
+            await work.send(ProveDirections())
+    except StepFailedError as failed:
+        finding = Finding(False, str(failed))
+    except TimeoutError as late:
+        finding = Finding(False, str(late))
+    finally:
+        await _left_safe(work)
+    return finding
+
+
+async def _left_safe(work: Work) -> None:
+    try:
+        if work.computed:
+            await work.loop.send(ByHand(NO_HAND))
+        if work.mode not in (Mode.OFF, Mode.TRIPPED):
+            await work.loop.send(SetMode(Mode.STOPPING))
+    except LoopDiedError:
+        pass  # what it drove is at zero volts without it

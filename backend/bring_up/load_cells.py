@@ -1,0 +1,111 @@
+"""Tare and calibration of the load cells, from the volts that the card read."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from backend.bring_up.work import SLACK, Figure, Finding, Rows, Signal, StepFailedError, Work
+from backend.refusal import require_within
+from backend.sample import INDEX
+from plant.brought_up import CellCalibration, linear
+from plant.rig import SATURATED_V
+
+MEASURED_S = 1.0
+NOISE_MAX_N = 1.0
+"""Standard deviation that a load cell at rest may have [N]."""
+
+TARE_MAX_V = 2.0
+"""Largest zero that a load cell may have [V]: more than that is a taut tendon, or an amplifier that is not set."""
+
+WEIGHTS_APART_N = 5.0
+"""Least difference of two weights [N]: with 0.05 N of noise the slope then is good to 0.1 %."""
+
+
+async def tare(work: Work) -> Finding:
+    """Take 1 s of volts without load as the zero of both cells."""
+    await work.ask("Slacken both tendons and take everything off the load cells, and confirm", SLACK)
+    await work.let_go()
+    work.phase("measuring")
+    rows = await work.recorded(MEASURED_S)
+    figures, calibrations = [], []
+    for tendon in "AB":
+        known = linear(work.wiring, tendon)
+        if known is None:
+            raise StepFailedError(f"load cell {tendon} is calibrated by a table: calibrate it instead")
+        volts = _volts(rows, tendon)
+        zero_V, noise_N = float(volts.mean()), abs(known[0]) * float(volts.std())
+        figures += [
+            Figure(f"zero of load cell {tendon}", zero_V, "V"),
+            Figure(f"noise of load cell {tendon}", noise_N, "N"),
+        ]
+        _require_still(tendon, noise_N)
+        if not abs(zero_V) <= TARE_MAX_V:
+            raise StepFailedError(
+                f"load cell {tendon} reads {zero_V:.2f} V without load, at most {TARE_MAX_V:g} V are a zero: "
+                "slacken its tendon, or set its amplifier"
+            )
+        calibrations.append(CellCalibration(tendon, known[0], zero_V, _source("tared")))
+    return Finding(True, "the zeros of both load cells are set", tuple(figures), tuple(calibrations))
+
+
+def require_weights(values: dict[str, float]) -> None:
+    """Raise OutOfRangeError for weights that are too near to each other, or in the wrong order."""
+    lighter = values["weight_1_N"]
+    heavier = values["weight_2_N"]
+    remedy = f"take weights at least {WEIGHTS_APART_N:g} N apart, the lighter one first"
+    require_within("weight_2_N", heavier, lighter + WEIGHTS_APART_N, None, "N", remedy, words="heavier weight")
+
+
+async def calibrate(work: Work) -> Finding:
+    """Hang two weights on each cell and draw the line through both."""
+    require_weights(work.values)
+    weights = work.values["weight_1_N"], work.values["weight_2_N"]
+    figures, calibrations = [], []
+    for tendon in "AB":
+        volts = []
+        for weight in weights:
+            hand = replace(SLACK, pull_A=weight) if tendon == "A" else replace(SLACK, pull_B=weight)
+            await work.ask(f"Hang {weight:g} N on load cell {tendon}, let it come to rest, and confirm", hand)
+            work.phase(f"load cell {tendon}, {weight:g} N")
+            volts.append(_volts(await work.recorded(MEASURED_S), tendon))
+        await work.let_go()
+        low, high = (float(column.mean()) for column in volts)
+        known = linear(work.wiring, tendon)
+        if abs(high - low) < 1e-3:
+            raise StepFailedError(f"load cell {tendon} does not tell the weights apart: look at its cable")
+        slope = (weights[1] - weights[0]) / (high - low)
+        offset = low - weights[0] / slope
+        figures += [
+            Figure(f"slope of load cell {tendon}", slope, "N/V"),
+            Figure(f"offset of load cell {tendon}", offset, "V"),
+        ]
+        if known is not None and slope * known[0] < 0.0:
+            raise StepFailedError(
+                f"load cell {tendon} goes the other way than the wiring says: turn the sign of "
+                f"load_cell_{tendon}.slope, or exchange its two leads"
+            )
+        _require_still(tendon, abs(slope) * max(float(column.std()) for column in volts))
+        calibrations.append(CellCalibration(tendon, slope, offset, _source("calibrated with two weights")))
+    return Finding(True, "slope and offset of both load cells are measured", tuple(figures), tuple(calibrations))
+
+
+def _volts(rows: Rows, tendon: str) -> Signal:
+    volts: Signal = rows[:, INDEX[f"V_{tendon}"]]
+    if not (np.abs(volts) < SATURATED_V).all():
+        raise StepFailedError(
+            f"load cell {tendon} is at the end of its range: less load, or less gain of its amplifier"
+        )
+    return volts
+
+
+def _require_still(tendon: str, noise_N: float) -> None:
+    if not noise_N <= NOISE_MAX_N:
+        raise StepFailedError(
+            f"load cell {tendon} is unsteady by {noise_N:.2f} N, at most {NOISE_MAX_N:g} N are rest: let it come to "
+            "rest, look at shield and ground"
+        )
+
+
+def _source(how: str) -> str:
+    return f"{how} on {datetime.now(UTC):%Y-%m-%d}"

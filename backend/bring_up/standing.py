@@ -1,0 +1,107 @@
+"""How the steps stand: what is stored of them against the wiring of today, and what takes effect of it."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime, timedelta
+from enum import StrEnum
+from typing import NamedTuple
+
+from backend.bring_up.steps import STEP, Step, StepId
+from backend.bring_up.work import Finding
+from backend.storage import Database, bring_up
+from backend.storage.bring_up import NewStepResult, StepResult
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, CellCalibration
+from plant.catalog import wiring_of_choice
+from plant.choice import PlantChoice, PlantKind
+from plant.wiring import Wiring
+
+
+class StepState(StrEnum):
+    """How a step stands."""
+
+    NEVER = "never"
+    CURRENT = "current"
+    OUT_OF_DATE = "out_of_date"
+    FAILED = "failed"
+
+
+class Standing(NamedTuple):
+    """A state, and how it comes about."""
+
+    state: StepState
+    why: str
+
+
+def fingerprint(wiring: Wiring) -> str:
+    """Return what tells a wiring from any other: all of its entries, whatever it is called and its sources say."""
+    entries = asdict(wiring)
+    del entries["sources"], entries["title"]
+    return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
+
+
+def standing(step: Step, result: StepResult | None, wired: str, loop_started: datetime) -> Standing:
+    """Tell how a step stands with the wiring ``wired`` (its fingerprint) under a loop started at ``loop_started``."""
+    if result is None:
+        return Standing(StepState.NEVER, "it has never been done")
+    if not result.passed:
+        return Standing(StepState.FAILED, "it was done last without success")
+    if result.fingerprint != wired:
+        return Standing(StepState.OUT_OF_DATE, "the wiring file has changed since")
+    if step.id is StepId.ZERO and result.at < loop_started:
+        return Standing(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
+    if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
+        return Standing(StepState.OUT_OF_DATE, f"it holds good for {step.holds_days:g} days")
+    return Standing(StepState.CURRENT, f"it holds good for {step.holds_days:g} days from when it was done")
+
+
+def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
+    """Return what has to come before a step; empty where nothing has."""
+    missing = [STEP[need].title for need in step.needs if states[need].state is not StepState.CURRENT]
+    return f"first: {', '.join(missing)}" if missing else ""
+
+
+def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who: str) -> StepResult:
+    """Store what a step came to."""
+    new = NewStepResult(
+        step=step,
+        wiring=wiring.title,
+        fingerprint=fingerprint(wiring),
+        passed=finding.passed,
+        text=finding.text,
+        who=who,
+        figures=[asdict(figure) for figure in finding.figures],
+        calibrations=[
+            {**asdict(found), "source": f"{found.source} by {who}"} for found in finding.calibrations if finding.passed
+        ],
+    )
+    with database.session() as session:
+        return bring_up.add(session, new)
+
+
+def newest(database: Database) -> dict[str, StepResult]:
+    """Return the newest result of each step."""
+    with database.reading() as session:
+        return bring_up.newest(session)
+
+
+def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
+    """Return what takes effect with a wiring: the newest calibration of each cell, and whether directions are proven.
+
+    They are proven while the direction step is current and no later wiring test has failed.
+    """
+    wired = fingerprint(wiring)
+    with database.reading() as session:
+        passed, last = bring_up.passed_with(session, wired), bring_up.newest(session)
+    cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
+    tried, tested = last.get(StepId.DIRECTION), last.get(StepId.WIRING_TEST)
+    now = standing(STEP[StepId.DIRECTION], tried, wired, datetime.now(UTC)).state
+    contradicted = tested is not None and tried is not None and tested.id > tried.id and not tested.passed
+    return BroughtUp(tuple(cells.values()), now is StepState.CURRENT and not contradicted)
+
+
+def brought_up_of(database: Database, plant: PlantChoice) -> BroughtUp:
+    """Return what takes effect of earlier bring-ups for what is to be driven. Raises PlantError."""
+    if plant.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
+        return NOT_BROUGHT_UP
+    return in_effect(database, wiring_of_choice(plant))

@@ -1,0 +1,132 @@
+"""What a step works with: the loop that runs, its samples, and a person who is asked to do things at the rig."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.loop.access import LoopAccess
+from backend.loop.commands import ByHand, Command, Refused
+from backend.loop.mode import MODES, Mode
+from backend.sample import INDEX
+from plant.brought_up import CellCalibration
+from plant.hand import NO_HAND, Hand
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+from plant.wiring import Wiring
+
+Rows = NDArray[np.float64]
+"""Samples [n, fields]."""
+
+Signal = NDArray[np.float64]
+"""One signal [n]."""
+
+SLACK = Hand(q=0.0, theta_A=0.0, theta_B=0.0)
+"""Joint and motors where a virtual card begins: both tendons slack."""
+
+HAND_S = 2.0
+"""A hand of this program has brought joint and motors to where they belong after so long [s]."""
+
+BLOCK_S = 0.05
+"""Readings are averaged over so long [s]: the noise of a load cell is a seventh of itself then."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number that was measured; None where it could not be."""
+
+    words: str
+    value: float | None
+    unit: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a step came to; ``calibrations`` take effect where it passed."""
+
+    passed: bool
+    text: str
+    figures: tuple[Figure, ...] = ()
+    calibrations: tuple[CellCalibration, ...] = ()
+
+
+class StepFailedError(Exception):
+    """A step cannot go on; the message says what was seen and what to do."""
+
+
+Confirmed = Callable[[str], Awaitable[None]]
+"""Asks a person to do something and returns once it is confirmed."""
+
+
+class Work:
+    """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for."""
+
+    def __init__(
+        self,
+        loop: LoopAccess,
+        wiring: Wiring,
+        parameters: PlantParameters,
+        values: dict[str, float],
+        *,
+        computed: bool,
+        confirmed: Confirmed,
+        phase: Callable[[str], None],
+    ) -> None:
+        self.loop = loop
+        self.wiring = wiring
+        self.parameters = parameters
+        self.values = values
+        self.phase = phase
+        self.computed = computed
+        self._confirmed = confirmed
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of the newest sample; OFF before the first."""
+        newest = self.loop.ring.newest()
+        return Mode.OFF if newest is None else MODES[int(newest[INDEX["mode"]])]
+
+    async def send(self, command: Command) -> None:
+        """Hand over a command. Raises StepFailedError with the loop's reason where it is refused."""
+        answer = await self.loop.send(command)
+        if isinstance(answer, Refused):
+            raise StepFailedError(answer.reason)
+
+    async def ask(self, words: str, hand: Hand = NO_HAND) -> None:
+        """Ask a person to do something and wait until it is confirmed; at a virtual card, ``hand`` does it then."""
+        await self._confirmed(words)
+        if self.computed and hand != NO_HAND:
+            await self.send(ByHand(hand))
+            await self.loop.advance(HAND_S)
+
+    async def let_go(self) -> None:
+        """Take the hands away."""
+        if self.computed:
+            await self.send(ByHand(NO_HAND))
+            await self.loop.advance(0.1)
+
+    async def mean(self, *names: str, seconds: float = 0.3) -> NDArray[np.float64]:
+        """Return the means [len(names)] of signals over the next seconds; nan where one was no number."""
+        rows = await self.recorded(seconds)
+        means: NDArray[np.float64] = rows[:, [INDEX[name] for name in names]].mean(axis=0)
+        return means
+
+    async def recorded(self, seconds: float) -> NDArray[np.float64]:
+        """Let the loop go on and return the samples [n, fields] from now on."""
+        first = self.loop.ring.count
+        await self.loop.advance(seconds)
+        return self.since(first)[: round(seconds / T_s)]
+
+    def since(self, first: int) -> NDArray[np.float64]:
+        """Return the samples [n, fields] from the one numbered ``first`` on."""
+        _, rows, _ = self.loop.ring.read(first, self.loop.ring.capacity)
+        return rows
+
+
+def blocks(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    """Return means of a signal over blocks of BLOCK_S."""
+    length = round(BLOCK_S / T_s)
+    count = max(len(rows) // length, 1)
+    column = rows[: count * length, INDEX[name]]
+    return np.array([part.mean() for part in np.array_split(column, count)])

@@ -1,0 +1,57 @@
+"""Results of the steps that bring a rig up: each attempt is a row, the newest of a step counts."""
+
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import to_record
+from backend.storage.schema import BringUpRow
+
+
+@dataclass(frozen=True)
+class NewStepResult:
+    """What a step came to with the wiring ``wiring``, which ``fingerprint`` tells from any other.
+
+    ``figures`` are (words, value, unit) by name, ``calibrations`` what takes effect, by name too.
+    """
+
+    step: str
+    wiring: str
+    fingerprint: str
+    passed: bool
+    text: str
+    who: str
+    figures: list[dict[str, Any]] = field(default_factory=list)
+    calibrations: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class StepResult(NewStepResult):
+    """A stored result."""
+
+    id: int = 0
+    at: datetime = datetime.min
+
+
+def add(session: Session, new: NewStepResult) -> StepResult:
+    """Keep a result."""
+    row = BringUpRow(at=datetime.now(UTC), **asdict(new))
+    session.add(row)
+    session.flush()
+    return to_record(StepResult, row)
+
+
+def newest(session: Session) -> dict[str, StepResult]:
+    """Return the newest result of each step."""
+    last = select(func.max(BringUpRow.id)).group_by(BringUpRow.step)
+    rows = session.scalars(select(BringUpRow).where(BringUpRow.id.in_(last)))
+    return {row.step: to_record(StepResult, row) for row in rows}
+
+
+def passed_with(session: Session, fingerprint: str) -> list[StepResult]:
+    """Return all that passed with one wiring, oldest first."""
+    query = select(BringUpRow).where(BringUpRow.fingerprint == fingerprint, BringUpRow.passed).order_by(BringUpRow.id)
+    return [to_record(StepResult, row) for row in session.scalars(query)]

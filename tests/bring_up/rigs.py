@@ -1,0 +1,66 @@
+"""A rig at a virtual card that is wired otherwise than its wiring says, and a person who confirms everything."""
+
+import asyncio
+from dataclasses import replace
+from typing import Any
+
+from backend.bring_up.engine import perform, values_of
+from backend.bring_up.steps import StepId
+from backend.bring_up.work import Finding, Work
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.loop_settings import LoopSettings
+from backend.loop.headless import Headless
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.virtual_rig import VirtualRig
+from plant.wiring import Wiring, load_wiring
+
+PARAMETERS = load_parameters("lab")
+WIRING = load_wiring("pcie-6323")
+
+
+def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
+    """Return a wiring with other entries: encoder_A={"direction": -1.0}."""
+    parts = {section: replace(getattr(wiring, section), **changed) for section, changed in entries.items()}
+    return replace(wiring, **parts)
+
+
+class BroughtUpRig:
+    """``declared`` is the wiring file, ``true`` how the card is wired."""
+
+    def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
+        self.simulator = Simulator(PARAMETERS, 0)
+        self.rig = VirtualRig(declared, self.simulator, None, true)
+        self.loop = Headless(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
+        self.declared = declared
+        self.asked: list[str] = []
+        self.most_volts = 0.0
+        self.joint_moved = 0.0
+
+    async def _confirmed(self, words: str) -> None:
+        self.asked.append(words)
+
+    async def do(self, step: StepId, **values: float) -> Finding:
+        """Play one step."""
+        work = Work(
+            self.loop,
+            self.declared,
+            PARAMETERS,
+            values_of(step, values),
+            computed=True,
+            confirmed=self._confirmed,
+            phase=lambda _phase: None,
+        )
+        return await perform(step, work)
+
+
+def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[Finding]:
+    """Play steps in turn, as fast as they go, and let go of the rig."""
+
+    async def all_of_them() -> list[Finding]:
+        return [await rig.do(step, **(values if step is StepId.CALIBRATE else {})) for step in steps]
+
+    try:
+        return asyncio.run(all_of_them())
+    finally:
+        rig.loop.close()

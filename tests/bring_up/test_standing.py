@@ -1,0 +1,68 @@
+"""What is stored of a bring-up: what takes effect of it, and when it is out of date."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from backend.bring_up import standing
+from backend.bring_up.standing import StepState, blocked_by
+from backend.bring_up.steps import STEP, STEPS, StepId
+from backend.bring_up.work import Figure, Finding
+from backend.storage import open_database
+from plant.brought_up import CellCalibration, calibrated
+from tests.bring_up.rigs import WIRING, with_entries
+
+PASSED = Finding(True, "well", (Figure("joint", 0.1, "rad"), Figure("nothing", None, "N")))
+FAILED = Finding(False, "not well")
+
+
+def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    cell = CellCalibration("A", 10.7, 0.31, "calibrated")
+    other = with_entries(motor_A={"gain": -1.0})
+    assert standing.in_effect(database, WIRING).calibrations == ()
+    standing.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), (cell,)), "Ada")
+    standing.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    found = standing.in_effect(database, WIRING)
+    assert found.directions_proven
+    in_force = calibrated(WIRING, found.calibrations)
+    assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
+    assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
+    assert in_force.load_cell_B == WIRING.load_cell_B
+    assert standing.in_effect(database, other) == standing.BroughtUp()
+    standing.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
+    assert not standing.in_effect(database, WIRING).directions_proven
+    database.close()
+
+
+def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    begun = datetime.now(UTC) - timedelta(seconds=1)
+    wired, other = standing.fingerprint(WIRING), standing.fingerprint(with_entries(encoder_q={"direction": -1.0}))
+    zero = standing.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    step = STEP[StepId.ZERO]
+    assert standing.newest(database)[StepId.ZERO] == zero
+    assert zero.figures[1] == {"words": "nothing", "value": None, "unit": "N"}
+    database.close()
+
+    def state(stored: object = zero, wiring: str = wired, started: datetime = begun) -> StepState:
+        assert stored is None or isinstance(stored, standing.StepResult)
+        return standing.standing(step, stored, wiring, started).state
+
+    assert state() is StepState.CURRENT
+    assert state(None) is StepState.NEVER
+    assert state(replace(zero, passed=False)) is StepState.FAILED
+    assert state(wiring=other) is StepState.OUT_OF_DATE
+    assert state(started=datetime.now(UTC)) is StepState.OUT_OF_DATE
+    old = zero.at - timedelta(days=step.holds_days)
+    assert state(replace(zero, at=old), started=old - timedelta(days=1)) is StepState.OUT_OF_DATE
+
+
+@pytest.mark.parametrize("step", [step.id for step in STEPS if step.needs])
+def test_a_step_waits_for_those_before_it(step: StepId) -> None:
+    never = dict.fromkeys(StepId, standing.Standing(StepState.NEVER, ""))
+    done = dict.fromkeys(StepId, standing.Standing(StepState.CURRENT, ""))
+    assert all(STEP[need].title in blocked_by(STEP[step], never) for need in STEP[step].needs)
+    assert blocked_by(STEP[step], done) == ""

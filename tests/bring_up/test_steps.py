@@ -1,0 +1,148 @@
+"""Every step on a virtual card: right wiring passes, each mistake is found by the step that is there for it."""
+
+import asyncio
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.bring_up.steps import STEPS, StepId
+from backend.loop.commands import Refused, SetMode
+from backend.loop.mode import MODE_CODE, Mode
+from backend.sample import INDEX
+from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
+
+
+def test_a_rig_that_is_wired_as_it_says_passes_every_step() -> None:
+    rig = BroughtUpRig()
+    findings = played(rig, *(step.id for step in STEPS))
+    assert [finding.text for finding in findings if not finding.passed] == []
+    # The pretension of 10 N, as the load cells' own figures say it.
+    tensions = {figure.words: figure.value for figure in findings[5].figures}
+    assert tensions["tension of tendon A"] == pytest.approx(10.0, abs=0.3)
+    assert tensions["tension of tendon B"] == pytest.approx(10.0, abs=0.3)
+
+
+WRONG_BY_HAND = [
+    ("joint encoder sign", {"encoder_q": {"direction": -1.0}}, "encoder_q.direction"),
+    ("motor encoder sign", {"encoder_B": {"direction": -1.0}}, "encoder_B.direction"),
+    ("load cell sign", {"load_cell_A": {"slope": -10.0}}, "load_cell_A.slope"),
+    (
+        "swapped load cells",
+        {"load_cell_A": {"channel": "ai1"}, "load_cell_B": {"channel": "ai0"}},
+        "load_cell_A.channel and load_cell_B.channel",
+    ),
+    (
+        "swapped encoders",
+        {"encoder_A": {"counter": "ctr2"}, "encoder_B": {"counter": "ctr1"}},
+        "encoder_A.counter and encoder_B.counter",
+    ),
+]
+
+
+@pytest.mark.parametrize(("entries", "named"), [case[1:] for case in WRONG_BY_HAND], ids=[c[0] for c in WRONG_BY_HAND])
+def test_the_wiring_test_names_what_is_wired_wrongly(entries: dict[str, dict[str, Any]], named: str) -> None:
+    (finding,) = played(BroughtUpRig(with_entries(**entries)), StepId.WIRING_TEST)
+    assert not finding.passed
+    assert named in finding.text
+
+
+@pytest.mark.parametrize(
+    ("section", "elsewhere"),
+    [
+        ("encoder_q", {"counter": "ctr3"}),
+        ("encoder_A", {"counter": "ctr3"}),
+        ("encoder_B", {"counter": "ctr3"}),
+        ("load_cell_A", {"channel": "ai7"}),
+        ("load_cell_B", {"channel": "ai7"}),
+    ],
+)
+def test_the_wiring_test_finds_a_dead_sensor(section: str, elsewhere: dict[str, str]) -> None:
+    """Nothing is connected where the wiring says that it is."""
+    (finding,) = played(BroughtUpRig(WIRING, with_entries(**{section: elsewhere})), StepId.WIRING_TEST)
+    assert not finding.passed
+    assert f"did not move: look at its cable and at {section}" in finding.text
+
+
+WRONG_WITH_VOLTAGE = [
+    ("motor sign A", {"motor_A": {"gain": -1.0}}, ["motor_A.gain"]),
+    ("motor sign B", {"motor_B": {"gain": -1.0}}, ["motor_B.gain"]),
+    ("swapped motors", {"motor_A": {"channel": "ao1"}, "motor_B": {"channel": "ao0"}}, ["motor_A.channel and motor_B"]),
+    ("encoder sign", {"encoder_A": {"direction": -1.0}}, ["encoder_A.direction"]),
+    (
+        "both signs of one motor",
+        {"motor_A": {"gain": -1.0}, "encoder_A": {"direction": -1.0}},
+        ["motor_A.gain", "encoder_A.direction"],
+    ),
+    ("dead motor", {"motor_B": {"channel": "ao3"}}, ["motor_B.channel"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"), [case[1:] for case in WRONG_WITH_VOLTAGE], ids=[case[0] for case in WRONG_WITH_VOLTAGE]
+)
+def test_the_direction_step_names_it_before_any_loop_is_closed(
+    entries: dict[str, dict[str, Any]], named: list[str]
+) -> None:
+    rig = BroughtUpRig(with_entries(**entries))
+    played_steps = played_and_refused(rig)
+    zero, direction, before, after = played_steps
+    assert zero.passed
+    assert "zero" in before.reason
+    assert not direction.passed
+    assert all(entry in direction.text for entry in named), direction.text
+    assert "direction" in after.reason
+    # The joint's encoder is wired rightly in all of these.
+    assert rig.joint_moved > 0.0 or "motor_B.channel" in named
+    assert rig.joint_moved < 0.1
+    assert rig.most_volts <= 1.0
+
+
+def played_and_refused(rig: BroughtUpRig) -> tuple[Any, Any, Refused, Refused]:
+    async def work() -> tuple[Any, Any, Refused, Refused]:
+        await rig.loop.advance(0.01)
+        before = await rig.loop.send(SetMode(Mode.PRETENSION))
+        zero = await rig.do(StepId.ZERO)
+        first = rig.loop.ring.count
+        direction = await rig.do(StepId.DIRECTION)
+        after = await rig.loop.send(SetMode(Mode.PRETENSION))
+        _, rows, _ = rig.loop.ring.read(first, rig.loop.ring.capacity)
+        moving = rows[np.argmax(rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]) :, INDEX["q"]]
+        rig.joint_moved = float(np.abs(moving - moving[0]).max())
+        rig.most_volts = float(np.abs(rows[:, [INDEX["u_A"], INDEX["u_B"]]]).max())
+        assert isinstance(before, Refused)
+        assert isinstance(after, Refused)
+        return zero, direction, before, after
+
+    try:
+        return asyncio.run(work())
+    finally:
+        rig.loop.close()
+
+
+def test_two_weights_give_slope_and_offset_of_the_card() -> None:
+    """The true cells differ from what the wiring says by 7 % and 0.31 V."""
+    true = with_entries(load_cell_A={"slope": 10.7, "offset": 0.31}, load_cell_B={"slope": 9.4, "offset": -0.22})
+    (finding,) = played(BroughtUpRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
+    assert finding.passed, finding.text
+    A, B = finding.calibrations
+    assert (A.slope, B.slope) == (pytest.approx(10.7, rel=2e-3), pytest.approx(9.4, rel=2e-3))
+    assert (A.offset, B.offset) == (pytest.approx(0.31, rel=2e-3), pytest.approx(-0.22, rel=2e-3))
+
+
+def test_a_tare_takes_the_volts_without_load() -> None:
+    true = with_entries(load_cell_A={"offset": 0.31}, load_cell_B={"offset": -0.22})
+    (finding,) = played(BroughtUpRig(WIRING, true), StepId.TARE)
+    assert finding.passed, finding.text
+    # 1 s of noise of 5 mV leaves 0.2 mV.
+    assert [found.offset for found in finding.calibrations] == pytest.approx([0.31, -0.22], abs=1e-3)
+    noise = {figure.words: figure.value for figure in finding.figures}["noise of load cell A"]
+    assert noise == pytest.approx(0.05, rel=0.2)
+
+
+def test_homing_takes_the_end_switch_for_where_it_is() -> None:
+    wiring = with_entries(end_switch={"position": 0.9})
+    rig = BroughtUpRig(wiring, wiring)
+    (finding,) = played(rig, StepId.ZERO)
+    assert finding.passed, finding.text
+    assert finding.figures[0].value == pytest.approx(0.9)
