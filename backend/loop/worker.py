@@ -171,11 +171,12 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
+    granted = request_real_time()
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
         worker = Worker(plant, loop, channel)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
-        worker.tell(Ready(request_real_time(), plant.description))
+        worker.tell(Ready(granted, plant.description))
         worker.run(Pacer(T_s))
     finally:
         loop.close()
