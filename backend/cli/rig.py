@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from backend.cli import rig_check
 from backend.cli.output import AsJson, errors, fail, out, print_json
 from backend.cli.place import (
     CardAddress,
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from plant.promises import Finding
 
 app = typer.Typer(help="Look at what is driven, before it is.", no_args_is_help=True, rich_markup_mode=None)
+app.command()(rig_check.check)
 
 STEPPED_VOLTAGE = 0.5
 """What is put on the outputs where nothing real moves [V]."""
