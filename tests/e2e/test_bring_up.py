@@ -1,0 +1,83 @@
+"""A person brings a rig up in the browser, step by step, on the virtual card: hands and weights are computed there."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service, running_service
+from tests.e2e.test_viewer import signed_in_as_viewer
+
+STEP_TIMEOUT_MS = 120_000
+"""Longer than a step waits by itself, as for a pretension: then it fails, and says so."""
+QUESTIONS_MAX = 12
+"""More than any step asks of a person."""
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with running_service(tmp_path_factory.mktemp("data"), plant=("rig", "--virtual-card")) as running:
+        yield running
+
+
+def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, service: Service) -> None:
+    page = operator.page
+    operator.sign_in()
+    expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")
+    operator.go("Bring-up")
+    expect(page.get_by_role("main")).to_contain_text("0 of 7 steps are done.")
+    for number, step in enumerate(told(page, service)["steps"], start=1):
+        play(operator, number, step["title"])
+        expect(page.get_by_role("button", name="STOP", exact=True)).to_be_in_viewport(ratio=1)
+    expect(page.get_by_role("main")).to_contain_text("All of 7 steps are done.")
+    steps = {step["id"]: step for step in told(page, service)["steps"]}
+    assert {(step["state"], step["result"]["passed"], step["result"]["who"]) for step in steps.values()} == {
+        ("current", True, "operator")
+    }
+    slopes = [value for words, value in figures(steps["calibrate"]) if words.startswith("slope")]
+    assert slopes == pytest.approx([10.0, 10.0], rel=2e-3)  # the virtual card's, N/V
+    travels = [abs(value) for words, value in figures(steps["direction"]) if words.startswith("joint moved")]
+    assert len(travels) == 2
+    assert max(travels) < 0.1
+    viewer, refused = signed_in_as_viewer(browser, service)
+    viewer.goto(f"{service.url}/#/bring-up")
+    expect(viewer.get_by_role("region", name="Result")).to_have_count(7)
+    expect(viewer.get_by_role("main").get_by_role("button")).to_have_count(0)
+    assert refused == []
+    viewer.context.close()
+
+
+def play(operator: Operator, number: int, title: str) -> None:
+    """Do one step: start it, and confirm each time that something is asked."""
+    card = operator.page.get_by_role("region", name=f"{number}. {title}", exact=True)
+    confirm = card.locator("button:not([aria-disabled=true])").filter(has_text=re.compile("^Confirm$"))
+    ended = card.get_by_text(re.compile("^(done|failed)$"))
+    operator.press(f"Start {title.lower()}")
+    for _ in range(QUESTIONS_MAX):
+        expect(confirm.or_(ended)).to_be_visible(timeout=STEP_TIMEOUT_MS)
+        if not confirm.is_visible():
+            break
+        asked = asked_in(card)
+        assert asked != ""
+        confirm.click()
+        operator.wait(lambda before=asked: asked_in(card) != before)  # type: ignore[misc]  # bound in each round
+    expect(card.get_by_role("region", name="Result")).to_be_visible()
+    assert ended.inner_text() == "done", card.inner_text()
+
+
+def figures(step: Any) -> list[tuple[str, float]]:
+    return [(figure["words"], figure["value"]) for figure in step["result"]["figures"]]
+
+
+def asked_in(card: Locator) -> str:
+    """What a person is asked to do now; empty for nothing."""
+    return " ".join(card.get_by_role("status", name="What to do now").all_inner_texts())
+
+
+def told(page: Page, service: Service) -> Any:
+    answer = page.request.get(f"{service.url}/api/bring-up")
+    assert answer.ok, answer.text()
+    return answer.json()
