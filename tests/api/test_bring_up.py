@@ -1,0 +1,73 @@
+"""Bringing a rig up over the interface, on a virtual card."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.api.conftest import client_with, problem, until
+from tests.e2e.service import running_service
+
+URL = "/api/bring-up"
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """An operator at a rig with a virtual card."""
+    folder: Path = tmp_path_factory.mktemp("bring-up")
+    with running_service(folder, plant=("rig", "--virtual-card")) as running, client_with(running, "token") as client:
+        yield client
+
+
+def step_of(client: httpx.Client, name: str) -> dict[str, Any]:
+    answer = client.get(URL)
+    answer.raise_for_status()
+    return next(step for step in answer.json()["steps"] if step["id"] == name)
+
+
+def test_a_simulator_has_nothing_to_be_brought_up(operator: httpx.Client) -> None:
+    view = operator.get(URL).json()
+    assert not view["applies"]
+    assert "simulator" in view["why_not"]
+    assert operator.post(f"{URL}/zero", json={"values": {}}).status_code == 409
+
+
+def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None:
+    view = rig.get(URL).raise_for_status().json()
+    assert view["applies"]
+    assert {step["state"] for step in view["steps"]} == {"never"}
+    refused = problem(rig.post(f"{URL}/direction", json={"values": {}}))
+    assert "Wiring test" in str(refused["message"])
+    rig.post(f"{URL}/wiring_test", json={"values": {}}).raise_for_status()
+    assert "under way" in step_of(rig, "tare")["blocked"]
+    told: set[str] = set()
+
+    def over() -> dict[str, Any] | None:
+        step = step_of(rig, "wiring_test")
+        if step["running"] is None:
+            return step
+        if step["running"]["confirm"]:
+            told.add(step["running"]["confirm"])
+            rig.post(f"{URL}/confirm")
+        return None
+
+    step = until(over)
+    assert (step["state"], step["result"]["passed"]) == ("current", True), step
+    assert len(told) >= 6
+    assert step_of(rig, "zero")["blocked"] == ""
+
+
+def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
+    rig.post(f"{URL}/zero", json={"values": {}}).raise_for_status()
+    until(lambda: (step_of(rig, "zero")["running"] or {}).get("confirm"))
+    rig.post(f"{URL}/cancel").raise_for_status()
+    assert step_of(rig, "zero")["state"] == "never"
+    assert problem(rig.post(f"{URL}/confirm"))["code"] == "conflict"
+
+
+def test_weights_too_near_are_refused(rig: httpx.Client) -> None:
+    answer = rig.post(f"{URL}/calibrate", json={"values": {"weight_1_N": 10.0, "weight_2_N": 12.0}})
+    assert answer.status_code == 422
+    assert "at least 5 N apart" in str(problem(answer)["message"])
