@@ -69,6 +69,7 @@ class Simulator:
         self._noise_N = parameters.sensors.force_noise
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros((_NOISE_BLOCK, 2))
+        self._noise_block = -1
         self._line = np.zeros((2, DELAY_SLOTS))
         self._tick = 0
         self._F_push = 0.0
@@ -90,8 +91,9 @@ class Simulator:
 
     def read(self) -> Measurement:
         """Return the sensors' view of the present state."""
-        row = self._tick % _NOISE_BLOCK
-        if row == 0 and self._noise_N > 0.0:
+        block, row = divmod(self._tick, _NOISE_BLOCK)
+        if (row == 0 or block != self._noise_block) and self._noise_N > 0.0:
+            self._noise_block = block
             self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
         noise_A, noise_B = self._noise[row]
         trip = 1.0 if self._tripped else 0.0
