@@ -1786,7 +1786,7 @@ export interface components {
             instruction: string;
             /** Inputs */
             inputs: components["schemas"]["StepInput"][];
-            state: components["schemas"]["backend__api__schemas__bring_up__StepState"];
+            state: components["schemas"]["backend__bring_up__standing__StepState"];
             /** Why */
             why: string;
             /** Blocked */
@@ -4610,16 +4610,16 @@ export interface components {
         };
         /**
          * StepState
-         * @description How a step stands.
-         * @enum {string}
-         */
-        backend__api__schemas__bring_up__StepState: "never" | "current" | "out_of_date" | "failed";
-        /**
-         * StepState
          * @description How far a step of the set-up is.
          * @enum {string}
          */
         backend__api__schemas__history__StepState: "missing" | "done" | "outdated" | "unusable";
+        /**
+         * StepState
+         * @description How a step stands.
+         * @enum {string}
+         */
+        backend__bring_up__standing__StepState: "never" | "current" | "out_of_date" | "failed";
     };
     responses: never;
     parameters: never;
