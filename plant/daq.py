@@ -1,7 +1,7 @@
 """The DAQ card through NI-DAQmx: tasks, raw volts and counts, the drive-enable line and the card's watchdog.
 
-The only file that knows nidaqmx. It knows nothing of springs or radians: ``plant/rig.py`` does. On an X Series card the
-watchdog covers digital lines, not analog outputs, so what it takes away is the drive-enable line.
+The only file that drives a card; others imitate one. It knows nothing of springs or radians: ``plant/rig.py`` does. On
+an X Series card the watchdog covers digital lines, not analog outputs: what it takes away is the drive-enable line.
 """
 
 from contextlib import ExitStack, suppress

@@ -139,6 +139,6 @@ class Plant(Protocol):
 class Proven(Protocol):
     """A plant whose motors' directions have to be proven before it may be controlled."""
 
-    def prove_directions(self) -> None:
-        """Take note that the motors turn as the wiring says."""
+    def prove_directions(self, *, proven: bool) -> None:
+        """Take note whether the motors are known to turn as the wiring says."""
         ...

@@ -90,9 +90,9 @@ class Rig:
             return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
         return ""
 
-    def prove_directions(self) -> None:
-        """Take note that the motors turn as the wiring says."""
-        self._proven = True
+    def prove_directions(self, *, proven: bool) -> None:
+        """Take note whether the motors are known to turn as the wiring says."""
+        self._proven = proven
 
     def open(self) -> None:
         """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import Field, dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from plant.wiring_errors import Problem, WiringError
 
@@ -261,7 +261,7 @@ class _Reader:
             entries = parts[section]
             if entries and math.isnan(entries["slope"]) == (not entries["table"]):
                 text = "it has no calibration" if not entries["table"] else "it has two calibrations"
-                self.refuse(section, "", text, "give slope and offset, or a table: `sinew rig calibrate` measures them")
+                self.refuse(section, "", text, "give slope and offset, or a table: the bring-up measures them")
 
 
 def _terminals(place: str) -> tuple[str, ...]:
@@ -294,6 +294,3 @@ def _found(text: str) -> Iterator[tuple[str, int]]:
             yield section, position
         elif (key := _KEY.match(line)) is not None and section:
             yield f"{section}.{key[1]}", position
-
-
-Timing = Literal["hardware", "on-demand"]

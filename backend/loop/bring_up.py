@@ -19,11 +19,13 @@ def carry_out(command: Zero | TryMotor | ProveDirections | ByHand, machine: Mode
             machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
         case TryMotor(motor):
             _require_off(machine, "a motor is tried")
+            if isinstance(plant, Proven):
+                plant.prove_directions(proven=False)  # until the step has come to its end
             machine.try_motor(motor)
         case ProveDirections():
             _require_off(machine, "directions are proven")
             if isinstance(plant, Proven):
-                plant.prove_directions()
+                plant.prove_directions(proven=True)
         case ByHand(hand):
             if not isinstance(plant, Handled):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")

@@ -3,7 +3,6 @@
 import math
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 
 from backend.controllers import motors
 from backend.controllers.cascade import Tuning
@@ -24,13 +23,14 @@ from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.motor_trial import MotorTrial
+from backend.loop.pending_stop import PendingStop
 from backend.loop.player import Target
 from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_few, starts_from
 from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
 from backend.tuning.models import Lambdas
-from plant.interface import NO_LOAD, Measurement, Plant, PlantError, ShaftLoad
+from plant.interface import NO_LOAD, Measurement, Plant, PlantError, Proven, ShaftLoad
 from plant.parameters import PlantParameters
 from plant.spring import elongation
 
@@ -38,16 +38,6 @@ NO_REFERENCE = Target(math.nan, math.nan, 0.0)
 
 _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
-
-
-@dataclass(frozen=True)
-class PendingStop:
-    """A stop on its way to zero volts: what asked for it, in which tick, at which reading of the clock."""
-
-    stop: Stop
-    arrived_tick: int
-    clock_s: float
-    detail: str
 
 
 class ModeMachine:
@@ -100,8 +90,10 @@ class ModeMachine:
         """Carry out an operator's move. Raises RefusedError."""
         mode = command.mode
         self._require_legal(mode)
+        if isinstance(self.motion, MotorTrial) and mode is not Mode.STOPPING:
+            raise RefusedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
         if mode is Mode.PRETENSION:
-            if self.mode is Mode.OFF and self._plant.unready:
+            if self._plant.unready:
                 raise RefusedError(self._plant.unready)
             self._enter_pretension("asked for")
         elif mode is Mode.OFF:
@@ -177,7 +169,9 @@ class ModeMachine:
         self.fault = stop.fault
         if stop.fault in _DOUBTS_ZEROS:
             self.zeroed = False
-        if stop.hard or self.motion is None:
+        if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, Proven):
+            self._plant.prove_directions(proven=False)
+        if stop.hard or self.motion is None or isinstance(self.motion, MotorTrial):
             self._enter(Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
             self._brake(stop.fault)
@@ -296,4 +290,7 @@ class ModeMachine:
         self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
 
     def _brake(self, cause: str) -> None:
+        if isinstance(self.motion, MotorTrial):  # which way it turns is not known: to brake could be to drive on
+            self._enter(Mode.OFF, None, cause)
+            return
         self._enter(Mode.STOPPING, Braking(self._carried(), NO_REFERENCE, self.m), cause)

@@ -30,7 +30,7 @@ REST_S = 0.3
 
 
 class MotorTrial(MotorPositions):
-    """One motor out and back; the other one gets nothing. ``shown_s`` [s] is when the way out was over."""
+    """One motor out and back; the other one gets nothing."""
 
     def __init__(self, carry: Carry, target: Target, m: Measurement, motor: str) -> None:
         super().__init__(carry, target)

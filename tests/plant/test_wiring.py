@@ -51,7 +51,7 @@ WRONG = {
         replaced('slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }\n', ""),
         "[load_cell_A]",
         "load_cell_A",
-        "sinew rig calibrate",
+        "the bring-up measures them",
     ),
     "wrong unit": (
         replaced('slope = { value = 10.0, unit = "N/V"', 'slope = { value = 10.0, unit = "kg/V"'),

@@ -38,6 +38,7 @@ beforeEach(() => {
             faults: [
               { code: "stop_pressed", message: "", remedy: "", injection: null, by_hand: "press STOP" },
             ],
+            card: [],
           }
         : { name: "Ana", role: "operator" },
     ),
