@@ -20,6 +20,7 @@ from nidaqmx.types import DOExpirationState
 
 from plant.card import WatchdogExpiredError
 from plant.interface import PlantError, T_s
+from plant.terminals import RANGE_V
 from plant.wiring import EncoderWiring, Wiring
 
 if TYPE_CHECKING:
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     from nidaqmx import GrpcSessionOptions
 
 _Stream = TypeVar("_Stream", bound=Any)
-
-RANGE_V: Final = 10.0
-"""Range of analog inputs and outputs (±) [V]."""
 
 _TIMEOUT_S: Final = 0.01
 """How long one call may wait for the card [s]: more than a few periods would be a fault anyway."""

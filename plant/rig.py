@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from plant.card import Card, CardState
-from plant.daq import RANGE_V, Daq, Raw
+from plant.daq import Daq, Raw
 from plant.interface import (
     NO_RAW,
     ZERO_VOLTS,
@@ -20,13 +20,11 @@ from plant.interface import (
     require_numbers,
 )
 from plant.stillness import Stillness
+from plant.terminals import SATURATED_V
 from plant.wiring import EncoderWiring, LoadCellWiring, Wiring
 
 if TYPE_CHECKING:
     from plant.breakage import Broken
-
-SATURATED_V = 0.999 * RANGE_V
-"""A load cell that reads this or more says nothing any more: its amplifier is at its end."""
 
 UNATTENDED = 0.8
 """Part of the watchdog's time that the loop may be late, before it stops by itself."""

@@ -2,8 +2,13 @@
 
 import math
 
-from plant.daq import RANGE_V
 from plant.wiring import EncoderWiring, LoadCellWiring
+
+RANGE_V = 10.0
+"""Range of analog inputs and outputs (±) [V]."""
+
+SATURATED_V = 0.999 * RANGE_V
+"""A load cell that reads this or more says nothing any more: its amplifier is at its end."""
 
 _STEP_V = 2.0 * RANGE_V / 2**16
 """One code of the 16-bit converters [V]."""

@@ -152,6 +152,14 @@ def test_a_port_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: 
 _WITHOUT_NIDAQMX = "import sys; sys.modules['nidaqmx'] = None; from backend.cli import main; main()"
 
 
+def test_all_but_a_card_works_without_the_extra() -> None:
+    """Service, loop process, command line and reports come up where NI's package is not installed."""
+    parts = "backend.main, backend.loop.worker, backend.cli, backend.cli.rig, plant.catalog, plant.contract"
+    code = f"import sys; sys.modules['nidaqmx'] = sys.modules['grpc'] = None; import {parts}"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+
+
 @pytest.mark.parametrize(
     ("start", "reason"),
     [
