@@ -1,6 +1,7 @@
 """Bringing a rig up: its steps, what each is about, how it stands, what came of it."""
 
 from datetime import datetime
+from typing import Annotated
 
 from pydantic import Field
 
@@ -71,4 +72,4 @@ class BringUpView(Schema):
 class StepValues(Schema):
     """Numbers that a step asks for, by name; what is left out is as its default."""
 
-    values: dict[str, Finite] = Field(default_factory=dict, max_length=20)
+    values: dict[Annotated[str, Field(max_length=40)], Finite] = Field(default_factory=dict, max_length=20)
