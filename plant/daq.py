@@ -33,6 +33,7 @@ _Stream = TypeVar("_Stream", bound=Any)
 _TIMEOUT_S: Final = 0.01
 """How long one call may wait for the card [s]: more than a few periods would be a fault anyway."""
 
+_NOT_OPEN: Final = "the card is not open"
 _RATE_Hz: Final = 1.0 / T_s
 _FAILED: Final = (DaqError, RpcError, DaqNotFoundError, DaqNotSupportedError, DaqFunctionNotSupportedError)
 _EXPIRED: Final = (DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED)
@@ -71,8 +72,9 @@ class Daq:
         self._volts = np.zeros(2)
         self._levels = np.zeros(2, dtype=bool)
         self._out = np.zeros(2)
+        self._outputs: AnalogMultiChannelWriter | None = None
+        self._enable: DigitalSingleChannelWriter | None = None
         self._watchdog: WatchdogTask | None = None
-        self._reserved = False
         self.timed_by_card = False
         self.watched = False
         self.drives = False
@@ -90,13 +92,12 @@ class Daq:
     def open(self) -> None:
         """Reserve the card: outputs at zero volts first, drives off, watchdog armed but not started."""
         w, device = self._wiring, self._wiring.card.device
-        self._reserved = True
         try:
             out = self._task("outputs")
             for motor in (w.motor_A, w.motor_B):
                 out.ao_channels.add_ao_voltage_chan(f"{device}/{motor.channel}", min_val=-RANGE_V, max_val=RANGE_V)
             self._outputs = _unchecked(AnalogMultiChannelWriter(out.out_stream, auto_start=True))
-            self._write(0.0, 0.0)
+            self.write(0.0, 0.0)
             enable = self._task("drive_enable")
             enable.do_channels.add_do_chan(f"{device}/{w.drive_enable.line}")
             self._enable = _unchecked(DigitalSingleChannelWriter(enable.out_stream, auto_start=True))
@@ -129,6 +130,9 @@ class Daq:
             )
             off = Level.LOW if w.drive_enable.active == "high" else Level.HIGH
             self._watchdog.cfg_watchdog_do_expir_states([DOExpirationState(f"{device}/{w.drive_enable.line}", off)])
+        except PlantError:
+            self.close()
+            raise
         except _FAILED as error:
             self.close()
             _refuse(error)
@@ -139,6 +143,8 @@ class Daq:
 
     def read(self) -> Raw:
         """Read all inputs once."""
+        if self._outputs is None:
+            raise PlantError(_NOT_OPEN)
         try:
             self._cells.read_one_sample(self._volts, _TIMEOUT_S)
             n_q, n_A, n_B = (counter.read_one_sample_double(_TIMEOUT_S) for counter in self._counters)
@@ -151,15 +157,18 @@ class Daq:
 
     def write(self, V_A: float, V_B: float) -> None:
         """Put volts on the terminals."""
+        if self._outputs is None:
+            raise PlantError(_NOT_OPEN)
+        self._out[0], self._out[1] = V_A, V_B
         try:
-            self._write(V_A, V_B)
+            self._outputs.write_one_sample(self._out, _TIMEOUT_S)
         except _FAILED as error:
             _refuse(error)
 
     def feed_watchdog(self) -> None:
         """Tell the watchdog that somebody is there. Raises WatchdogExpiredError when that comes too late."""
         if self._watchdog is None:
-            raise PlantError("the card is not open")
+            raise PlantError(_NOT_OPEN)
         try:
             self._watchdog.reset_timer()
         except DaqError as error:
@@ -175,6 +184,8 @@ class Daq:
 
     def enable(self, *, on: bool) -> None:
         """Switch the drive-enable line."""
+        if self._enable is None:
+            raise PlantError(_NOT_OPEN)
         try:
             self._enable.write_one_sample_one_line(on == (self._wiring.drive_enable.active == "high"), _TIMEOUT_S)
             self.drives = on
@@ -184,7 +195,7 @@ class Daq:
     def start_watchdog(self) -> None:
         """Let the watchdog count from now on; after it has expired, clear that first."""
         if self._watchdog is None:
-            raise PlantError("the card is not open")
+            raise PlantError(_NOT_OPEN)
         try:
             if self._watchdog.expired:
                 self._watchdog.clear_expiration()
@@ -200,23 +211,14 @@ class Daq:
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
-        if not self._reserved:
-            return
-        self._reserved = False
-        with suppress(*_FAILED, AttributeError):
-            self._write(0.0, 0.0)
-        with suppress(PlantError, AttributeError):
+        with suppress(PlantError):
+            self.write(0.0, 0.0)
+        with suppress(PlantError):
             self.enable(on=False)
         with suppress(*_FAILED):
             self._tasks.close()
-        for writer in ("_outputs", "_enable"):  # of a task that is gone: not to be written again
-            self.__dict__.pop(writer, None)
-        self._watchdog = None
+        self._outputs = self._enable = self._watchdog = None
         self.watched = self.drives = False
-
-    def _write(self, V_A: float, V_B: float) -> None:
-        self._out[0], self._out[1] = V_A, V_B
-        self._outputs.write_one_sample(self._out, _TIMEOUT_S)
 
     def _task(self, name: str) -> Task:
         return self._tasks.enter_context(Task(name, grpc_options=self._session()))

@@ -108,6 +108,17 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     assert not registers.state().drive_enabled
 
 
+def test_a_rig_that_is_not_open_says_so() -> None:
+    rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
+    for _ in range(2):
+        for attempt in (rig.read, rig.acknowledge, lambda: rig.write(ZERO_VOLTS)):
+            with pytest.raises(PlantError, match="not open"):
+                attempt()
+        rig.open()
+        rig.read()
+        rig.close()
+
+
 def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:
     rig = stepped()
     assert isinstance(rig, VirtualRig)
