@@ -42,15 +42,12 @@ from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
 from backend.loop.motion import Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
+from backend.loop.velocity import JointVelocity
 from backend.sample import FIELDS
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
-from plant.compiled import compiled
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
 from plant.parameters import PlantParameters
-
-VELOCITY_FILTER_S = 0.010
-"""Time constant of the estimate of joint velocity [s]: an encoder count in one tick would read as 1.6 rad/s."""
 
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
 _NAN = math.nan
@@ -63,12 +60,6 @@ class SampleRing(Protocol):
     def append(self, row: NDArray[np.float64]) -> None:
         """Publish one row."""
         ...
-
-
-@compiled
-def _velocity(q_dot: float, q: float, q_before: float) -> float:
-    pass_through = 1.0 - math.exp(-T_s / VELOCITY_FILTER_S)
-    return q_dot + pass_through * ((q - q_before) / T_s - q_dot)
 
 
 class Loop:
@@ -85,13 +76,16 @@ class Loop:
         self._row = np.zeros(len(FIELDS))
         self._tick = 0
         self._overruns = 0
-        plant.open()
-        self._raw = m = plant.read()
-        gains = tuning_of(tuning, self._decoupler, self.bounds)
-        self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), m)
         self._hand = HandPush(plant)
-        self._q_before = m.q
-        self._q_dot = 0.0
+        gains = tuning_of(tuning, self._decoupler, self.bounds)
+        try:
+            plant.open()
+            self._raw = m = plant.read()
+            self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), m)
+            self._velocity = JointVelocity(m.q)
+        except BaseException:  # the drives may be on already, and nobody else has this plant to close
+            self.close()
+            raise
 
     @property
     def mode(self) -> Mode:
@@ -147,7 +141,8 @@ class Loop:
                 self._plant.inject(command.broken)
             case Zero() | TryMotor() | ProveDirections() | ByHand():
                 bring_up.carry_out(command, self._machine, self._plant)
-                self._q_before = self._q_before if not isinstance(command, Zero) else command.q  # it has not moved
+                if isinstance(command, Zero):
+                    self._velocity.stands_at(command.q)
             case Reset():
                 self._reset()
             case Shutdown():
@@ -195,9 +190,7 @@ class Loop:
         machine = self._machine
         self._raw = m = self._plant.read()
         machine.m = m = m._replace(theta_A=m.theta_A + machine.offset_A, theta_B=m.theta_B + machine.offset_B)
-        if math.isfinite(m.q):  # the estimate would never get rid of a nan
-            self._q_dot = _velocity(self._q_dot, m.q, self._q_before)
-            self._q_before = m.q
+        self._velocity.step(m.q)
         return m
 
     def _check(self, m: Measurement, missed: int) -> None:
@@ -256,7 +249,7 @@ class Loop:
             m.q,
             y.target.q_ref,
             y.q_ref_gov,
-            self._q_dot,
+            self._velocity.q_dot,
             decoupler.stiffness(self._decoupler, m.theta_A, m.theta_B),
             y.target.S_ref,
             y.S_ref_gov,
