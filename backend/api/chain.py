@@ -38,13 +38,16 @@ def behind_loop(
 ) -> tuple[ChainLinkView, ChainLinkView]:
     """Return watchdog and safety module: what is left when the loop is not.
 
-    Only the registers of a card tell of them. A recording has none and moves nothing; what a package has is not seen
-    from here, so it is not called good.
+    Only the registers of a card tell of them, and of a rig's card nothing is seen but through its loop. A recording
+    has none and moves nothing; what a package has is not seen from here, so it is not called good.
     """
     tripped = fault is Fault.SAFETY_MODULE
     match plant.kind:
         case PlantKind.SIMULATOR | PlantKind.RIG | PlantKind.VIRTUAL_CARD:
-            return _watchdog(card, guard, alive), _safety_module(card.safety_tripped or tripped)
+            links = _watchdog(card, guard, alive), _safety_module(card.safety_tripped or tripped)
+            if plant.kind is PlantKind.RIG and not alive:
+                return _last_known(card, links[0]), _last_known(card, links[1])
+            return links
         case PlantKind.REPLAY:
             good, says = True, "not needed: a recording is played, nothing moves"
         case PlantKind.PACKAGE:
@@ -82,3 +85,8 @@ def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
 def _safety_module(tripped: bool) -> ChainLinkView:
     says = "tripped: the motors are cut" if tripped else "watching"
     return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)
+
+
+def _last_known(card: CardState, link: ChainLinkView) -> ChainLinkView:
+    says = f"not seen since the loop ended; last known: {link.says}" if card.mirror else "not seen: no loop has run yet"
+    return link.model_copy(update={"good": False, "says": says})

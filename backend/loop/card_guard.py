@@ -53,13 +53,14 @@ class CardGuard:
         if self.watchdog_lost and not self.problem:
             self._tell("the card's watchdog is dead: reset starts a new loop with a new one")
         if loop_gone and state.drive_enabled and unwritten_s > LAST_RESORT_S:
-            self._card.expire()
-            if state.mirror:
-                self._tell(
-                    f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s after "
-                    "the last write, which cannot be seen from here; look at the rig, then reset"
-                )
+            if state.mirror:  # it stays as it is: what was last known
+                if not self.problem:
+                    self._tell(
+                        f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s "
+                        "after the last write, which cannot be seen from here; look at the rig, then reset"
+                    )
                 return False
+            self._card.expire()
             self._tell(
                 "the loop and the card's watchdog were both dead: the service cleared the outputs itself; "
                 "look at the rig, then reset"

@@ -1,14 +1,17 @@
 """The end of the safety chain by what is driven: nothing is called good, or off, that nobody looks at."""
 
+import asyncio
+
 import pytest
 
 from backend.api.chain import behind_loop
 from backend.api.schemas.state import ChainLinkView
 from backend.faults import Fault
 from backend.loop.card_guard import CardGuard
-from plant.card import Card
+from plant.card import Card, CardState
 from plant.choice import PlantChoice, PlantKind
 
+PATIENCE_S = 30.0
 SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
 
@@ -40,3 +43,32 @@ def test_a_module_that_has_tripped_is_told_whatever_is_driven(kind: PlantKind) -
     watchdog, module = behind(kind, Fault.SAFETY_MODULE)
     assert (watchdog.name, module.name) == ("watchdog", "safety_module")
     assert (module.good, module.says) == (False, "tripped: the motors are cut")
+
+
+@pytest.mark.parametrize("kind", [PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD])
+def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKind) -> None:
+    card = Card.create()
+    card.expire()
+    watchdog, module = behind_loop(PlantChoice(kind), card.state(), CardGuard(card), False, Fault.NONE)
+    assert (watchdog.good, watchdog.says) == (False, "expired after 0 s without a write: drive-enable off, zero volts")
+    assert (module.good, module.says) == (True, "watching")
+
+
+def test_of_a_rigs_card_is_told_what_was_last_known_once_its_loop_is_gone() -> None:
+    """The service's own look, which clears the registers of a simulated card, leaves what the loop knew of a rig's."""
+    card = Card.create()
+    guard = CardGuard(card)
+    rig = PlantChoice(PlantKind.RIG)
+    for link in behind_loop(rig, card.state(), guard, False, Fault.NONE):
+        assert (link.good, link.says) == (False, "not seen: no loop has run yet")
+    card.mirror(CardState(0, 0, True, True, False, False, False, True, 0.05, 1.0, 2.0))
+    watchdog, module = behind_loop(rig, card.state(), guard, True, Fault.NONE)
+    assert (watchdog.good, module.good) == (True, True)
+    asyncio.run(asyncio.wait_for(guard.run(None), PATIENCE_S))
+    assert "cannot be seen from here" in guard.problem
+    links = behind_loop(rig, card.state(), guard, False, Fault.NONE)
+    since = "not seen since the loop ended; last known: "
+    assert [(link.good, link.says) for link in links] == [
+        (False, f"{since}armed, drive-enable on"),
+        (False, f"{since}watching"),
+    ]
