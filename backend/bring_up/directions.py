@@ -4,12 +4,13 @@ With the joint free, a motor that winds its tendon makes both tensions rise and 
 +q); one that unwinds does the opposite. So tensions and joint tell what really moved, whatever the wiring says.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from backend.bring_up.work import Figure, Finding, StepFailedError, Work
+from backend.bring_up.work import Figure, Finding, StepFailedError, Work, known
 from backend.loop.commands import TryMotor
 from backend.loop.mode import Mode
 from backend.loop.motor_trial import COAST_S, TRIAL_MAX_V
@@ -60,9 +61,9 @@ async def direction(work: Work) -> Finding:
         figure
         for tried in seen
         for figure in (
-            Figure(f"motor {tried.motor} turned by", tried.own, "rad"),
-            Figure(f"joint moved by, with motor {tried.motor}", tried.q, "rad"),
-            Figure(f"tensions rose by, with motor {tried.motor}", tried.F, "N"),
+            Figure(f"motor {tried.motor} turned by", known(tried.own), "rad"),
+            Figure(f"joint moved by, with motor {tried.motor}", known(tried.q), "rad"),
+            Figure(f"tensions rose by, with motor {tried.motor}", known(tried.F), "N"),
         )
     ]
     problems = [problem for tried in seen for problem in judged(tried)]
@@ -121,7 +122,9 @@ def judged(seen: Seen) -> list[str]:
     if not wound:
         problems.append(f"motor {moved} lets out its tendon at a positive voltage: turn the sign of motor_{moved}.gain")
     turned, still = (seen.own, seen.other) if moved == motor else (seen.other, seen.own)
-    if abs(turned) < TURNED_RAD and abs(still) >= TURNED_RAD:
+    if not math.isfinite(turned):
+        problems.append(f"the encoder of motor {moved} gives no number: look at encoder_{moved}.counter and its cable")
+    elif abs(turned) < TURNED_RAD and abs(still) >= TURNED_RAD:
         problems.append("the encoders of the motors are exchanged: exchange encoder_A.counter and encoder_B.counter")
     elif abs(turned) < TURNED_RAD:
         problems.append(f"the encoder of motor {moved} stands still: look at encoder_{moved}.counter and its cable")

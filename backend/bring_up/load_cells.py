@@ -72,7 +72,7 @@ async def calibrate(work: Work) -> Finding:
         await work.let_go()
         low, high = (float(column.mean()) for column in volts)
         known = linear(work.wiring, tendon)
-        if abs(high - low) < 1e-3:
+        if not abs(high - low) >= 1e-3:
             raise StepFailedError(f"load cell {tendon} does not tell the weights apart: look at its cable")
         slope = (weights[1] - weights[0]) / (high - low)
         offset = low - weights[0] / slope

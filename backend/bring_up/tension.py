@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from backend.bring_up.work import Figure, Finding, StepFailedError, Work
+from backend.bring_up.work import Figure, Finding, Rows, Signal, StepFailedError, Work, known
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import Reset, SetMode, Stop
 from backend.loop.mode import Mode
@@ -26,16 +26,17 @@ LOWERED_N = 5.0
 async def pretension(work: Work) -> Finding:
     """Wind up, both tensions watched, hold, and let go again."""
     highest, apart = await _wound(work)
-    F_A, F_B = await work.mean("F_A", "F_B", seconds=0.5)
+    F = await work.mean("F_A", "F_B", seconds=0.5)
+    F_A, F_B = (float(held) for held in F)
     await work.send(SetMode(Mode.OFF))
     await work.loop.advance(0.2)
     figures = (
-        Figure("tension of tendon A", float(F_A), "N"),
-        Figure("tension of tendon B", float(F_B), "N"),
+        Figure("tension of tendon A", known(F_A), "N"),
+        Figure("tension of tendon B", known(F_B), "N"),
         Figure("highest tension on the way", highest, "N"),
         Figure("most that one was ahead of the other", apart, "N"),
     )
-    if max(abs(F_A - PRETENSION_N), abs(F_B - PRETENSION_N)) > NEAR_N:
+    if not near_pretension(F):
         raise StepFailedError(f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, not {PRETENSION_N:g} N: calibrate them")
     return Finding(True, f"both tendons rose together to {PRETENSION_N:g} N", figures)
 
@@ -61,22 +62,42 @@ async def safety_module(work: Work) -> Finding:
     await work.loop.advance(1.0)
     rows = work.since(first)
     tripped = rows[rows[:, INDEX["mode"]] == rows[-1, INDEX["mode"]]]
-    fault = tripped[-1, INDEX["fault"]]
-    still_driven = np.abs(tripped[1:, [INDEX["u_A"], INDEX["u_B"]]]).max(initial=0.0)
+    if tripped[-1, INDEX["fault"]] != FAULT_CODE[Fault.SAFETY_MODULE]:
+        raise StepFailedError(
+            "the loop stopped, but not because of the safety module: the status line says why; set the module's limit "
+            "back to what it was"
+        )
+    still_driven = float(np.abs(tripped[1:, [INDEX["u_A"], INDEX["u_B"]]]).max(initial=0.0))
     after = tripped[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
+    if not (still_driven == 0.0 and let_go(before, after)):
+        raise StepFailedError(
+            "the module tripped, but that the motors let go was not seen: do not go on; look at how it cuts the "
+            "drives, and set its limit back to what it was"
+        )
     await work.ask("Set the module's limit back to what it was, acknowledge it there, and confirm")
     await work.let_go()
     await work.send(Reset())
     figures = (
         Figure("tension before", float(before.mean()), "N"),
         Figure("tension 1 s after", float(after.mean()), "N"),
-        Figure("voltage after the trip", float(still_driven), "V"),
+        Figure("voltage after the trip", still_driven, "V"),
     )
-    if fault != FAULT_CODE[Fault.SAFETY_MODULE]:
-        raise StepFailedError("the loop stopped, but not because of the safety module: the status line says why")
-    if still_driven > 0.0 or after.mean() >= before.mean() - NEAR_N:
-        raise StepFailedError("the module tripped, but the motors still hold: their drives were not cut; do not go on")
     return Finding(True, "the module tripped, the outputs went to zero volts, and the motors let go", figures)
+
+
+def near_pretension(F: Signal) -> bool:
+    """Tell whether both tensions [2] are the pretension; no number is not."""
+    return bool((np.abs(F - PRETENSION_N) <= NEAR_N).all())
+
+
+def let_go(before: Signal, after: Signal) -> bool:
+    """Tell whether both tensions [2] have fallen by more than NEAR_N; no number has not."""
+    return bool((after < before - NEAR_N).all())
+
+
+def peaks(F: Rows) -> tuple[float, float]:
+    """Return the highest tension of [n, 2] and the most that one was ahead of the other [N]; nan for no number."""
+    return float(F.max()), float(np.abs(F[:, 0] - F[:, 1]).max())
 
 
 async def _wound(work: Work) -> tuple[float, float]:
@@ -95,8 +116,8 @@ async def _wound(work: Work) -> tuple[float, float]:
         if not len(rows):
             continue
         F = rows[:, [INDEX["F_A"], INDEX["F_B"]]]
-        highest = max(highest, float(F.max()))
-        apart = max(apart, float(np.abs(F[:, 0] - F[:, 1]).max()))
+        # NumPy's maximum keeps a nan, Python's max may drop it.
+        highest, apart = (float(most) for most in np.maximum((highest, apart), peaks(F)))
         if not (highest <= TENSION_MAX_N and apart <= APART_N):
             await work.loop.send(Stop(Fault.STOP_PRESSED, hard=True, detail="the pretension went wrong"))
             raise StepFailedError(
@@ -105,8 +126,7 @@ async def _wound(work: Work) -> tuple[float, float]:
             )
         if work.mode is not Mode.PRETENSION:
             raise StepFailedError("the loop stopped on the way up: the status line says why")
-        near = bool((np.abs(F.mean(axis=0) - PRETENSION_N) < NEAR_N).all())
-        steady_s = steady_s + LOOK_S if near else 0.0
+        steady_s = steady_s + LOOK_S if near_pretension(F.mean(axis=0)) else 0.0
         if steady_s >= 2.0:
             return highest, apart
     raise StepFailedError(f"the pretension was not reached within {WINDING_S:g} s")

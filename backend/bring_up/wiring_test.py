@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backend.bring_up.work import SLACK, Figure, Finding, Signal, Work, blocks
+from backend.bring_up.work import SLACK, Figure, Finding, Signal, Work, blocks, known
 from plant.hand import Hand
 
 
@@ -55,7 +55,7 @@ async def wiring_test(work: Work) -> Finding:
         await work.recorded(0.3)
         rows = work.since(first)
         seen = {sensor: _excursion(blocks(rows, sensor.signal)) for sensor in group}
-        figures.append(Figure(f"{wanted.words} moved by", _number(seen[wanted]), wanted.unit))
+        figures.append(Figure(f"{wanted.words} moved by", known(seen[wanted]), wanted.unit))
         problems += _judged(work, wanted, seen)
         if wanted in _ENCODERS:
             await work.ask("Put it back to where it was, and confirm", SLACK)
@@ -68,10 +68,6 @@ def _excursion(values: Signal) -> float:
     """Return the largest way from where it began, with its sign; nan where there was no number."""
     ways = values - values[0]
     return float(ways[np.argmax(np.abs(ways))]) if np.isfinite(ways).all() else float("nan")
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def _judged(work: Work, wanted: _Sensor, seen: dict[_Sensor, float]) -> list[str]:

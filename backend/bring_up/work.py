@@ -1,5 +1,6 @@
 """What a step works with: the loop that runs, its samples, and a person who is asked to do things at the rig."""
 
+import math
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
@@ -122,6 +123,11 @@ class Work:
         """Return the samples [n, fields] from the one numbered ``first`` on."""
         _, rows, _ = self.loop.ring.read(first, self.loop.ring.capacity)
         return rows
+
+
+def known(value: float) -> float | None:
+    """Return what was measured; None where it is no number."""
+    return value if math.isfinite(value) else None
 
 
 def blocks(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:

@@ -61,6 +61,11 @@ class MotorTrial(MotorPositions):
 
     def _shown(self, m: Measurement) -> bool:
         began = self._began
-        turned = max(abs(m.theta_A - began.theta_A), abs(m.theta_B - began.theta_B))
-        tauter = max(abs(m.F_A - began.F_A), abs(m.F_B - began.F_B))
-        return turned >= TRAVEL_RAD or abs(m.q - began.q) >= JOINT_RAD or tauter >= TENSION_N
+        within = (
+            abs(m.theta_A - began.theta_A) < TRAVEL_RAD
+            and abs(m.theta_B - began.theta_B) < TRAVEL_RAD
+            and abs(m.q - began.q) < JOINT_RAD
+            and abs(m.F_A - began.F_A) < TENSION_N
+            and abs(m.F_B - began.F_B) < TENSION_N
+        )
+        return not within  # more volts for a reading that is no number: never

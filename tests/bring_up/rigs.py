@@ -1,6 +1,7 @@
 """A rig at a virtual card that is wired otherwise than its wiring says, and a person who confirms everything."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,8 @@ from backend.bring_up.work import Finding, Work
 from backend.experiments.bank_building import tuning_command
 from backend.experiments.loop_settings import LoopSettings
 from backend.loop.headless import Headless
+from backend.loop.mode import MODES, Mode
+from backend.sample import INDEX
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_rig import VirtualRig
@@ -26,7 +29,11 @@ def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
 
 
 class BroughtUpRig:
-    """``declared`` is the wiring file, ``true`` how the card is wired."""
+    """``declared`` is the wiring file, ``true`` how the card is wired.
+
+    ``meanwhile`` does something more before what a step asks for is confirmed, ``in_phase`` when it tells
+    how far it is.
+    """
 
     def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
         self.simulator = Simulator(PARAMETERS, 0)
@@ -34,11 +41,22 @@ class BroughtUpRig:
         self.loop = Headless(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
         self.declared = declared
         self.asked: list[str] = []
+        self.meanwhile: Callable[[str], Awaitable[None]] | None = None
+        self.in_phase: Callable[[str], None] = lambda _phase: None
         self.most_volts = 0.0
         self.joint_moved = 0.0
 
+    @property
+    def mode(self) -> Mode:
+        """Mode of the newest sample."""
+        newest = self.loop.ring.newest()
+        assert newest is not None
+        return MODES[int(newest[INDEX["mode"]])]
+
     async def _confirmed(self, words: str) -> None:
         self.asked.append(words)
+        if self.meanwhile is not None:
+            await self.meanwhile(words)
 
     async def do(self, step: StepId, **values: float) -> Finding:
         """Play one step."""
@@ -49,7 +67,7 @@ class BroughtUpRig:
             values_of(step, values),
             computed=True,
             confirmed=self._confirmed,
-            phase=lambda _phase: None,
+            phase=self.in_phase,
         )
         return await perform(step, work)
 

@@ -1,16 +1,27 @@
 """A motor that is tried may turn either way: nothing closes a loop on it, however the trial ends."""
 
 import asyncio
+import math
 
 import pytest
 
+from backend.controllers import motors
+from backend.controllers.decoupler import decoupler_for
+from backend.controllers.limits import bounds_for
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.loop_settings import LoopSettings
 from backend.faults import Fault
 from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, TryMotor
 from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.mode_machine import NO_REFERENCE
+from backend.loop.motion import Carry
+from backend.loop.motor_trial import MotorTrial
+from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
+from plant.interface import Measurement
 from plant.parameters import load_parameters
 
 PARAMETERS = load_parameters("ideal")
@@ -71,3 +82,17 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
     assert isinstance(refused, Refused)
     assert "directions are not proven" in refused.reason
     loop.close()
+
+
+@pytest.mark.parametrize("silent", ["q", "theta_A", "theta_B", "F_A", "F_B"])
+def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
+    m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
+    gains = tuning_of(
+        tuning_command(PARAMETERS, LoopSettings(), None), decoupler_for(PARAMETERS), bounds_for(PARAMETERS)
+    )
+    carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    trial = MotorTrial(carry, NO_REFERENCE, m, "A")
+    rising = [trial.step(gains, m).u_A for _ in range(50)]
+    assert rising == sorted(rising)
+    after = [trial.step(gains, m._replace(**{silent: math.nan})).u_A for _ in range(50)]
+    assert max(after) <= rising[-1]
