@@ -217,8 +217,8 @@ class Daq:
             self.enable(on=False)
         with suppress(*_FAILED):
             self._tasks.close()
+            self.watched = False
         self._outputs = self._enable = self._watchdog = None
-        self.watched = self.drives = False
 
     def _task(self, name: str) -> Task:
         return self._tasks.enter_context(Task(name, grpc_options=self._session()))

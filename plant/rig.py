@@ -3,6 +3,7 @@
 import math
 import statistics
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,6 +79,7 @@ class Rig:
         self._tripped = False
         self._zeroed = False
         self._proven = directions_proven
+        self._put = ZERO_VOLTS
 
     @property
     def unready(self) -> str:
@@ -143,10 +145,10 @@ class Rig:
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
     def _begin(self) -> None:
-        self._daq.write(0.0, 0.0)
+        self._put_out(ZERO_VOLTS)
         self._daq.start_watchdog()
         self._daq.enable(on=True)
-        self._show(ZERO_VOLTS)
+        self._show()
 
     def read(self) -> Measurement:
         """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
@@ -188,10 +190,14 @@ class Rig:
         """
         require_numbers(command)
         try:
-            self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
+            self._put_out(command)
             self._daq.feed_watchdog()
         finally:
-            self._show(command)
+            self._show()
+
+    def _put_out(self, command: MotorCommand) -> None:
+        self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
+        self._put = command  # a card that refuses a write keeps the volts of the one before
 
     def push(self, F_push: float) -> None:
         """Refuse: a rig is pushed by hand."""
@@ -215,14 +221,16 @@ class Rig:
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card. Safe to call twice."""
+        with suppress(PlantError):
+            self._put_out(ZERO_VOLTS)
         self._daq.close()
-        self._show(ZERO_VOLTS)
+        self._show()
 
-    def _show(self, command: MotorCommand) -> None:
+    def _show(self) -> None:
         if self._registers is not None:
             daq, tripped = self._daq, self._tripped
             flags = daq.watched, daq.drives, daq.known_expired, tripped, False, True
-            self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *command))
+            self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *self._put))
 
 
 class _LoadCell:

@@ -183,7 +183,7 @@ class Loop:
             self._write(command)
         machine.events += self._plant_watch.end(self._tick)
         self._overruns = overruns
-        self._append(decision, command, lateness_s)
+        self._append(decision, lateness_s)
         self._tick += 1
 
     def _read(self) -> Measurement:
@@ -213,11 +213,12 @@ class Loop:
 
     def _write(self, command: MotorCommand) -> None:
         machine = self._machine
-        self._checks.command = command
         try:
             self._plant.write(command)
+            self._checks.command = command  # what cannot be written leaves the outputs as they were
         except (WatchdogExpiredError, WatchdogDeadError) as error:
             # The drives are off already: this is zero volts, and stays so until somebody resets.
+            self._checks.command = ZERO_VOLTS
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
                 machine.begin_stop(Stop(fault), str(error))
@@ -238,9 +239,9 @@ class Loop:
         if self._machine.mode is not Mode.TRIPPED:
             self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error))
 
-    def _append(self, y: Decision, command: MotorCommand, lateness_s: float) -> None:
+    def _append(self, y: Decision, lateness_s: float) -> None:
         machine = self._machine
-        m, raw = machine.m, self._plant.raw
+        m, raw, put = machine.m, self._plant.raw, self._checks.command
         self._row[:] = (
             self._tick,
             self._tick * T_s,
@@ -260,8 +261,8 @@ class Loop:
             y.theta_B_ref,
             m.F_A,
             m.F_B,
-            command.u_A,
-            command.u_B,
+            put.u_A,
+            put.u_B,
             m.F_push,
             raw.V_A,
             raw.V_B,

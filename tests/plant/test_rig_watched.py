@@ -4,11 +4,12 @@ import time
 
 import pytest
 
+from plant.breakage import Breakage, Broken
 from plant.card import Card, WatchdogExpiredError
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
 from plant.daq import Daq
-from plant.interface import MotorCommand
+from plant.interface import MotorCommand, PlantError
 from plant.parameters import load_parameters
 from plant.rig import Rig
 from plant.virtual_rig import VirtualRig
@@ -67,3 +68,20 @@ def test_what_nobody_else_can_look_into_is_mirrored() -> None:
     assert mirror.state().expired
     assert mirror.state().u_A == 0.0
     mirrored.close()
+
+
+def test_volts_that_could_not_be_written_are_not_shown() -> None:
+    """A card that is gone keeps what it had, and its drives, until its watchdog cuts them."""
+    rig, registers = watched()
+    mirror = Card.create()
+    assert isinstance(rig, VirtualRig)
+    mirrored = Rig(rig.wiring, Daq(rig.wiring, rig.card.options), mirror)
+    mirrored.open()
+    mirrored.write(MotorCommand(1.0, 2.0))
+    rig.inject(Broken(Breakage.DEVICE_GONE))
+    with pytest.raises(PlantError, match="-201003"):
+        mirrored.write(MotorCommand(7.0, -7.0))
+    mirrored.close()
+    state = mirror.state()
+    assert (state.u_A, state.u_B, state.drive_enabled) == (1.0, 2.0, True)
+    until_expired(registers)
