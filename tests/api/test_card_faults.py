@@ -1,12 +1,13 @@
 """Faults of a card through the interface, on a service that drives the virtual card in real time."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import httpx
 import pytest
 
 from backend.faults import Fault
-from tests.api.conftest import client_with, wait_for
+from tests.api.conftest import client_with, until_state, wait_for
 from tests.e2e.service import running_service
 
 pytestmark = pytest.mark.live
@@ -34,6 +35,11 @@ def latched(client: httpx.Client, kind: str) -> tuple[str, str]:
     return str(told["code"]), str(told["remedy"])
 
 
+def watchdog_in(state: dict[str, Any]) -> dict[str, Any]:
+    (link,) = [link for link in state["chain"] if link["name"] == "watchdog"]
+    return dict(link)
+
+
 def test_a_load_cell_at_its_end_has_a_fault_of_its_own(card: httpx.Client) -> None:
     code, remedy = latched(card, "saturation")
     assert code == Fault.SENSOR_SATURATED
@@ -50,11 +56,7 @@ def test_a_card_that_is_gone_is_opened_anew_by_a_reset(card: httpx.Client) -> No
     code, _ = latched(card, "device_gone")
     assert code == Fault.PLANT_ERROR
     # Its own watchdog is what takes the drives away, as nothing can be written any more.
-    for _ in range(2000):
-        links = {link["name"]: link["good"] for link in card.get("/api/state").json()["chain"]}
-        if not links["watchdog"]:
-            break
-    assert not links["watchdog"]
+    until_state(card, lambda state: not watchdog_in(state)["good"], "the watchdog did not expire")
     assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
     state = card.get("/api/state").json()
     assert (state["link"]["starts"], state["problems"]) == (starts + 1, [])

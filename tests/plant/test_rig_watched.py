@@ -18,6 +18,7 @@ pytestmark = pytest.mark.live
 
 PARAMETERS = load_parameters("lab")
 STEP_V = 20.0 / 2**16
+PATIENCE_S = 30.0
 
 
 def watched() -> tuple[Rig, Card]:
@@ -28,7 +29,9 @@ def watched() -> tuple[Rig, Card]:
 
 
 def until_expired(registers: Card) -> None:
+    end_s = time.monotonic() + PATIENCE_S
     while not registers.state().expired:
+        assert time.monotonic() < end_s, "the watchdog has not expired"
         time.sleep(0.01)
 
 
