@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from backend.api.schemas.history import ChecklistStep, StepState
+from backend.api.schemas.history import ChecklistState, ChecklistStep
 from backend.storage import Session, banks, identifications, results, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
@@ -40,8 +40,8 @@ def steps(session: Session, parameters: Document, in_use: int | None) -> list[Ch
 
 def _pretension(run: Run | None) -> ChecklistStep:
     if run is None:
-        return _step("pretension", StepState.MISSING, "no run yet: wind both tendons up")
-    return _step("pretension", StepState.DONE, f"last used in run {run.id}", run)
+        return _step("pretension", ChecklistState.MISSING, "no run yet: wind both tendons up")
+    return _step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
 
 
 def _identified(
@@ -52,16 +52,18 @@ def _identified(
     before: tuple[Found, ...],
 ) -> ChecklistStep:
     if estimate is None:
-        return _step(name, StepState.MISSING, "not identified yet")
+        return _step(name, ChecklistState.MISSING, "not identified yet")
     run = run_of(estimate)
     if not estimate.usable:
-        return _step(name, StepState.UNUSABLE, estimate.verdict, run)
+        return _step(name, ChecklistState.UNUSABLE, estimate.verdict, run)
     if run is not None and run.parameters != parameters:
-        return _step(name, StepState.OUTDATED, f"made with other parameters of the plant ({run.parameters_name})", run)
+        return _step(
+            name, ChecklistState.OUTDATED, f"made with other parameters of the plant ({run.parameters_name})", run
+        )
     for other in before:
         if other is not None and other.created_at > estimate.created_at:
-            return _step(name, StepState.OUTDATED, f"older than the identification of the {other.kind}", run)
-    return _step(name, StepState.DONE, estimate.verdict, run)
+            return _step(name, ChecklistState.OUTDATED, f"older than the identification of the {other.kind}", run)
+    return _step(name, ChecklistState.DONE, estimate.verdict, run)
 
 
 def _bank(
@@ -72,7 +74,7 @@ def _bank(
     parameters: Document,
 ) -> ChecklistStep:
     if bank is None:
-        return _step("bank", StepState.MISSING, "none built: the gains follow from geometry")
+        return _step("bank", ChecklistState.MISSING, "none built: the gains follow from geometry")
     title = f"{bank.name} v{bank.version}"
     by_id = {estimate.id: estimate for estimate in estimates}
     sources = [by_id[entry.identification_id] for entry in bank.entries if entry.identification_id in by_id]
@@ -81,14 +83,14 @@ def _bank(
         if run is not None and run.parameters != parameters:
             entry = next(name_of_entry(one) for one in bank.entries if one.identification_id == source.id)
             detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
-            return _step("bank", StepState.OUTDATED, detail, at=bank)
+            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
         newer = next((one for one in estimates if _replaces(one, source)), None)
         if newer is not None:
             detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
-            return _step("bank", StepState.OUTDATED, detail, at=bank)
+            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
-        return _step("bank", StepState.MISSING, f"{title} is built but not in use: activate it", at=bank)
-    return _step("bank", StepState.DONE, f"{title} in use", at=bank)
+        return _step("bank", ChecklistState.MISSING, f"{title} is built but not in use: activate it", at=bank)
+    return _step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
 
 
 def _replaces(one: Identification, source: Identification) -> bool:
@@ -100,19 +102,19 @@ def _replaces(one: Identification, source: Identification) -> bool:
 
 def _experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
     if run is None:
-        return _step("experiment", StepState.MISSING, "none completed yet")
+        return _step("experiment", ChecklistState.MISSING, "none completed yet")
     if run.bank_id != in_use:
-        return _step("experiment", StepState.OUTDATED, f"run {run.id} was made with another bank", run)
-    return _step("experiment", StepState.DONE, f"{run.kind}, run {run.id}", run)
+        return _step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
+    return _step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
 
 
 def _report(session: Session, run: Run | None) -> ChecklistStep:
     if run is None:
-        return _step("report", StepState.MISSING, "needs an experiment")
+        return _step("report", ChecklistState.MISSING, "needs an experiment")
     kept = [one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None]
     if not kept:
-        return _step("report", StepState.MISSING, f"run {run.id} has no report yet: open it", run)
-    return _step("report", StepState.DONE, f"made of run {run.id}", run)
+        return _step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
+    return _step("report", ChecklistState.DONE, f"made of run {run.id}", run)
 
 
 def _newest(estimates: list[Identification], kind: str) -> Found:
@@ -126,6 +128,8 @@ def _newest_run(session: Session, kinds: tuple[RunKind, ...]) -> Run | None:
     return found[0] if found else None
 
 
-def _step(name: str, state: StepState, detail: str, run: Run | None = None, *, at: Bank | None = None) -> ChecklistStep:
+def _step(
+    name: str, state: ChecklistState, detail: str, run: Run | None = None, *, at: Bank | None = None
+) -> ChecklistStep:
     when = at.created_at if at is not None else None if run is None else run.started_at
     return ChecklistStep(name=name, state=state, detail=detail, run=None if run is None else run.id, at=when)

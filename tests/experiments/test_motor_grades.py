@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.api import checklist
-from backend.api.schemas.history import StepState
+from backend.api.schemas.history import ChecklistState
 from backend.experiments.identification_plans import MotorIdentificationPlan
 from backend.experiments.motor_identification import identify, to_store
 from backend.identification.motor import grade_of, judge_motor
@@ -112,18 +112,18 @@ def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.T
             stopped = runs.create(session, new)
             runs.end(session, stopped.id, EndState.STOPPED)
         with database.reading() as session:
-            assert experiment(session, lab.document()) is StepState.MISSING
+            assert experiment(session, lab.document()) is ChecklistState.MISSING
         with database.session() as session:
             done = runs.create(session, replace(new, note=""))
             runs.end(session, done.id, EndState.COMPLETED)
             again = runs.create(session, new)
             runs.end(session, again.id, EndState.TRIPPED)
         with database.reading() as session:
-            assert experiment(session, lab.document()) is StepState.DONE
+            assert experiment(session, lab.document()) is ChecklistState.DONE
             assert [run.id for run in runs.find(session, ended=EndState.COMPLETED)] == [done.id]
     finally:
         database.close()
 
 
-def experiment(session: checklist.Session, parameters: dict[str, object]) -> StepState:
+def experiment(session: checklist.Session, parameters: dict[str, object]) -> ChecklistState:
     return next(step.state for step in checklist.steps(session, parameters, None) if step.name == "experiment")

@@ -61,7 +61,7 @@ class ReplayRequest(Schema):
     t: float = quantity("s", "time since the run's first sample", ge=0.0, le=LONGEST_S)
 
 
-class StepState(StrEnum):
+class ChecklistState(StrEnum):
     """How far a step of the set-up is."""
 
     MISSING = "missing"
@@ -74,7 +74,7 @@ class ChecklistStep(Schema):
     """One step from pretension to report."""
 
     name: str
-    state: StepState
+    state: ChecklistState
     detail: str = Field(description="what there is, or why it no longer holds")
     run: int | None
     at: datetime | None

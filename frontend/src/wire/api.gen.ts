@@ -1786,7 +1786,7 @@ export interface components {
             instruction: string;
             /** Inputs */
             inputs: components["schemas"]["StepInput"][];
-            state: components["schemas"]["backend__bring_up__standing__StepState"];
+            state: components["schemas"]["StepState"];
             /** Why */
             why: string;
             /** Blocked */
@@ -1926,13 +1926,19 @@ export interface components {
             steps: components["schemas"]["ChecklistStep"][];
         };
         /**
+         * ChecklistState
+         * @description How far a step of the set-up is.
+         * @enum {string}
+         */
+        ChecklistState: "missing" | "done" | "outdated" | "unusable";
+        /**
          * ChecklistStep
          * @description One step from pretension to report.
          */
         ChecklistStep: {
             /** Name */
             name: string;
-            state: components["schemas"]["backend__api__schemas__history__StepState"];
+            state: components["schemas"]["ChecklistState"];
             /**
              * Detail
              * @description what there is, or why it no longer holds
@@ -4270,6 +4276,12 @@ export interface components {
             at: string;
         };
         /**
+         * StepState
+         * @description How a step stands.
+         * @enum {string}
+         */
+        StepState: "never" | "current" | "out_of_date" | "failed";
+        /**
          * StepValues
          * @description Numbers that a step asks for, by name; what is left out is as its default.
          */
@@ -4608,18 +4620,6 @@ export interface components {
             /** Value */
             value: boolean | number | string;
         };
-        /**
-         * StepState
-         * @description How far a step of the set-up is.
-         * @enum {string}
-         */
-        backend__api__schemas__history__StepState: "missing" | "done" | "outdated" | "unusable";
-        /**
-         * StepState
-         * @description How a step stands.
-         * @enum {string}
-         */
-        backend__bring_up__standing__StepState: "never" | "current" | "out_of_date" | "failed";
     };
     responses: never;
     parameters: never;
