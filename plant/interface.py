@@ -136,6 +136,15 @@ class Plant(Protocol):
 
 
 @runtime_checkable
+class Switched(Protocol):
+    """A plant whose drives can be taken away while people have their hands in it."""
+
+    def switch_drives(self, *, on: bool) -> None:
+        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. PlantError."""
+        ...
+
+
+@runtime_checkable
 class Proven(Protocol):
     """A plant whose motors' directions have to be proven before it may be controlled."""
 

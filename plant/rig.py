@@ -80,6 +80,7 @@ class Rig:
         self._zeroed = False
         self._proven = directions_proven
         self._put = ZERO_VOLTS
+        self._drives_wanted = True
 
     @property
     def unready(self) -> str:
@@ -93,6 +94,15 @@ class Rig:
     def prove_directions(self, *, proven: bool) -> None:
         """Take note whether the motors are known to turn as the wiring says."""
         self._proven = proven
+
+    def switch_drives(self, *, on: bool) -> None:
+        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. Raises PlantError.
+
+        The watchdog goes on being fed: it has nothing to take away then.
+        """
+        self._drives_wanted = False  # also where the card does not obey: nothing is to bring them back by itself
+        self._daq.enable(on=on)
+        self._drives_wanted = on
 
     def open(self) -> None:
         """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""
@@ -147,7 +157,7 @@ class Rig:
     def _begin(self) -> None:
         self._put_out(ZERO_VOLTS)
         self._daq.start_watchdog()
-        self._daq.enable(on=True)
+        self._daq.enable(on=self._drives_wanted)
         self._show()
 
     def read(self) -> Measurement:
@@ -212,7 +222,10 @@ class Rig:
         raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
 
     def acknowledge(self) -> None:
-        """Take the drives away, start the watchdog anew and enable them. PlantError while the module stays tripped."""
+        """Take the drives away, start the watchdog anew and enable them, unless they are switched off.
+
+        PlantError while the module stays tripped.
+        """
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)
         if self._daq.read().tripped:

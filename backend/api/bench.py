@@ -42,7 +42,8 @@ _STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 class Bench:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
-    ``on_new_ring`` is told the ring of a loop process that was started anew.
+    ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
+    itself, if anything: nothing else starts then.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class Bench:
         supervision: Supervision,
     ) -> None:
         self.picture = picture
+        self.occupied: Callable[[], str] = str
         self._supervisor = supervisor
         self._session_runs = session_runs
         self._journal = journal
@@ -115,6 +117,7 @@ class Bench:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
             else:
+                self.require_unoccupied()  # a new loop enables the drives, and hands may be at the rig
                 await self._start_anew(MarkKind.FAULT, "loop started again", who)
         self.picture.forget_stop()
         return await self._state_once(lambda: self.picture.fault is Fault.NONE)
@@ -137,6 +140,8 @@ class Bench:
     async def set_mode(self, mode: Mode, who: str) -> State:
         """Move to another mode; one in which a person moves the joint is recorded as a session."""
         async with self._turn:
+            if mode not in _STILL:
+                self.require_unoccupied()
             self._require_legal(mode)
             if mode in RECORDED:
                 run = await self._session_runs.begin(mode, self.picture.tuning, who)
@@ -148,6 +153,20 @@ class Bench:
             else:
                 await self._command(commands.SetMode(mode))
         return await self._state_once(lambda: self.picture.mode is mode)
+
+    def require_unoccupied(self) -> None:
+        """Raise ApiError 409 while something has the rig for itself."""
+        occupied = self.occupied()
+        if occupied:
+            raise ApiError(409, f"{occupied}: wait for its end, or cancel it")
+
+    async def switch_drives(self, on: bool, who: str) -> None:
+        """Take the drives away or give them back. Raises ApiError unless it is off, and where there are none."""
+        async with self._turn:
+            self.require_unoccupied()
+            accepted = await self._command(commands.SwitchDrives(on))
+            self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
+        self.changed()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
         """Set the references of the cascade. Raises OutOfRangeError."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
@@ -28,6 +29,8 @@ from plant.wiring import Wiring
 
 _log = logging.getLogger(__name__)
 
+_SHOWN_S = 0.2
+
 
 @dataclass
 class _Running:
@@ -51,6 +54,7 @@ class BringUp:
         self._parameters = parameters
         self._running: _Running | None = None
         self._started = bench.picture.starts, datetime.now(UTC)
+        bench.occupied = self._occupies
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
@@ -58,7 +62,10 @@ class BringUp:
         if why_not:
             states = dict.fromkeys(StepId, Standing(StepState.NEVER, why_not))
             return BringUpView(
-                applies=False, why_not=why_not, steps=[self._view(step, states, None, why_not) for step in STEPS]
+                applies=False,
+                why_not=why_not,
+                drives_on=None,
+                steps=[self._view(step, states, None, why_not) for step in STEPS],
             )
         try:
             wired = standing.fingerprint(await asyncio.to_thread(self._wiring))
@@ -69,7 +76,8 @@ class BringUp:
         steps = [
             self._view(step, states, results.get(step.id), why_not or self._blocked(step, states)) for step in STEPS
         ]
-        return BringUpView(applies=True, why_not="", steps=steps)
+        drives_on = self._supervisor.card.state().drive_enabled if self._supervisor.alive else None
+        return BringUpView(applies=True, why_not="", drives_on=drives_on, steps=steps)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
         """Start a step. Raises ApiError where it cannot be started now, OutOfRangeError."""
@@ -109,6 +117,17 @@ class BringUp:
             raise ApiError(409, "no step of the bring-up is under way")
         running.task.cancel()
         await asyncio.wait((running.task,))
+        return await self.view()
+
+    async def switch_drives(self, on: bool, who: str) -> BringUpView:
+        """Take the drives away or give them back, between two steps. Raises ApiError where that cannot be now."""
+        why_not = self._why_not()
+        if why_not:
+            raise ApiError(409, why_not)
+        await self._bench.switch_drives(on, who)
+        shown = self._supervisor.card.state
+        with suppress(TimeoutError, LoopDiedError):  # of a rig it is shown with the next write
+            await self._supervisor.advance_until(lambda: shown().drive_enabled is on, _SHOWN_S)
         return await self.view()
 
     async def close(self) -> None:
@@ -168,6 +187,9 @@ class BringUp:
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
         return {step.id: standing.standing(step, results.get(step.id), wired, self._started[1]) for step in STEPS}
+
+    def _occupies(self) -> str:
+        return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"
 
     def _blocked(self, step: Step, states: dict[StepId, Standing]) -> str:
         picture = self._bench.picture

@@ -78,7 +78,7 @@ def _watchdog(card: CardState, guard: CardGuard, alive: bool) -> ChainLinkView:
         says = f"armed, {line}"
     else:
         says = f"disarmed, {line}"
-    good = alive and card.armed and card.drive_enabled and not guard.watchdog_lost
+    good = alive and card.armed and not card.expired and not guard.watchdog_lost
     return ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
 
 

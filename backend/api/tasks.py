@@ -139,6 +139,7 @@ class Tasks:
             await asyncio.gather(self._running, return_exceptions=True)
 
     def _require_free(self) -> None:
+        self._bench.require_unoccupied()
         task = self._bench.picture.task
         if task is not None:
             raise ApiError(409, f"run {task.run}, {task.kind}, is under way: wait for its end or stop it")

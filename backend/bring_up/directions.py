@@ -46,8 +46,10 @@ async def direction(work: Work) -> Finding:
     r_m = work.parameters.geometry.r_m
     theta_A, theta_B = (elongation(work.parameters.identified_spring(side), START_N) / r_m for side in ("A", "B"))
     low, high = START_RANGE_N
+    await work.drives_off()
     await work.ask(
-        f"Turn both motors by hand until both load cells read some {START_N:g} N, take your hands off, and confirm",
+        f"Turn both motors by hand until both load cells read some {START_N:g} N, take your hands off, and confirm: "
+        "the drives come on",
         Hand(theta_A=theta_A, theta_B=theta_B),
     )
     await work.let_go()
@@ -56,6 +58,7 @@ async def direction(work: Work) -> Finding:
         raise StepFailedError(
             f"the tendons hold {F_A:.1f} N and {F_B:.1f} N, {low:g} to {high:g} N are asked for: wind them by hand"
         )
+    await work.drives_on()
     seen = [await _tried(work, "A"), await _tried(work, "B")]
     figures = [
         figure

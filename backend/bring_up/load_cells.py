@@ -22,8 +22,15 @@ WEIGHTS_APART_N = 5.0
 """Least difference of two weights [N]: with 0.05 N of noise the slope then is good to 0.1 %."""
 
 
+_TAKEN_UP = (
+    "Take everything off the load cells and your hands off the rig, and confirm: the loop starts anew with what was "
+    "measured, the drives come on at zero volts, and the encoders lose their zero"
+)
+
+
 async def tare(work: Work) -> Finding:
     """Take 1 s of volts without load as the zero of both cells."""
+    await work.drives_off()
     await work.ask("Slacken both tendons and take everything off the load cells, and confirm", SLACK)
     await work.let_go()
     work.phase("measuring")
@@ -46,6 +53,7 @@ async def tare(work: Work) -> Finding:
                 "slacken its tendon, or set its amplifier"
             )
         calibrations.append(CellCalibration(tendon, known[0], zero_V, _source("tared")))
+    await work.ask(_TAKEN_UP)
     return Finding(True, "the zeros of both load cells are set", tuple(figures), tuple(calibrations))
 
 
@@ -60,6 +68,7 @@ def require_weights(values: dict[str, float]) -> None:
 async def calibrate(work: Work) -> Finding:
     """Hang two weights on each cell and draw the line through both."""
     require_weights(work.values)
+    await work.drives_off()
     weights = work.values["weight_1_N"], work.values["weight_2_N"]
     figures, calibrations = [], []
     for tendon in "AB":
@@ -87,6 +96,7 @@ async def calibrate(work: Work) -> Finding:
             )
         _require_still(tendon, abs(slope) * max(float(column.std()) for column in volts))
         calibrations.append(CellCalibration(tendon, slope, offset, _source("calibrated with two weights")))
+    await work.ask(_TAKEN_UP)
     return Finding(True, "slope and offset of both load cells are measured", tuple(figures), tuple(calibrations))
 
 

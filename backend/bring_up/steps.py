@@ -47,7 +47,7 @@ STEPS: tuple[Step, ...] = (
     Step(
         StepId.WIRING_TEST,
         "Wiring test",
-        "Motors off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as you are asked: each "
+        "Drives off, tendons slack. Turn the joint, then each motor, and pull at each tendon, as you are asked: each "
         "sensor has to move, the right one, and to the right side.",
         holds_days=30.0,
     ),

@@ -105,6 +105,7 @@ async def _wound(work: Work) -> tuple[float, float]:
     work.phase("winding up")
     await work.ask("Take your hands off: the motors wind up. Confirm to begin")
     await work.let_go()
+    await work.drives_on()
     first = work.loop.ring.count
     await work.send(SetMode(Mode.PRETENSION))
     waited_s, highest, apart, steady_s = 0.0, 0.0, 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Motors off: what is moved by hand has to be seen by its own sensor, by enough, to the right side."""
+"""Drives off: what is moved by hand has to be seen by its own sensor, by enough, to the right side."""
 
 from typing import NamedTuple
 
@@ -44,6 +44,7 @@ _ASKS = (
 
 async def wiring_test(work: Work) -> Finding:
     """Ask for each movement in turn; whatever is wrong is found at once, each with the entry to change."""
+    await work.drives_off()
     problems: list[str] = []
     figures = []
     for wanted, words, hand in _ASKS:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.loop.access import LoopAccess
-from backend.loop.commands import ByHand, Command, Refused
+from backend.loop.commands import ByHand, Command, Refused, SwitchDrives
 from backend.loop.mode import MODES, Mode
 from backend.sample import INDEX
 from plant.brought_up import CellCalibration
@@ -93,6 +93,14 @@ class Work:
         answer = await self.loop.send(command)
         if isinstance(answer, Refused):
             raise StepFailedError(answer.reason)
+
+    async def drives_off(self) -> None:
+        """Take the drives away before hands are asked for; they stay off until somebody has them switched on."""
+        await self.send(SwitchDrives(on=False))
+
+    async def drives_on(self) -> None:
+        """Give the drives back, at zero volts: only after it was confirmed that no hand is at the rig."""
+        await self.send(SwitchDrives(on=True))
 
     async def ask(self, words: str, hand: Hand = NO_HAND) -> None:
         """Ask a person to do something and wait until it is confirmed; at a virtual card, ``hand`` does it then."""

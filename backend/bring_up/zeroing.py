@@ -13,6 +13,7 @@ NEAR_RAD = 0.01
 
 async def zero(work: Work) -> Finding:
     """Set the encoders; the motors' own zeros are found by the pretension each time."""
+    await work.drives_off()
     position = work.wiring.end_switch.position
     homing = not math.isnan(position)
     if homing:

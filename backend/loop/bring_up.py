@@ -2,14 +2,16 @@
 
 from typing import assert_never
 
-from backend.loop.commands import ByHand, ProveDirections, TryMotor, Zero
-from backend.loop.mode import LEGAL, Mode, RefusedError
+from backend.loop.commands import ByHand, ProveDirections, SwitchDrives, TryMotor, Zero
+from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
 from plant.hand import Handled
-from plant.interface import Plant, PlantError, Proven
+from plant.interface import Plant, PlantError, Proven, Switched
+
+Asked = Zero | TryMotor | ProveDirections | SwitchDrives | ByHand
 
 
-def carry_out(command: Zero | TryMotor | ProveDirections | ByHand, machine: ModeMachine, plant: Plant) -> None:
+def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
     """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
     match command:
         case Zero(q, theta_A, theta_B, at_switch):
@@ -19,6 +21,8 @@ def carry_out(command: Zero | TryMotor | ProveDirections | ByHand, machine: Mode
             machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
         case TryMotor(motor):
             _require_off(machine, "a motor is tried")
+            if machine.drives_off:
+                raise RefusedError(DRIVES_OFF)
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
             machine.try_motor(motor)
@@ -26,6 +30,13 @@ def carry_out(command: Zero | TryMotor | ProveDirections | ByHand, machine: Mode
             _require_off(machine, "directions are proven")
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=True)
+        case SwitchDrives(on):
+            _require_off(machine, "drives are switched")
+            if not isinstance(plant, Switched):
+                raise PlantError("this plant has no drives that could be switched off")
+            machine.drives_off = True  # until the card has obeyed
+            plant.switch_drives(on=on)
+            machine.drives_off = not on
         case ByHand(hand):
             if not isinstance(plant, Handled):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")

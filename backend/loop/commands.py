@@ -114,6 +114,13 @@ class ProveDirections:
 
 
 @dataclass(frozen=True)
+class SwitchDrives:
+    """Take the drives away while hands are at the rig, or give them back; OFF only. Off, nothing starts."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
 class ByHand:
     """Let a hand act on a plant that is computed, as a person would at a rig."""
 
@@ -157,6 +164,7 @@ Command = (
     | Zero
     | TryMotor
     | ProveDirections
+    | SwitchDrives
     | ByHand
     | Stop
     | Reset

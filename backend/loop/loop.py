@@ -33,6 +33,7 @@ from backend.loop.commands import (
     Shutdown,
     Stop,
     Stopped,
+    SwitchDrives,
     TryMotor,
     Zero,
 )
@@ -139,7 +140,7 @@ class Loop:
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
-            case Zero() | TryMotor() | ProveDirections() | ByHand():
+            case Zero() | TryMotor() | ProveDirections() | SwitchDrives() | ByHand():
                 bring_up.carry_out(command, self._machine, self._plant)
                 if isinstance(command, Zero):
                     self._velocity.stands_at(command.q)

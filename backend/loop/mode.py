@@ -38,6 +38,12 @@ pretension (``Refused`` says so before that).
 """
 
 
+DRIVES_OFF = (
+    "the drives are switched off, as hands may be at the rig: take them off, then switch the drives on in the bring-up"
+)
+"""Why nothing starts while hands are at the rig."""
+
+
 class RefusedError(Exception):
     """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
 

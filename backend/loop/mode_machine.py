@@ -19,7 +19,7 @@ from backend.loop.commands import (
     SetReferences,
     Stop,
 )
-from backend.loop.mode import LEGAL, Mode, RefusedError
+from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.motor_trial import MotorTrial
@@ -43,7 +43,7 @@ _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault
 class ModeMachine:
     """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything.
 
-    ``zeroed`` tells that the zeros of the motor encoders are known.
+    ``zeroed`` tells that the zeros of the motor encoders are known, ``drives_off`` that hands may be at the rig.
     """
 
     def __init__(
@@ -67,6 +67,7 @@ class ModeMachine:
         self._geometry = decoupler_for(parameters)
         self._program: Program | None = None
         self.zeroed = False
+        self.drives_off = False
         self.F_push, self.load = 0.0, NO_LOAD
         self._reached_told = False
 
@@ -93,8 +94,8 @@ class ModeMachine:
         if isinstance(self.motion, MotorTrial) and mode is not Mode.STOPPING:
             raise RefusedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
         if mode is Mode.PRETENSION:
-            if self._plant.unready:
-                raise RefusedError(self._plant.unready)
+            if refused := DRIVES_OFF if self.drives_off else self._plant.unready:
+                raise RefusedError(refused)
             self._enter_pretension("asked for")
         elif mode is Mode.OFF:
             self._enter(Mode.OFF, None, "asked for")

@@ -12,6 +12,15 @@ from tests.e2e.service import running_service
 
 URL = "/api/bring-up"
 
+STARTING: list[tuple[str, dict[str, Any]]] = [
+    ("/api/mode", {"mode": "pretension"}),
+    ("/api/experiments", {"name": "tracking"}),
+    ("/api/experiments/queue/run", {}),
+    ("/api/identifications", {"tension_N": 20.0, "bits": 6}),
+    (f"{URL}/drives", {"on": True}),
+]
+"""What must not begin while hands are at the rig."""
+
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
@@ -43,6 +52,12 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     rig.post(f"{URL}/wiring_test", json={"values": {}}).raise_for_status()
     assert "under way" in step_of(rig, "tare")["blocked"]
     told: set[str] = set()
+    until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
+    assert rig.get(URL).json()["drives_on"] is False
+    rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
+    for order, body in STARTING:
+        refused = problem(rig.post(order, json=body))
+        assert "Wiring test of the bring-up is under way" in str(refused["message"]), order
 
     def over() -> dict[str, Any] | None:
         step = step_of(rig, "wiring_test")
@@ -57,6 +72,9 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
     assert len(told) >= 6
     assert step_of(rig, "zero")["blocked"] == ""
+    # Nobody has said yet that the hands are off the rig.
+    assert "drives are switched off" in str(problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"])
+    assert rig.post(f"{URL}/drives", json={"on": True}).raise_for_status().json()["drives_on"] is True
 
 
 def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:

@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
-from backend.api.schemas.bring_up import BringUpView, StepValues
+from backend.api.schemas.bring_up import BringUpView, DrivesSwitch, StepValues
 from backend.api.service import InControl, ServiceInUse
 from backend.bring_up.steps import StepId
 
@@ -26,6 +26,12 @@ async def confirm_bring_up(service: ServiceInUse, _person: InControl) -> BringUp
 async def cancel_bring_up(service: ServiceInUse, _person: InControl) -> BringUpView:
     """Give up the step under way; nothing of it is kept."""
     return await service.bring_up.cancel()
+
+
+@router.post("/drives")
+async def switch_drives(body: DrivesSwitch, service: ServiceInUse, person: InControl) -> BringUpView:
+    """Switch the drives off or, once no hand is at the rig, on; in off and between two steps only."""
+    return await service.bring_up.switch_drives(body.on, person.name)
 
 
 @router.post("/{step}", status_code=202)

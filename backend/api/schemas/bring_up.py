@@ -66,7 +66,14 @@ class BringUpView(Schema):
 
     applies: bool
     why_not: str
+    drives_on: bool | None = Field(description="whether the drive-enable line is on; null where it is not seen")
     steps: list[BringUpStep]
+
+
+class DrivesSwitch(Schema):
+    """Take the drives away, or give them back."""
+
+    on: bool
 
 
 class StepValues(Schema):

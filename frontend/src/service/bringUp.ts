@@ -20,6 +20,7 @@ function stepUnderWay(data: BringUp | undefined): boolean {
 
 export type StepCommand =
   | { readonly do: "start"; readonly step: BringUpStep["id"]; readonly values: Record<string, number> }
+  | { readonly do: "switch-drives"; readonly on: boolean }
   | { readonly do: "confirm" }
   | { readonly do: "cancel" };
 
@@ -39,6 +40,8 @@ function request(command: StepCommand) {
       const { step, values } = command;
       return api.POST("/api/bring-up/{step}", { params: { path: { step } }, body: { values } });
     }
+    case "switch-drives":
+      return api.POST("/api/bring-up/drives", { body: { on: command.on } });
     case "confirm":
       return api.POST("/api/bring-up/confirm");
     case "cancel":

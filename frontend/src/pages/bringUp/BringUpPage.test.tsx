@@ -64,8 +64,12 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-async function open(steps: BringUpStep[], angles: Angles = "deg"): Promise<void> {
-  view = { applies: true, why_not: "", steps };
+async function open(
+  steps: BringUpStep[],
+  angles: Angles = "deg",
+  drives_on: BringUp["drives_on"] = null,
+): Promise<void> {
+  view = { applies: true, why_not: "", drives_on, steps };
   show(angles);
   await screen.findByRole("list", { name: "Steps of the bring-up" });
   await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
@@ -92,7 +96,12 @@ const card = (name: string) => within(screen.getByRole("region", { name }));
 const start = (name: string) => screen.getByRole("button", { name });
 
 it("says in a sentence why there is nothing to do, and offers nothing", async () => {
-  view = { applies: false, why_not: "A simulator has no wires: there is nothing to bring up.", steps: [] };
+  view = {
+    applies: false,
+    why_not: "A simulator has no wires: there is nothing to bring up.",
+    drives_on: null,
+    steps: [],
+  };
   show();
   expect(await screen.findByText(view.why_not)).toBeTruthy();
   expect(screen.queryByRole("button")).toBeNull();
@@ -195,6 +204,25 @@ it("shows the step under way with what a person is asked, and confirms or cancel
   await waitFor(() => expect(asked("/api/bring-up/confirm")).toHaveLength(1));
   fireEvent.click(screen.getByRole("button", { name: "Cancel" }));
   await waitFor(() => expect(asked("/api/bring-up/cancel")).toHaveLength(1));
+});
+
+it("says that the drives are off, and switches them on when somebody presses it", async () => {
+  await open([step("zero", "Zero")], "deg", false);
+  const drives = () => within(screen.getByRole("region", { name: "Drives" }));
+  expect(drives().getByText("Drives off.")).toBeTruthy();
+  view = { ...view, drives_on: true };
+  fireEvent.click(drives().getByRole("button", { name: "Switch drives on" }));
+  expect(await drives().findByText("Drives on.")).toBeTruthy();
+  const sent = asked("/api/bring-up/drives");
+  expect(await sent[0]?.clone().json()).toEqual({ on: true });
+  expect(drives().getByRole("button", { name: "Switch drives off" })).toBeTruthy();
+});
+
+it("offers no switch of the drives while a step is under way", async () => {
+  const running = { phase: "waiting", elapsed_s: 1, confirm: "Turn motor A." };
+  await open([step("wiring_test", "Wiring test", { running })], "deg", false);
+  expect(screen.getByRole("region", { name: "Drives" }).textContent).toContain("Drives off.");
+  expect(screen.queryByRole("button", { name: /Switch drives/ })).toBeNull();
 });
 
 it("keeps what was typed for the next time", async () => {

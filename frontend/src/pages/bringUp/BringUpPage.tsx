@@ -1,4 +1,4 @@
-/** Bringing a rig up, step by step: from motors off and a turn by hand to a safety module that was seen to trip. */
+/** Bringing a rig up, step by step: from drives off and a turn by hand to a safety module that was seen to trip. */
 
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
@@ -8,6 +8,7 @@ import { useMayCommand } from "../../service/useMayCommand";
 import type { BringUp } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./BringUp.module.css";
+import { Drives } from "./Drives";
 import { StepCard } from "./StepCard";
 
 export default function BringUpPage() {
@@ -16,7 +17,7 @@ export default function BringUpPage() {
     <div className={page.page}>
       <h1 className={page.title}>Bring-up</h1>
       {data?.applies ? (
-        <Steps steps={data.steps} />
+        <Steps steps={data.steps} drivesOn={data.drives_on} />
       ) : (
         <Nothing why={data?.why_not ?? error?.message ?? "Loading …"} />
       )}
@@ -32,10 +33,16 @@ function Nothing({ why }: { why: string }) {
   );
 }
 
-function Steps({ steps }: { steps: BringUp["steps"] }) {
+interface StepsProps {
+  readonly steps: BringUp["steps"];
+  readonly drivesOn: BringUp["drives_on"];
+}
+
+function Steps({ steps, drivesOn }: StepsProps) {
   const viewer = useMayCommand() === false;
   const done = steps.filter(({ state }) => state === "current").length;
   const at = atStep(steps);
+  const stepUnderWay = steps.some(({ running }) => running !== null);
   return (
     <>
       <p className={page.lead}>
@@ -43,6 +50,7 @@ function Steps({ steps }: { steps: BringUp["steps"] }) {
         cancelled, and is kept with who did it and when.
         {viewer && " You are signed in as a viewer: you look on, and may press STOP."}
       </p>
+      {drivesOn !== null && <Drives on={drivesOn} stepUnderWay={stepUnderWay} />}
       <ol className={styles.steps} aria-label="Steps of the bring-up">
         {steps.map((step, index) => (
           <li key={step.id}>

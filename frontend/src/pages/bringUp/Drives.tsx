@@ -1,0 +1,43 @@
+/** Whether the drives are on, and their switch: after hands were at the rig they stay off until somebody says otherwise. */
+
+import { Button } from "@mantine/core";
+import { IconHandStop, IconPlugConnected } from "@tabler/icons-react";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { Refusal } from "../../components/Refusal";
+import { useStepCommand } from "../../service/bringUp";
+import styles from "./BringUp.module.css";
+
+interface DrivesProps {
+  readonly on: boolean;
+  /** While a step is under way the drives are the step's. */
+  readonly stepUnderWay: boolean;
+}
+
+export function Drives({ on, stepUnderWay }: DrivesProps) {
+  const command = useStepCommand();
+  const Icon = on ? IconPlugConnected : IconHandStop;
+  return (
+    <section className={styles.drives} aria-label="Drives" data-on={on}>
+      <Icon size={19} aria-hidden="true" />
+      <p>
+        <strong>{on ? "Drives on." : "Drives off."}</strong> {on ? ON : OFF}
+      </p>
+      {!stepUnderWay && (
+        <OperatorsOnly>
+          <Button
+            size="sm"
+            variant="default"
+            loading={command.isPending}
+            onClick={() => command.mutate({ do: "switch-drives", on: !on })}
+          >
+            {on ? "Switch drives off" : "Switch drives on"}
+          </Button>
+        </OperatorsOnly>
+      )}
+      <Refusal error={command.error} about={[on, stepUnderWay]} />
+    </section>
+  );
+}
+
+const ON = "Keep your hands off the rig, or switch them off before you reach in.";
+const OFF = "The motors can be turned by hand, and nothing starts. Take your hands off before they come on.";

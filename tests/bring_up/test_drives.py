@@ -1,0 +1,94 @@
+"""While hands are at the rig its drives are off, nothing starts, and only somebody who says so brings them back."""
+
+import asyncio
+
+import pytest
+
+from backend.bring_up.steps import StepId
+from backend.faults import Fault
+from backend.loop.commands import Accepted, Command, Refused, Reset, RunProgram, SetMode, Stop, SwitchDrives, TryMotor
+from backend.loop.mode import Mode
+from backend.loop.program import Law, Program, Segment
+from plant.card import CardState
+from tests.bring_up.rigs import BroughtUpRig
+
+BY_HAND = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO)
+STARTING: tuple[Command, ...] = (
+    SetMode(Mode.PRETENSION),
+    TryMotor("A"),
+    RunProgram(Program(Law.CASCADE, (Segment(duration_s=0.1, q_ref=0.0, S_ref=0.5),))),
+)
+
+
+@pytest.mark.parametrize("step", BY_HAND)
+def test_the_drives_are_off_whenever_hands_are_asked_for_and_nothing_starts(step: StepId) -> None:
+    rig = BroughtUpRig()
+    seen: list[CardState] = []
+    refused: list[bool] = []
+
+    async def look(_words: str) -> None:
+        seen.append(rig.rig.card_state())
+        refused.extend([isinstance(await rig.loop.send(command), Refused) for command in STARTING])
+
+    async def work() -> None:
+        for first in (StepId.ZERO, StepId.DIRECTION):  # without this nothing starts anyway
+            assert (await rig.do(first)).passed
+        assert rig.rig.unready == ""
+        assert rig.rig.card_state().drive_enabled
+        rig.meanwhile = look
+        finding = await rig.do(step)
+        assert finding.passed, finding.text
+        # Over, and still off: whoever is at the rig is not to be surprised.
+        assert not rig.rig.card_state().drive_enabled
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)
+        assert isinstance(await rig.loop.send(SwitchDrives(on=True)), Accepted)
+        assert rig.rig.card_state().drive_enabled
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Accepted)
+
+    run(rig, work())
+    assert seen
+    assert not any(card.drive_enabled or card.expired for card in seen)
+    assert all(refused)
+
+
+def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
+    rig = BroughtUpRig()
+    seen: list[bool] = []
+
+    async def look(_words: str) -> None:
+        seen.append(rig.rig.card_state().drive_enabled)
+
+    async def work() -> None:
+        assert (await rig.do(StepId.ZERO)).passed
+        rig.meanwhile = look
+        assert (await rig.do(StepId.DIRECTION)).passed
+
+    run(rig, work())
+    assert seen == [False]
+    assert rig.rig.card_state().drive_enabled is False  # the rig is let go of
+
+
+def test_a_reset_leaves_the_drives_off() -> None:
+    rig = BroughtUpRig()
+
+    async def work() -> None:
+        await rig.loop.advance(0.01)
+        assert isinstance(await rig.loop.send(SwitchDrives(on=False)), Accepted)
+        await rig.loop.send(Stop(Fault.STOP_PRESSED))
+        await rig.loop.advance(0.01)
+        assert isinstance(await rig.loop.send(SwitchDrives(on=True)), Refused)
+        assert isinstance(await rig.loop.send(Reset()), Accepted)
+        await rig.loop.advance(0.01)
+        assert rig.mode is Mode.OFF
+        assert not rig.rig.card_state().drive_enabled
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)
+
+    run(rig, work())
+
+
+def run(rig: BroughtUpRig, work: object) -> None:
+    assert asyncio.iscoroutine(work)
+    try:
+        asyncio.run(work)
+    finally:
+        rig.loop.close()
