@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from backend.bring_up.directions import direction
 from backend.bring_up.load_cells import calibrate, require_weights, tare
-from backend.bring_up.steps import STEP, StepId
+from backend.bring_up.steps import MORE_WEIGHTS, STEP, StepId
 from backend.bring_up.tension import pretension, safety_module
 from backend.bring_up.wiring_test import wiring_test
 from backend.bring_up.work import Finding, StepFailedError, Work
@@ -27,8 +27,12 @@ _WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {
 
 
 def values_of(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
-    """Return all numbers that a step asks for. Raises OutOfRangeError, ValueError for one it does not ask for."""
-    asked = {wanted.name: wanted for wanted in STEP[step].inputs}
+    """Return all numbers that a step asks for, and further weights that are given.
+
+    Raises OutOfRangeError, ValueError for one it does not ask for.
+    """
+    further = [more for more in MORE_WEIGHTS if more.name in given] if step is StepId.CALIBRATE else []
+    asked = {wanted.name: wanted for wanted in (*STEP[step].inputs, *further)}
     unknown = ", ".join(sorted(set(given) - set(asked)))
     if unknown:
         raise ValueError(f"{step} asks for no {unknown}; it asks for {', '.join(asked) or 'nothing'}")

@@ -21,6 +21,8 @@ TARE_MAX_V = 2.0
 WEIGHTS_APART_N = 5.0
 """Least difference of two weights [N]: with 0.05 N of noise the slope then is good to 0.1 %."""
 
+OFF_LINE_N = 0.5
+"""So far may a weight lie off the line through all of them [N]: ten times the noise of a single reading."""
 
 _TAKEN_UP = (
     "Take everything off the load cells and your hands off the rig, and confirm: the loop starts anew with what was "
@@ -58,7 +60,7 @@ async def tare(work: Work) -> Finding:
 
 
 def require_weights(values: dict[str, float]) -> None:
-    """Raise OutOfRangeError for weights that are too near to each other, or in the wrong order."""
+    """Raise OutOfRangeError for two weights that are too near to each other, or in the wrong order."""
     lighter = values["weight_1_N"]
     heavier = values["weight_2_N"]
     remedy = f"take weights at least {WEIGHTS_APART_N:g} N apart, the lighter one first"
@@ -66,12 +68,12 @@ def require_weights(values: dict[str, float]) -> None:
 
 
 async def calibrate(work: Work) -> Finding:
-    """Hang two weights on each cell and draw the line through both."""
+    """Hang the weights on each cell, the lightest first, and draw the best line through them."""
     require_weights(work.values)
     await work.drives_off()
-    weights = work.values["weight_1_N"], work.values["weight_2_N"]
+    weights = sorted(work.values.values())
     figures, calibrations = [], []
-    for tendon in "AB":
+    for tendon in work.cells:
         volts = []
         for weight in weights:
             hand = replace(SLACK, pull_A=weight) if tendon == "A" else replace(SLACK, pull_B=weight)
@@ -79,12 +81,13 @@ async def calibrate(work: Work) -> Finding:
             work.phase(f"load cell {tendon}, {weight:g} N")
             volts.append(_volts(await work.recorded(MEASURED_S), tendon))
         await work.let_go()
-        low, high = (float(column.mean()) for column in volts)
+        means = np.array([column.mean() for column in volts])
         known = linear(work.wiring, tendon)
-        if not abs(high - low) >= 1e-3:
+        if not np.ptp(means) >= 1e-3:
             raise StepFailedError(f"load cell {tendon} does not tell the weights apart: look at its cable")
-        slope = (weights[1] - weights[0]) / (high - low)
-        offset = low - weights[0] / slope
+        slope, at_0_V = (float(part) for part in np.polyfit(means, weights, 1))
+        offset = -at_0_V / slope
+        off_line_N = float(np.abs(slope * means + at_0_V - weights).max())
         figures += [
             Figure(f"slope of load cell {tendon}", slope, "N/V"),
             Figure(f"offset of load cell {tendon}", offset, "V"),
@@ -94,10 +97,18 @@ async def calibrate(work: Work) -> Finding:
                 f"load cell {tendon} goes the other way than the wiring says: turn the sign of "
                 f"load_cell_{tendon}.slope, or exchange its two leads"
             )
+        if len(weights) > 2:
+            figures.append(Figure(f"load cell {tendon} off its line by at most", off_line_N, "N"))
+        if not off_line_N <= OFF_LINE_N:
+            raise StepFailedError(
+                f"load cell {tendon} is off its line by {off_line_N:.2f} N, at most {OFF_LINE_N:g} N are a line: look "
+                "at the weights, or calibrate it by a table in the wiring file"
+            )
         _require_still(tendon, abs(slope) * max(float(column.std()) for column in volts))
-        calibrations.append(CellCalibration(tendon, slope, offset, _source("calibrated with two weights")))
+        calibrations.append(CellCalibration(tendon, slope, offset, _source(f"calibrated with {len(weights)} weights")))
     await work.ask(_TAKEN_UP)
-    return Finding(True, "slope and offset of both load cells are measured", tuple(figures), tuple(calibrations))
+    which = "both load cells" if len(calibrations) == 2 else f"load cell {work.cells}"
+    return Finding(True, f"slope and offset of {which} are measured", tuple(figures), tuple(calibrations))
 
 
 def _volts(rows: Rows, tendon: str) -> Signal:

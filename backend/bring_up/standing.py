@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import NamedTuple
@@ -50,6 +50,8 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
         return Standing(StepState.OUT_OF_DATE, "the wiring file has changed since")
     if step.id is StepId.ZERO and result.at < loop_started:
         return Standing(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
+    if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
+        return Standing(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
         return Standing(StepState.OUT_OF_DATE, f"it holds good for {step.holds_days:g} days")
     return Standing(StepState.CURRENT, f"it holds good for {step.holds_days:g} days from when it was done")
@@ -80,9 +82,23 @@ def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who
 
 
 def newest(database: Database) -> dict[str, StepResult]:
-    """Return the newest result of each step."""
+    """Return the newest result of each step; of load cells calibrated one by one both, and the older date."""
     with database.reading() as session:
-        return bring_up.newest(session)
+        results = bring_up.newest(session)
+        last = results.get(StepId.CALIBRATE)
+        if last is not None and (other := _missing_cell(last)):
+            for before in reversed(bring_up.passed_with(session, last.fingerprint)):
+                of_other = [found for found in before.calibrations if found["tendon"] == other]
+                if before.step == StepId.CALIBRATE and of_other:
+                    both = [*of_other, *last.calibrations]
+                    return results | {StepId.CALIBRATE: replace(last, at=before.at, calibrations=both)}
+    return results
+
+
+def _missing_cell(result: StepResult) -> str:
+    """Return the load cell that a calibration of a single one leaves; empty where it was not of a single one."""
+    cells = {found["tendon"] for found in result.calibrations}
+    return "AB".replace(cells.pop(), "") if len(cells) == 1 else ""
 
 
 def in_effect(database: Database, wiring: Wiring) -> BroughtUp:

@@ -43,6 +43,9 @@ class Step:
 WEIGHT_MAX_N = 45.0
 """Heaviest known weight [N]: within what load cells and springs of 50 N bear."""
 
+MORE_WEIGHTS = tuple(Input(f"weight_{n}_N", "further weight", "N", 15.0, 0.0, WEIGHT_MAX_N) for n in range(3, 10))
+"""What a calibration takes beside the two weights that it asks for."""
+
 STEPS: tuple[Step, ...] = (
     Step(
         StepId.WIRING_TEST,

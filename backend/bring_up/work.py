@@ -61,7 +61,10 @@ Confirmed = Callable[[str], Awaitable[None]]
 
 
 class Work:
-    """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for."""
+    """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for.
+
+    ``cells`` are the load cells to calibrate.
+    """
 
     def __init__(
         self,
@@ -73,6 +76,7 @@ class Work:
         computed: bool,
         confirmed: Confirmed,
         phase: Callable[[str], None],
+        cells: str = "AB",
     ) -> None:
         self.loop = loop
         self.wiring = wiring
@@ -80,6 +84,7 @@ class Work:
         self.values = values
         self.phase = phase
         self.computed = computed
+        self.cells = cells
         self._confirmed = confirmed
 
     @property

@@ -40,7 +40,7 @@ async def zero(work: Work) -> Finding:
     if homing:
         await work.ask("Turn the joint back to its middle, and confirm", SLACK)
     await work.let_go()
-    how = "at the end switch" if homing else "at its zero mark"
+    how = "the end switch" if homing else "its zero mark"
     return Finding(
         True, f"the joint's encoder counts from {how}", (Figure("joint position that was set", position, "rad"),)
     )

@@ -58,8 +58,8 @@ class BroughtUpRig:
         if self.meanwhile is not None:
             await self.meanwhile(words)
 
-    async def do(self, step: StepId, **values: float) -> Finding:
-        """Play one step."""
+    async def do(self, step: StepId, cells: str = "AB", **values: float) -> Finding:
+        """Play one step; ``cells`` are those to calibrate."""
         work = Work(
             self.loop,
             self.declared,
@@ -68,6 +68,7 @@ class BroughtUpRig:
             computed=True,
             confirmed=self._confirmed,
             phase=self.in_phase,
+            cells=cells,
         )
         return await perform(step, work)
 

@@ -60,6 +60,28 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     assert state(replace(zero, at=old), started=old - timedelta(days=1)) is StepState.OUT_OF_DATE
 
 
+def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
+    begun, wired, step = datetime.now(UTC), standing.fingerprint(WIRING), STEP[StepId.CALIBRATE]
+
+    def calibrated_one(tendon: str) -> tuple[standing.StepResult, StepState, str]:
+        kept = standing.keep(database, step.id, WIRING, Finding(True, "well", (), (cells[tendon],)), "Ada")
+        newest = standing.newest(database)[step.id]
+        return kept, *standing.standing(step, newest, wired, begun)
+
+    first, state, why = calibrated_one("A")
+    assert state is StepState.NEVER
+    assert "load cell B" in why
+    assert calibrated_one("A")[1] is StepState.NEVER
+    second, state, _ = calibrated_one("B")
+    assert state is StepState.CURRENT
+    newest = standing.newest(database)[step.id]
+    assert {found["tendon"] for found in newest.calibrations} == {"A", "B"}
+    assert first.at < newest.at < second.at  # of the older of the two
+    database.close()
+
+
 @pytest.mark.parametrize("step", [step.id for step in STEPS if step.needs])
 def test_a_step_waits_for_those_before_it(step: StepId) -> None:
     never = dict.fromkeys(StepId, standing.Standing(StepState.NEVER, ""))

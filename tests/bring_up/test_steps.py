@@ -130,6 +130,27 @@ def test_two_weights_give_slope_and_offset_of_the_card() -> None:
     assert (A.offset, B.offset) == (pytest.approx(0.31, rel=2e-3), pytest.approx(-0.22, rel=2e-3))
 
 
+BENT = {
+    "slope": float("nan"),
+    "offset": float("nan"),
+    "table": ((-10.0, -100.0), (1.0, 17.0), (2.0, 25.0), (10.0, 90.0)),
+}
+
+
+@pytest.mark.parametrize(("true", "passed"), [({"slope": 9.4, "offset": -0.22}, True), (BENT, False)])
+def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any], passed: bool) -> None:
+    rig = BroughtUpRig(WIRING, with_entries(load_cell_B=true))
+    finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
+    rig.loop.close()
+    assert finding.passed is passed, finding.text
+    assert [words.partition(",")[0] for words in rig.asked] == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
+    if passed:
+        (cell,) = finding.calibrations
+        assert (cell.tendon, cell.slope, cell.offset) == ("B", pytest.approx(9.4, rel=2e-3), pytest.approx(-0.22, 2e-3))
+    else:
+        assert "off its line by" in finding.text
+
+
 def test_a_tare_takes_the_volts_without_load() -> None:
     true = with_entries(load_cell_A={"offset": 0.31}, load_cell_B={"offset": -0.22})
     rig = BroughtUpRig(WIRING, true)
