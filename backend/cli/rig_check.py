@@ -1,11 +1,14 @@
 """``sinew rig check``: whether a wiring file can be used, all that is wrong with it at once."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backend.cli.output import AsJson, fail, print_json
 from backend.cli.place import WiringFile, settings_with
+
+if TYPE_CHECKING:
+    from plant.daq import Raw
 
 
 def check(
@@ -29,17 +32,21 @@ def check(
             print_json({"problems": [problem._asdict() for problem in error.problems]})
         fail(str(error))
         return
+    read = _read_once(settings_with(wiring=wiring).wiring) if open_card else None
     if as_json:
-        print_json({"wiring": found.title, "problems": []})
+        print_json({"wiring": found.title, "problems": []} | ({} if read is None else {"read": read._asdict()}))
         return
     print(f"{found.title}: channels, units and calibrations are in order")
-    if open_card:
-        _read_once(found.title, settings_with(wiring=wiring).wiring)
+    if read is not None:
+        counts = f"{read.n_q:g}, {read.n_A:g}, {read.n_B:g}"
+        print(f"{found.title}: {read.V_A:.4f} V, {read.V_B:.4f} V; counts {counts}")
+        tripped, held = "tripped" if read.tripped else "not tripped", "held" if read.at_end else "free"
+        print(f"safety module {tripped}, end switch {held}")
     else:
         print("Signs and swapped wires show in the bring-up: its wiring test and direction step name the entry")
 
 
-def _read_once(title: str, wiring: str) -> None:
+def _read_once(wiring: str) -> "Raw":
     from plant.catalog import require_available, wiring_of_choice
     from plant.choice import PlantChoice, PlantKind
 
@@ -50,8 +57,6 @@ def _read_once(title: str, wiring: str) -> None:
     daq = Daq(wiring_of_choice(choice))
     try:
         daq.open()
-        raw = daq.read()
+        return daq.read()
     finally:
         daq.close()
-    print(f"{title}: {raw.V_A:.4f} V, {raw.V_B:.4f} V; counts {raw.n_q:g}, {raw.n_A:g}, {raw.n_B:g}")
-    print(f"safety module {'tripped' if raw.tripped else 'not tripped'}, end switch {'held' if raw.at_end else 'free'}")

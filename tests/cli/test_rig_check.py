@@ -47,3 +47,16 @@ def test_programs_read_the_mistakes_too(
     (problem,) = json.loads(capsys.readouterr().out)["problems"]
     assert problem["entry"] == "load_cell_B.channel"
     assert "ai99" in wrong.read_text().splitlines()[problem["line"] - 1]
+
+
+@pytest.mark.parametrize("words", [["--open"], ["--open", "--json"]])
+def test_a_card_that_cannot_be_opened_is_told_in_either_form(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    assert ended.value.code == 1
+    assert "install NI-DAQmx" in printed.err
+    assert printed.out == ""
