@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli import rig_check
+from backend.cli import rig_bring_up, rig_check
 from backend.cli.output import AsJson, errors, fail, out, print_json
 from backend.cli.place import (
     CardAddress,
@@ -20,8 +20,11 @@ from backend.cli.place import (
 if TYPE_CHECKING:
     from plant.promises import Finding
 
-app = typer.Typer(help="Look at what is driven, before it is.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Look at what is driven, and bring it up.", no_args_is_help=True, rich_markup_mode=None)
 app.command()(rig_check.check)
+app.command()(rig_bring_up.bring_up)
+app.command()(rig_bring_up.tare)
+app.command()(rig_bring_up.calibrate)
 
 STEPPED_VOLTAGE = 0.5
 """What is put on the outputs where nothing real moves [V]."""

@@ -1,0 +1,111 @@
+"""One person brings a rig up without the service: a loop process of its own, the same steps, kept the same way."""
+
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from backend.bring_up import standing
+from backend.bring_up.engine import perform
+from backend.bring_up.standing import Standing, blocked_by
+from backend.bring_up.steps import STEP, STEPS, StepId
+from backend.bring_up.work import Confirmed, Finding, Work
+from backend.loop.access import LoopDiedError
+from backend.loop.channel import Setup
+from backend.loop.supervisor import Supervisor
+from backend.storage import Database
+from backend.storage.bring_up import StepResult
+from backend.supervision import Supervision
+from plant.brought_up import calibrated
+from plant.catalog import wiring_of_choice
+from plant.parameters import PlantParameters
+from plant.wiring import Wiring
+
+
+@dataclass(frozen=True)
+class Person:
+    """Who brings the rig up: ``confirmed`` asks to do something at it, ``phase`` tells what goes on."""
+
+    name: str
+    confirmed: Confirmed
+    phase: Callable[[str], None]
+
+
+class BlockedError(Exception):
+    """A step cannot be started now; the message says what has to come before."""
+
+
+class Session:
+    """Steps over one loop. What a calibration measured takes effect with a new start of it, as in the service."""
+
+    def __init__(
+        self, database: Database, supervisor: Supervisor, parameters: PlantParameters, person: Person, wiring: Wiring
+    ) -> None:
+        self._database = database
+        self.supervisor = supervisor
+        self._parameters = parameters
+        self._person = person
+        self._wiring = wiring
+        self._started = datetime.now(UTC)
+
+    def states(self) -> dict[StepId, Standing]:
+        """Return how each step stands now."""
+        return states_of(standing.newest(self._database), self._wiring, self._started)
+
+    def require_free(self, step: StepId) -> None:
+        """Raise BlockedError where something has to come before."""
+        blocked = blocked_by(STEP[step], self.states())
+        if blocked:
+            raise BlockedError(f"{STEP[step].title}: {blocked}")
+
+    async def play(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StepResult:
+        """Play a step and keep what it came to; of a step that is given up nothing is stored. Raises BlockedError."""
+        self.require_free(step)
+        setup = self.supervisor.setup
+        work = Work(
+            self.supervisor,
+            calibrated(self._wiring, setup.brought_up.calibrations),
+            self._parameters,
+            dict(values),
+            computed=setup.plant.simulated,
+            confirmed=self._person.confirmed,
+            phase=self._person.phase,
+            cells=cells,
+        )
+        try:
+            finding = await perform(step, work)
+        except LoopDiedError as died:
+            finding = Finding(False, str(died))
+        # Nothing is awaited on the way: it is given up before the result is kept, or after.
+        kept = standing.keep(self._database, step, self._wiring, finding, self._person.name)
+        self.supervisor.setup = replace(setup, brought_up=standing.in_effect(self._database, self._wiring))
+        if finding.passed and finding.calibrations:
+            self._person.phase("starting the loop with what was measured")
+            await self.supervisor.restart()
+            self._started = datetime.now(UTC)
+        return kept
+
+
+@asynccontextmanager
+async def session(
+    database: Database, setup: Setup, parameters: PlantParameters, person: Person
+) -> AsyncIterator[Session]:
+    """Start a loop process; at the end of the block, however it comes, zero volts, and let go of the card.
+
+    Raises LoopDiedError, PlantError.
+    """
+    wiring = wiring_of_choice(setup.plant)
+    supervision = Supervision()
+    supervisor = Supervisor(setup, supervision)
+    try:
+        await supervisor.start()
+        yield Session(database, supervisor, parameters, person, wiring)
+    finally:
+        await supervisor.stop("the bring-up has ended")
+        await supervision.close()
+
+
+def states_of(results: Mapping[str, StepResult], wiring: Wiring, started: datetime) -> dict[StepId, Standing]:
+    """Return how each step stands of ``results`` with a wiring, under a loop started at ``started``."""
+    wired = standing.fingerprint(wiring)
+    return {step.id: standing.standing(step, results.get(step.id), wired, started) for step in STEPS}

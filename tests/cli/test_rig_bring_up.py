@@ -1,0 +1,221 @@
+"""``sinew rig bring-up``, ``tare`` and ``calibrate`` on the virtual card, at a terminal of their own or not."""
+
+import asyncio
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from backend.bring_up import standing
+from backend.bring_up.session import Person, session
+from backend.bring_up.steps import STEPS, StepId
+from backend.bring_up.work import Finding
+from backend.cli import main
+from backend.cli.asking import GivenUpError, Terminal
+from backend.cli.ordering import current_user
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.loop_settings import LoopSettings
+from backend.loop.channel import Setup
+from backend.loop.supervisor import Supervisor
+from backend.sample import INDEX
+from backend.storage import open_database
+from plant.choice import PlantChoice, PlantKind
+from plant.parameters import load_parameters
+from plant.wiring import load_wiring
+from tests.api.conftest import client_with
+from tests.e2e.service import running_service
+
+CARD = ["--plant", "rig", "--virtual-card"]
+START = "Take your hands off the rig"
+WIRING = load_wiring("pcie-6323")
+
+
+def done(data: Path, *steps: StepId) -> None:
+    """Let steps have passed with the shipped wiring."""
+    with closing(open_database(data)) as database:
+        for step in steps:
+            standing.keep(database, step, WIRING, Finding(True, "well"), "Ada")
+
+
+def kept(data: Path) -> dict[str, standing.StepResult]:
+    with closing(open_database(data)) as database:
+        return standing.newest(database)
+
+
+def sinew(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str, data: Path
+) -> tuple[int, str, str]:
+    """Exit status, output and complaint, in one line each."""
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", *words, "--data", str(data)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    return int(ended.value.code or 0), printed.out, " ".join(printed.err.split())
+
+
+@contextmanager
+def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A command whose standard input is a terminal: the process, and the end to type at."""
+    typing, theirs = pty.openpty()
+    command = [sys.executable, "-m", "backend", "rig", *words, "--data", str(data)]
+    running = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    os.close(theirs)
+    too_long = threading.Timer(120.0, running.kill)
+    too_long.start()
+    try:
+        yield running, typing
+    finally:
+        too_long.cancel()
+        os.close(typing)
+        running.kill()
+        running.wait()
+
+
+def told(running: subprocess.Popen[str], words: str) -> None:
+    """Wait until the command says so on standard error."""
+    assert running.stderr is not None
+    said = []
+    for line in running.stderr:
+        said.append(line)
+        if words in line:
+            return
+    pytest.fail(f"it ended without saying {words!r}: {''.join(said)}")
+
+
+@pytest.mark.live
+def test_a_tare_at_the_terminal_is_what_the_service_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done(tmp_path, StepId.WIRING_TEST)
+    with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
+        for question in (START, "Slacken both tendons", "the loop starts anew"):
+            told(running, question)
+            os.write(typing, b"\n")
+            if question == START:
+                os.write(typing, b"q\n")  # while the loop starts, and nothing is asked: no answer
+        printed, said = running.communicate()
+    assert running.returncode == 0, said
+    told_of = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert told_of["tare"]["state"] == "current"
+    with running_service(tmp_path, plant=("rig", "--virtual-card")) as service, client_with(service, "token") as client:
+        shown = {step["id"]: step for step in client.get("/api/bring-up").json()["steps"]}
+        status, _, complaint = sinew(monkeypatch, capsys, "tare", *CARD, data=tmp_path)
+    assert shown["tare"]["state"] == "current"
+    assert shown["tare"]["result"]["who"] == current_user()
+    assert shown["tare"]["result"]["figures"] == told_of["tare"]["result"]["figures"]
+    assert status == 1
+    assert f"bring the rig up on its page Bring-up at {service.url}" in complaint
+
+
+@pytest.mark.live
+def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
+    done(tmp_path, StepId.WIRING_TEST)
+    with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
+        for question in (START, "Turn the joint by hand to its zero mark", "Turn both motors by hand"):
+            told(running, question)
+            os.write(typing, b"\n")
+        told(running, "motor A")
+        running.send_signal(signal.SIGINT)
+        running.communicate()
+    assert running.returncode == 130
+    assert set(kept(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
+
+
+@pytest.mark.live
+def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts(tmp_path: Path) -> None:
+    """What Ctrl-C does inside the process: the task of the step is cancelled."""
+    done(tmp_path, StepId.WIRING_TEST)
+    parameters = load_parameters("lab")
+    choice = PlantChoice(PlantKind.VIRTUAL_CARD)
+    setup = Setup(choice, "lab", 0, tuning_command(parameters, LoopSettings(), None))
+
+    async def confirmed(_words: str) -> None:
+        """Do what is asked for at once."""
+
+    async def given_up() -> tuple[Supervisor, float, float]:
+        with closing(open_database(tmp_path)) as database:
+            person = Person("Ada", confirmed, lambda _phase: None)
+            async with session(database, setup, parameters, person) as at_rig:
+                supervisor = at_rig.supervisor
+                await at_rig.play(StepId.ZERO, {})
+                playing = asyncio.create_task(at_rig.play(StepId.DIRECTION, {}))
+                await supervisor.advance_until(lambda: volts(supervisor) > 0.1, 30.0)
+                driven = volts(supervisor)
+                playing.cancel()
+                await asyncio.wait((playing,))
+                assert playing.cancelled()
+                await supervisor.advance(0.05)
+                return supervisor, driven, volts(supervisor)
+
+    supervisor, driven, after = asyncio.run(given_up())
+    assert driven > 0.1
+    assert after == 0.0
+    card = supervisor.card.state()
+    assert (card.u_A, card.u_B, card.drive_enabled) == (0.0, 0.0, False)
+    assert set(kept(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
+
+
+def volts(supervisor: Supervisor) -> float:
+    newest = supervisor.ring.newest()
+    return 0.0 if newest is None else float(max(abs(newest[INDEX["u_A"]]), abs(newest[INDEX["u_B"]])))
+
+
+def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"\n 12.5 \nq\n")
+    os.close(writing)
+
+    async def asked() -> str:
+        terminal = Terminal()
+        await terminal.confirmed("Turn the joint")
+        typed = await terminal.answer("weight", "number")
+        for why in ("given up", "come to its end"):
+            with pytest.raises(GivenUpError, match=why):
+                await terminal.confirmed("Go on")
+        return typed
+
+    with os.fdopen(reading) as piped:
+        monkeypatch.setattr(sys, "stdin", piped)
+        assert asyncio.run(asked()) == "12.5"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bring-up"], "what is driven here is the simulator: say --plant rig"),
+        (["bring-up", "--plant", "rig"], "standard input is no terminal"),
+        (["bring-up", *CARD, "--step", "direction"], "Motor directions: first: Wiring test, Zero"),
+        (["tare", *CARD], "Tare: first: Wiring test"),
+        (["calibrate", *CARD, "--weight", "5"], "two known weights at least"),
+        (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
+        (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_a_card_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    status, printed, complaint = sinew(monkeypatch, capsys, *words, data=tmp_path)
+    assert status in (1, 2)
+    assert said in complaint
+    assert printed == ""
+
+
+def test_the_steps_are_listed_with_who_and_when(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done(tmp_path, StepId.WIRING_TEST, StepId.ZERO)
+    _, printed, _ = sinew(monkeypatch, capsys, "bring-up", "--list", *CARD, "--json", data=tmp_path)
+    steps = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert list(steps) == [step.id for step in STEPS]
+    stand = [steps[step]["state"] for step in ("wiring_test", "zero", "tare")]
+    assert stand == ["current", "out_of_date", "never"]
+    assert steps["wiring_test"]["result"]["who"] == "Ada"
+    assert "lost their zero" in steps["zero"]["why"]
