@@ -11,7 +11,7 @@ from backend.api.errors import ApiError
 from backend.api.schemas.bring_up import BringUpStep, BringUpView, RunningStep, StepFigure, StepInput, StepResult
 from backend.bring_up import standing
 from backend.bring_up.engine import perform, values_of
-from backend.bring_up.standing import Standing, StepState, blocked_by
+from backend.bring_up.standing import Kept, Standing, StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding, Work
 from backend.loop.access import LoopDiedError
@@ -71,8 +71,8 @@ class BringUp:
             wired = standing.fingerprint(await asyncio.to_thread(self._wiring))
         except PlantError as error:
             wired, why_not = "", str(error)
-        results = await asyncio.to_thread(standing.newest, self._database)
-        states = self._states(results, wired)
+        kept = await asyncio.to_thread(standing.kept, self._database)
+        states, results = self._states(kept, wired), kept.results
         steps = [
             self._view(step, states, results.get(step.id), why_not or self._blocked(step, states)) for step in STEPS
         ]
@@ -93,8 +93,8 @@ class BringUp:
             raise ApiError(422, str(error)) from None
         except PlantError as error:
             raise ApiError(409, str(error)) from None
-        results = await asyncio.to_thread(standing.newest, self._database)
-        blocked = self._blocked(STEP[step], self._states(results, standing.fingerprint(wiring)))
+        kept = await asyncio.to_thread(standing.kept, self._database)
+        blocked = self._blocked(STEP[step], self._states(kept, standing.fingerprint(wiring)))
         if blocked:
             raise ApiError(409, blocked)
         running = self._running = _Running(step)
@@ -182,11 +182,11 @@ class BringUp:
             return ""
         return f"a rig is brought up; what is driven here is the {plant.name}"
 
-    def _states(self, results: dict[str, Stored], wired: str) -> dict[StepId, Standing]:
+    def _states(self, kept: Kept, wired: str) -> dict[StepId, Standing]:
         starts = self._bench.picture.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
-        return {step.id: standing.standing(step, results.get(step.id), wired, self._started[1]) for step in STEPS}
+        return standing.states(kept, wired, self._started[1])
 
     def _occupies(self) -> str:
         return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"

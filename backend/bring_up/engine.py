@@ -1,6 +1,7 @@
 """Plays one step, whatever becomes of it: at its end nothing is driven and no hand is left."""
 
 from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 
 from backend.bring_up.directions import direction
 from backend.bring_up.load_cells import calibrate, require_weights, tare
@@ -57,6 +58,9 @@ async def perform(step: StepId, work: Work) -> Finding:
         finding = Finding(False, str(late))
     finally:
         await _left_safe(work)
+    if step in (StepId.WIRING_TEST, StepId.DIRECTION) and not finding.passed:
+        with suppress(LoopDiedError):  # the next one starts unproven
+            await work.loop.send(ProveDirections(proven=False))
     return finding
 
 

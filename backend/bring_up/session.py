@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from backend.bring_up import standing
 from backend.bring_up.engine import perform
 from backend.bring_up.standing import Standing, blocked_by
-from backend.bring_up.steps import STEP, STEPS, StepId
+from backend.bring_up.steps import STEP, StepId
 from backend.bring_up.work import Confirmed, Finding, Work
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import Setup
@@ -50,7 +50,7 @@ class Session:
 
     def states(self) -> dict[StepId, Standing]:
         """Return how each step stands now."""
-        return states_of(standing.newest(self._database), self._wiring, self._started)
+        return standing.states(standing.kept(self._database), standing.fingerprint(self._wiring), self._started)
 
     def require_free(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before."""
@@ -103,9 +103,3 @@ async def session(
     finally:
         await supervisor.stop("the bring-up has ended")
         await supervision.close()
-
-
-def states_of(results: Mapping[str, StepResult], wiring: Wiring, started: datetime) -> dict[StepId, Standing]:
-    """Return how each step stands of ``results`` with a wiring, under a loop started at ``started``."""
-    wired = standing.fingerprint(wiring)
-    return {step.id: standing.standing(step, results.get(step.id), wired, started) for step in STEPS}

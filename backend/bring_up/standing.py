@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import NamedTuple
 
-from backend.bring_up.steps import STEP, Step, StepId
+from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
 from backend.storage import Database, bring_up
 from backend.storage.bring_up import NewStepResult, StepResult
@@ -31,6 +31,13 @@ class Standing(NamedTuple):
 
     state: StepState
     why: str
+
+
+class Kept(NamedTuple):
+    """The newest result of each step, and the number of the newest wiring test that failed; 0 for none."""
+
+    results: Mapping[str, StepResult]
+    test_failed: int
 
 
 def fingerprint(wiring: Wiring) -> str:
@@ -57,10 +64,27 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
     return Standing(StepState.CURRENT, f"it holds good for {step.holds_days:g} days from when it was done")
 
 
+def states(kept: Kept, wired: str, loop_started: datetime) -> dict[StepId, Standing]:
+    """Tell how all steps stand; directions that were proven before a wiring test failed have to be proven anew."""
+    found = {step.id: standing(step, kept.results.get(step.id), wired, loop_started) for step in STEPS}
+    if found[StepId.DIRECTION].state is StepState.CURRENT and _contradicted(kept):
+        found[StepId.DIRECTION] = Standing(StepState.OUT_OF_DATE, "a wiring test has failed since")
+    return found
+
+
+def _contradicted(kept: Kept) -> bool:
+    return kept.results[StepId.DIRECTION].id < kept.test_failed
+
+
 def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
-    """Return what has to come before a step; empty where nothing has."""
-    missing = [STEP[need].title for need in step.needs if states[need].state is not StepState.CURRENT]
+    """Return what has to come before a step, and before that; empty where nothing has."""
+    missing = [STEP[need].title for need in _all_needs(step) if states[need].state is not StepState.CURRENT]
     return f"first: {', '.join(missing)}" if missing else ""
+
+
+def _all_needs(step: Step) -> list[StepId]:
+    needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs))
+    return [other.id for other in STEPS if other.id in needed]
 
 
 def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who: str) -> StepResult:
@@ -101,19 +125,24 @@ def _missing_cell(result: StepResult) -> str:
     return "AB".replace(cells.pop(), "") if len(cells) == 1 else ""
 
 
+def kept(database: Database) -> Kept:
+    """Return what is kept of all steps."""
+    with database.reading() as session:
+        test_failed = bring_up.last_failure(session, StepId.WIRING_TEST)
+    return Kept(newest(database), test_failed)
+
+
 def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     """Return what takes effect with a wiring: the newest calibration of each cell, and whether directions are proven.
 
     They are proven while the direction step is current and no later wiring test has failed.
     """
-    wired = fingerprint(wiring)
+    wired, now = fingerprint(wiring), datetime.now(UTC)
     with database.reading() as session:
-        passed, last = bring_up.passed_with(session, wired), bring_up.newest(session)
+        passed = bring_up.passed_with(session, wired)
     cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
-    tried, tested = last.get(StepId.DIRECTION), last.get(StepId.WIRING_TEST)
-    now = standing(STEP[StepId.DIRECTION], tried, wired, datetime.now(UTC)).state
-    contradicted = tested is not None and tried is not None and tested.id > tried.id and not tested.passed
-    return BroughtUp(tuple(cells.values()), now is StepState.CURRENT and not contradicted)
+    direction = states(kept(database), wired, now)[StepId.DIRECTION].state
+    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT)
 
 
 def brought_up_of(database: Database, plant: PlantChoice) -> BroughtUp:

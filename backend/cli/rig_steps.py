@@ -52,10 +52,10 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from datetime import UTC, datetime
 
     from backend.bring_up import standing
-    from backend.bring_up.session import states_of
     from plant.catalog import wiring_of_choice
 
-    return states_of(standing.newest(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
+    wired = standing.fingerprint(wiring_of_choice(settings.plant_choice))
+    return standing.states(standing.kept(database), wired, datetime.now(UTC))
 
 
 def not_done(settings: Settings) -> list[StepId]:

@@ -26,10 +26,11 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
             machine.try_motor(motor)
-        case ProveDirections():
-            _require_off(machine, "directions are proven")
+        case ProveDirections(proven):
+            if proven:
+                _require_off(machine, "directions are proven")
             if isinstance(plant, Proven):
-                plant.prove_directions(proven=True)
+                plant.prove_directions(proven=proven)
         case SwitchDrives(on):
             _require_off(machine, "drives are switched")
             if not isinstance(plant, Switched):

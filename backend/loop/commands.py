@@ -110,7 +110,9 @@ class TryMotor:
 
 @dataclass(frozen=True)
 class ProveDirections:
-    """Both motors turn as the wiring says: the plant may be controlled; OFF only."""
+    """Both motors turn as the wiring says: the plant may be controlled; OFF only. Withdrawn in any mode."""
+
+    proven: bool = True
 
 
 @dataclass(frozen=True)

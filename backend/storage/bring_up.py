@@ -51,6 +51,12 @@ def newest(session: Session) -> dict[str, StepResult]:
     return {row.step: to_record(StepResult, row) for row in rows}
 
 
+def last_failure(session: Session, step: str) -> int:
+    """Return the number of the newest result of a step that did not pass, with whatever wiring; 0 for none."""
+    query = select(func.max(BringUpRow.id)).where(BringUpRow.step == step, BringUpRow.passed.is_(False))
+    return session.scalar(query) or 0
+
+
 def passed_with(session: Session, fingerprint: str) -> list[StepResult]:
     """Return all that passed with one wiring, oldest first."""
     query = select(BringUpRow).where(BringUpRow.fingerprint == fingerprint, BringUpRow.passed).order_by(BringUpRow.id)

@@ -34,6 +34,13 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     assert standing.in_effect(database, other) == standing.BroughtUp()
     standing.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
     assert not standing.in_effect(database, WIRING).directions_proven
+    # What was changed for it to pass again may have exchanged the motors.
+    standing.keep(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
+    assert not standing.in_effect(database, WIRING).directions_proven
+    states = standing.states(standing.kept(database), standing.fingerprint(WIRING), datetime.now(UTC))
+    assert states[StepId.DIRECTION] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
+    standing.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    assert standing.in_effect(database, WIRING).directions_proven
     database.close()
 
 
@@ -88,3 +95,5 @@ def test_a_step_waits_for_those_before_it(step: StepId) -> None:
     done = dict.fromkeys(StepId, standing.Standing(StepState.CURRENT, ""))
     assert all(STEP[need].title in blocked_by(STEP[step], never) for need in STEP[step].needs)
     assert blocked_by(STEP[step], done) == ""
+    untested = done | {StepId.WIRING_TEST: standing.Standing(StepState.FAILED, "")}
+    assert blocked_by(STEP[step], untested) == "first: Wiring test"

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from backend.bring_up.steps import STEPS, StepId
-from backend.loop.commands import Refused, SetMode
+from backend.loop.commands import Refused, SetMode, SwitchDrives
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
+from plant.breakage import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 
 
@@ -168,3 +169,33 @@ def test_homing_takes_the_end_switch_for_where_it_is() -> None:
     (finding,) = played(rig, StepId.ZERO)
     assert finding.passed, finding.text
     assert finding.figures[0].value == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    ("step", "broken"),
+    [
+        (StepId.WIRING_TEST, Broken(Breakage.SWAPPED_LOAD_CELLS)),
+        (StepId.DIRECTION, Broken(Breakage.DRIFT_DOWN, Sensor.F_B)),  # it fails before a motor is tried
+    ],
+)
+def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(step: StepId, broken: Broken) -> None:
+    """Once all is proven something goes: the very next pretension is refused, not only that of the next start."""
+    rig = BroughtUpRig()
+
+    async def work() -> tuple[str, Any, Any]:
+        for first in (StepId.ZERO, StepId.DIRECTION):
+            assert (await rig.do(first)).passed
+        ready = rig.rig.unready
+        rig.rig.inject(broken)
+        finding = await rig.do(step)
+        await rig.loop.send(SwitchDrives(on=True))
+        return ready, finding, await rig.loop.send(SetMode(Mode.PRETENSION))
+
+    try:
+        ready, finding, after = asyncio.run(work())
+    finally:
+        rig.loop.close()
+    assert ready == ""
+    assert not finding.passed
+    assert isinstance(after, Refused)
+    assert "directions are not proven" in after.reason
