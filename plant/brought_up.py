@@ -18,10 +18,11 @@ class CellCalibration:
 
 @dataclass(frozen=True)
 class BroughtUp:
-    """Calibrations of load cells, and whether the motors' directions were proven with this wiring."""
+    """Calibrations of load cells, and whether directions were proven and both load cells measured with this wiring."""
 
     calibrations: tuple[CellCalibration, ...] = ()
     directions_proven: bool = False
+    load_cells_measured: bool = False
 
 
 NOT_BROUGHT_UP = BroughtUp()

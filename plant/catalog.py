@@ -67,13 +67,14 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp) -> Plant
     from plant.rig import Rig
 
     wiring = calibrated(wiring_of_choice(choice), brought_up.calibrations)
-    proven = brought_up.directions_proven
+    proven, measured = brought_up.directions_proven, brought_up.load_cells_measured
     if not choice.address:
-        return Rig(wiring, Daq(wiring), registers=card, directions_proven=proven)
+        return Rig(wiring, Daq(wiring), card, directions_proven=proven, load_cells_measured=measured)
     from plant.device_server import DeviceServer
 
-    daq = Daq(wiring, DeviceServer(choice.address).options)
-    return Rig(wiring, daq, registers=card, directions_proven=proven, server=choice.address)
+    server = choice.address
+    daq = Daq(wiring, DeviceServer(server).options)
+    return Rig(wiring, daq, card, directions_proven=proven, load_cells_measured=measured, server=server)
 
 
 def _virtual_rig(
@@ -83,8 +84,14 @@ def _virtual_rig(
 
     true = wiring_of_choice(choice)
     wiring = calibrated(true, brought_up.calibrations)
-    proven = brought_up.directions_proven
-    return VirtualRig(wiring, Simulator(parameters, seed), card, true, directions_proven=proven)
+    return VirtualRig(
+        wiring,
+        Simulator(parameters, seed),
+        card,
+        true,
+        directions_proven=brought_up.directions_proven,
+        load_cells_measured=brought_up.load_cells_measured,
+    )
 
 
 def wiring_of_choice(choice: PlantChoice) -> Wiring:

@@ -61,6 +61,7 @@ class Rig:
         registers: Card | None = None,
         *,
         directions_proven: bool = False,
+        load_cells_measured: bool = False,
         server: str = "",
     ) -> None:
         self.wiring = wiring
@@ -79,12 +80,15 @@ class Rig:
         self._tripped = False
         self._zeroed = False
         self._proven = directions_proven
+        self._cells_measured = load_cells_measured
         self._put = ZERO_VOLTS
         self._drives_wanted = True
 
     @property
     def unready(self) -> str:
         """Why the loop may not be closed on it yet."""
+        if not self._cells_measured:  # first: a new calibration starts the loop anew, which costs the zero
+            return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
         if not self._zeroed:
             return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
         if not self._proven:

@@ -34,6 +34,7 @@ class VirtualRig(Rig):
         as_wired: Wiring | None = None,
         *,
         directions_proven: bool = False,
+        load_cells_measured: bool = False,
         has_clock: bool | None = None,
     ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
@@ -47,7 +48,12 @@ class VirtualRig(Rig):
         self.card = VirtualCard(true, simulator, self._card_registers, has_clock=has_clock)
         self._simulator = simulator
         right = as_wired is None or wired_alike(wiring, as_wired)
-        super().__init__(wiring, Daq(wiring, self.card.options), directions_proven=directions_proven or right)
+        super().__init__(
+            wiring,
+            Daq(wiring, self.card.options),
+            directions_proven=directions_proven or right,
+            load_cells_measured=load_cells_measured or right,
+        )
         self._zeroed = right
 
     def _described(self) -> str:

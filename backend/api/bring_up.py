@@ -67,12 +67,13 @@ class BringUp:
                 drives_on=None,
                 steps=[self._view(step, states, None, why_not) for step in STEPS],
             )
+        wiring: Wiring | None = None
         try:
-            wired = standing.fingerprint(await asyncio.to_thread(self._wiring))
+            wiring = await asyncio.to_thread(self._wiring)
         except PlantError as error:
-            wired, why_not = "", str(error)
+            why_not = str(error)
         kept = await asyncio.to_thread(standing.kept, self._database)
-        states, results = self._states(kept, wired), kept.results
+        states, results = self._states(kept, wiring), kept.results
         steps = [
             self._view(step, states, results.get(step.id), why_not or self._blocked(step, states)) for step in STEPS
         ]
@@ -94,7 +95,7 @@ class BringUp:
         except PlantError as error:
             raise ApiError(409, str(error)) from None
         kept = await asyncio.to_thread(standing.kept, self._database)
-        blocked = self._blocked(STEP[step], self._states(kept, standing.fingerprint(wiring)))
+        blocked = self._blocked(STEP[step], self._states(kept, wiring))
         if blocked:
             raise ApiError(409, blocked)
         running = self._running = _Running(step)
@@ -182,11 +183,11 @@ class BringUp:
             return ""
         return f"a rig is brought up; what is driven here is the {plant.name}"
 
-    def _states(self, kept: Kept, wired: str) -> dict[StepId, Standing]:
+    def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, Standing]:
         starts = self._bench.picture.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
-        return standing.states(kept, wired, self._started[1])
+        return standing.states(kept, wiring, self._started[1])
 
     def _occupies(self) -> str:
         return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"

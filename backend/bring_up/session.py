@@ -50,7 +50,7 @@ class Session:
 
     def states(self) -> dict[StepId, Standing]:
         """Return how each step stands now."""
-        return standing.states(standing.kept(self._database), standing.fingerprint(self._wiring), self._started)
+        return standing.states(standing.kept(self._database), self._wiring, self._started)
 
     def require_free(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before."""

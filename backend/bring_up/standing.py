@@ -27,10 +27,11 @@ class StepState(StrEnum):
 
 
 class Standing(NamedTuple):
-    """A state, and how it comes about."""
+    """A state, and how it comes about; ``aged``: what it found holds as ever, it is only older than it should be."""
 
     state: StepState
     why: str
+    aged: bool = False
 
 
 class Kept(NamedTuple):
@@ -60,16 +61,28 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
     if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
         return Standing(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
-        return Standing(StepState.OUT_OF_DATE, f"it holds good for {step.holds_days:g} days")
+        return Standing(StepState.OUT_OF_DATE, f"it holds good for {step.holds_days:g} days", aged=True)
     return Standing(StepState.CURRENT, f"it holds good for {step.holds_days:g} days from when it was done")
 
 
-def states(kept: Kept, wired: str, loop_started: datetime) -> dict[StepId, Standing]:
-    """Tell how all steps stand; directions that were proven before a wiring test failed have to be proven anew."""
+def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[StepId, Standing]:
+    """Tell how all steps stand with a wiring, None for one that cannot be read.
+
+    Directions that were proven before a wiring test failed have to be proven anew. A table of the wiring file is a
+    calibration, and has its zero in itself.
+    """
+    wired = "" if wiring is None else fingerprint(wiring)
     found = {step.id: standing(step, kept.results.get(step.id), wired, loop_started) for step in STEPS}
     if found[StepId.DIRECTION].state is StepState.CURRENT and _contradicted(kept):
         found[StepId.DIRECTION] = Standing(StepState.OUT_OF_DATE, "a wiring test has failed since")
+    if _by_tables(wiring) and found[StepId.CALIBRATE].state is StepState.NEVER:
+        tables = Standing(StepState.CURRENT, "both load cells are calibrated by tables of the wiring file")
+        found |= {StepId.TARE: tables, StepId.CALIBRATE: tables}
     return found
+
+
+def _by_tables(wiring: Wiring | None) -> bool:
+    return wiring is not None and bool(wiring.load_cell_A.table and wiring.load_cell_B.table)
 
 
 def _contradicted(kept: Kept) -> bool:
@@ -78,8 +91,12 @@ def _contradicted(kept: Kept) -> bool:
 
 def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
     """Return what has to come before a step, and before that; empty where nothing has."""
-    missing = [STEP[need].title for need in _all_needs(step) if states[need].state is not StepState.CURRENT]
+    missing = [STEP[need].title for need in _all_needs(step) if not _stands(need, states[need])]
     return f"first: {', '.join(missing)}" if missing else ""
+
+
+def _stands(step: StepId, found: Standing) -> bool:
+    return found.state is StepState.CURRENT or (found.aged and step in (StepId.TARE, StepId.CALIBRATE))
 
 
 def _all_needs(step: Step) -> list[StepId]:
@@ -133,16 +150,22 @@ def kept(database: Database) -> Kept:
 
 
 def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
-    """Return what takes effect with a wiring: the newest calibration of each cell, and whether directions are proven.
+    """Return what takes effect with a wiring: the newest calibration of each cell, and what is known of the rig.
 
-    They are proven while the direction step is current and no later wiring test has failed.
+    Directions are proven while the direction step is current and no later wiring test has failed. A load cell is
+    measured by a tare and a calibration, however old, or by the table of the wiring file.
     """
-    wired, now = fingerprint(wiring), datetime.now(UTC)
     with database.reading() as session:
-        passed = bring_up.passed_with(session, wired)
+        passed = bring_up.passed_with(session, fingerprint(wiring))
     cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
-    direction = states(kept(database), wired, now)[StepId.DIRECTION].state
-    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT)
+    by_step = {
+        step: {found["tendon"] for result in passed if result.step == step for found in result.calibrations}
+        for step in (StepId.TARE, StepId.CALIBRATE)
+    }
+    tables = {tendon for tendon, cell in (("A", wiring.load_cell_A), ("B", wiring.load_cell_B)) if cell.table}
+    measured = {"A", "B"} <= tables | (by_step[StepId.TARE] & by_step[StepId.CALIBRATE])
+    direction = states(kept(database), wiring, datetime.now(UTC))[StepId.DIRECTION].state
+    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured)
 
 
 def brought_up_of(database: Database, plant: PlantChoice) -> BroughtUp:

@@ -93,7 +93,7 @@ STEPS: tuple[Step, ...] = (
         "Pretension",
         "Hands off. Both motors wind up to the pretension: both tensions have to rise together, none beyond its limit.",
         holds_days=30.0,
-        needs=(StepId.ZERO, StepId.DIRECTION),
+        needs=(StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION),
     ),
     Step(
         StepId.SAFETY_MODULE,

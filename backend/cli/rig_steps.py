@@ -54,8 +54,7 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from backend.bring_up import standing
     from plant.catalog import wiring_of_choice
 
-    wired = standing.fingerprint(wiring_of_choice(settings.plant_choice))
-    return standing.states(standing.kept(database), wired, datetime.now(UTC))
+    return standing.states(standing.kept(database), wiring_of_choice(settings.plant_choice), datetime.now(UTC))
 
 
 def not_done(settings: Settings) -> list[StepId]:

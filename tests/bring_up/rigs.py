@@ -37,7 +37,7 @@ class BroughtUpRig:
 
     def __init__(self, declared: Wiring = WIRING, true: Wiring = WIRING) -> None:
         self.simulator = Simulator(PARAMETERS, 0)
-        self.rig = VirtualRig(declared, self.simulator, None, true)
+        self.rig = VirtualRig(declared, self.simulator, None, true, load_cells_measured=True)
         self.loop = Headless(self.rig, PARAMETERS, tuning_command(PARAMETERS, LoopSettings(), None))
         self.declared = declared
         self.asked: list[str] = []

@@ -1,5 +1,6 @@
 """What is stored of a bring-up: what takes effect of it, and when it is out of date."""
 
+import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -12,7 +13,9 @@ from backend.bring_up.steps import STEP, STEPS, StepId
 from backend.bring_up.work import Figure, Finding
 from backend.storage import open_database
 from plant.brought_up import CellCalibration, calibrated
-from tests.bring_up.rigs import WIRING, with_entries
+from plant.simulator import Simulator
+from plant.virtual_rig import VirtualRig
+from tests.bring_up.rigs import PARAMETERS, WIRING, with_entries
 
 PASSED = Finding(True, "well", (Figure("joint", 0.1, "rad"), Figure("nothing", None, "N")))
 FAILED = Finding(False, "not well")
@@ -37,8 +40,8 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     # What was changed for it to pass again may have exchanged the motors.
     standing.keep(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
     assert not standing.in_effect(database, WIRING).directions_proven
-    states = standing.states(standing.kept(database), standing.fingerprint(WIRING), datetime.now(UTC))
-    assert states[StepId.DIRECTION] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
+    states = standing.states(standing.kept(database), WIRING, datetime.now(UTC))
+    assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
     standing.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     assert standing.in_effect(database, WIRING).directions_proven
     database.close()
@@ -75,7 +78,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     def calibrated_one(tendon: str) -> tuple[standing.StepResult, StepState, str]:
         kept = standing.keep(database, step.id, WIRING, Finding(True, "well", (), (cells[tendon],)), "Ada")
         newest = standing.newest(database)[step.id]
-        return kept, *standing.standing(step, newest, wired, begun)
+        return kept, *standing.standing(step, newest, wired, begun)[:2]
 
     first, state, why = calibrated_one("A")
     assert state is StepState.NEVER
@@ -97,3 +100,66 @@ def test_a_step_waits_for_those_before_it(step: StepId) -> None:
     assert blocked_by(STEP[step], done) == ""
     untested = done | {StepId.WIRING_TEST: standing.Standing(StepState.FAILED, "")}
     assert blocked_by(STEP[step], untested) == "first: Wiring test"
+
+
+CELLS = tuple(CellCalibration(tendon, 10.7, 0.31, "measured") for tendon in "AB")
+MEASURED = Finding(True, "well", (), CELLS)
+TABLE = ((-1.0, -10.0), (9.0, 90.0))
+
+
+def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    begun = datetime.now(UTC)
+
+    def standings() -> dict[StepId, standing.Standing]:
+        return standing.states(standing.kept(database), WIRING, begun)
+
+    for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
+        standing.keep(database, step, WIRING, PASSED, "Ada")
+    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
+    standing.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
+    standing.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), CELLS[:1]), "Ada")
+    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
+    assert not standing.in_effect(database, WIRING).load_cells_measured
+    standing.keep(database, StepId.CALIBRATE, WIRING, Finding(True, "well", (), CELLS[1:]), "Ada")
+    assert blocked_by(STEP[StepId.PRETENSION], standings()) == ""
+    assert standing.in_effect(database, WIRING).load_cells_measured
+    assert not standing.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
+    # Older than it should be: the values in force are still those that were measured.
+    old = dict(standing.kept(database).results)
+    old[StepId.TARE] = replace(old[StepId.TARE], at=begun - timedelta(days=3))
+    aged = standing.states(standing.Kept(old, 0), WIRING, begun)
+    assert aged[StepId.TARE].state is StepState.OUT_OF_DATE
+    assert blocked_by(STEP[StepId.PRETENSION], aged) == ""
+    standing.keep(database, StepId.TARE, WIRING, FAILED, "Ada")
+    assert blocked_by(STEP[StepId.PRETENSION], standings()) == "first: Tare"
+    database.close()
+
+
+def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    table = {"slope": math.nan, "offset": math.nan, "table": TABLE}
+    wiring = with_entries(load_cell_A=table, load_cell_B=table)
+    for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
+        standing.keep(database, step, wiring, PASSED, "Ada")
+    states = standing.states(standing.kept(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
+    assert blocked_by(STEP[StepId.PRETENSION], states) == ""
+    assert standing.in_effect(database, wiring).load_cells_measured
+    of_one = with_entries(load_cell_A=table)
+    assert not standing.in_effect(database, of_one).load_cells_measured
+    database.close()
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool) -> None:
+    """The shipped slopes are placeholders. A virtual card that is wired as it says may be driven as it is."""
+    other = with_entries(motor_A={"gain": -1.0})
+    known = {"directions_proven": True, "load_cells_measured": measured}
+    rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0), None, other, **known)
+    rig.open()
+    rig.read()
+    rig.zero(0.0, 0.0, 0.0)
+    assert ("do tare and calibration" in rig.unready) is not measured
+    assert (rig.unready == "") is measured
+    rig.close()
+    assert VirtualRig(WIRING, Simulator(PARAMETERS, 0)).unready == ""
