@@ -30,6 +30,7 @@ from backend.refusal import require_within
 from backend.supervision import KeptTask, Part, Supervision
 from plant.breakage import Broken
 from plant.brought_up import BroughtUp
+from plant.choice import PlantKind
 
 STOP_PROOF_S = 1.0
 """How long a stop may take to be confirmed; the loop itself takes two ticks."""
@@ -183,7 +184,8 @@ class Bench:
         """Push the joint of a simulated plant from outside. Raises ApiError 409 on any other, OutOfRangeError."""
         plant = self.picture.plant
         if not plant.simulated:
-            message = f"only what is simulated is pushed by command, and this is a {plant.name}: push a rig by hand"
+            by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
+            message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
             raise ApiError(409, message, code="not_a_simulator")
         require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "order it again to push for longer"

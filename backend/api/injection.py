@@ -51,7 +51,7 @@ BY_HAND: dict[Fault, str] = {
 """What a person does to bring about the faults that nothing has to be broken for."""
 
 
-_NEEDS_A_CARD = "only with a card: start with --plant rig --virtual-card"
+_NEEDS_A_CARD = "only with the virtual card: start with --plant rig --virtual-card"
 
 
 def fault_list(plant: PlantChoice) -> FaultList:
@@ -96,7 +96,7 @@ async def inject(bench: Bench, control: Control, injection: Injection, who: str)
     """
     plant = bench.picture.plant
     if not plant.simulated:
-        message = f"faults are injected only into what is simulated, and this is a {plant.name}"
+        message = f"faults are injected only into what is simulated, and what is driven is the {plant.name}"
         raise ApiError(409, message, code="not_a_simulator")
     if _needs_a_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
         raise ApiError(409, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card")

@@ -124,7 +124,7 @@ class _RigBench:
 @pytest.mark.parametrize("fault", LEADS_TO)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     rig, control = cast(Bench, _RigBench()), cast(Control, None)
-    with pytest.raises(ApiError, match="only into what is simulated, and this is a rig") as error:
+    with pytest.raises(ApiError, match="only into what is simulated, and what is driven is the rig") as error:
         asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
     assert error.value.status == 409
 

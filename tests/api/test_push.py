@@ -78,9 +78,10 @@ def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database
                 await parts.bench.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
         assert parts.picture.state().limits.F_push_max == 30.0
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(PlantKind.RIG))
-        with pytest.raises(ApiError, match="push a rig by hand"):
-            await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
+        for kind, words in ((PlantKind.REPLAY, "is the replay$"), (PlantKind.RIG, "is the rig: push it by hand$")):
+            parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
+            with pytest.raises(ApiError, match=words):
+                await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
         assert parts.picture.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
         assert pushed_by(parts) == 0.0

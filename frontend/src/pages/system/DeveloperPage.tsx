@@ -2,6 +2,7 @@
 
 import { Button, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { Fragment, type ReactNode } from "react";
 import { Absent } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
@@ -20,7 +21,6 @@ export default function DeveloperPage() {
   const breakable = plant?.simulated ?? true;
   const inject = useInject();
   const mend = useMend();
-  const may = useMayCommand() !== false;
   return (
     <div className={page.page}>
       <h1 className={page.title}>Developer page</h1>
@@ -43,100 +43,111 @@ export default function DeveloperPage() {
             <Refusal error={inject.error ?? mend.error} />
           </div>
         </OperatorsOnly>
-        <div className={page.tableScroll}>
-          <Table aria-label="Faults" verticalSpacing={4}>
-            <Table.Thead>
-              <Table.Tr>
-                <Table.Th>Fault</Table.Th>
-                <Table.Th>Meaning</Table.Th>
-                <Table.Th>Brought about by</Table.Th>
-                {may && (
-                  <Table.Th>
-                    <span className={styles.hidden}>Action</span>
-                  </Table.Th>
-                )}
-              </Table.Tr>
-            </Table.Thead>
-            <Table.Tbody>
-              {faults.map(({ code, message, injection, by_hand }) => (
-                <Table.Tr key={code}>
-                  <Table.Td>
-                    <code>{code}</code>
-                    {latched === code && <strong> latched</strong>}
-                  </Table.Td>
-                  <Table.Td>{message}</Table.Td>
-                  <Table.Td>{injection === null ? by_hand : described(injection)}</Table.Td>
-                  {may && (
-                    <Table.Td>
-                      {injection === null ? (
-                        <Absent why="only brought about by hand" />
-                      ) : (
-                        <Button
-                          size="compact-xs"
-                          variant="default"
-                          disabled={!breakable}
-                          aria-label={`Inject ${code}`}
-                          onClick={() => inject.mutate(injection)}
-                        >
-                          Inject
-                        </Button>
-                      )}
-                    </Table.Td>
-                  )}
-                </Table.Tr>
-              ))}
-            </Table.Tbody>
-          </Table>
-        </div>
+        <Breakable
+          label="Faults"
+          columns={["Fault", "Meaning", "Brought about by"]}
+          rows={faults.map(({ code, message, injection, by_hand }) => ({
+            name: code,
+            cells: [
+              <Fragment key="fault">
+                <code>{code}</code>
+                {latched === code && <strong> latched</strong>}
+              </Fragment>,
+              message,
+              injection === null ? by_hand : described(injection),
+            ],
+            injection,
+          }))}
+          onInject={breakable ? inject.mutate : null}
+        />
       </Card>
       {card.length > 0 && (
         <Card title="The card and its wires">
-          <div className={page.tableScroll}>
-            <Table aria-label="The card and its wires" verticalSpacing={4}>
-              <Table.Thead>
-                <Table.Tr>
-                  <Table.Th>Broken</Table.Th>
-                  <Table.Th>May end in</Table.Th>
-                  {may && (
-                    <Table.Th>
-                      <span className={styles.hidden}>Action</span>
-                    </Table.Th>
-                  )}
-                </Table.Tr>
-              </Table.Thead>
-              <Table.Tbody>
-                {card.map(({ injection, says, leads_to }) => (
-                  <Table.Tr key={says}>
-                    <Table.Td>{says}</Table.Td>
-                    <Table.Td>
-                      {leads_to.map((code, position) => (
-                        <span key={code}>
-                          {position > 0 && ", "}
-                          <code>{code}</code>
-                        </span>
-                      ))}
-                    </Table.Td>
-                    {may && (
-                      <Table.Td>
-                        <Button
-                          size="compact-xs"
-                          variant="default"
-                          aria-label={`Inject ${says}`}
-                          onClick={() => inject.mutate(injection)}
-                        >
-                          Inject
-                        </Button>
-                      </Table.Td>
-                    )}
-                  </Table.Tr>
-                ))}
-              </Table.Tbody>
-            </Table>
-          </div>
+          <Breakable
+            label="The card and its wires"
+            columns={["Broken", "May end in"]}
+            rows={card.map(({ injection, says, leads_to }) => ({
+              name: says,
+              cells: [says, <Codes key="faults" codes={leads_to} />],
+              injection,
+            }))}
+            onInject={inject.mutate}
+          />
         </Card>
       )}
     </div>
   );
+}
+
+interface BreakableProps {
+  readonly label: string;
+  readonly columns: readonly string[];
+  /** A name for the button, a cell for each column, and what to break; null where nothing has to be broken for it. */
+  readonly rows: readonly {
+    readonly name: string;
+    readonly cells: readonly ReactNode[];
+    readonly injection: Injection | null;
+  }[];
+  /** Null where nothing can be broken. */
+  readonly onInject: ((injection: Injection) => void) | null;
+}
+
+/** What can be broken, each with a button for whoever may. */
+function Breakable({ label, columns, rows, onInject }: BreakableProps) {
+  const may = useMayCommand() !== false;
+  return (
+    <div className={page.tableScroll}>
+      <Table aria-label={label} verticalSpacing={4}>
+        <Table.Thead>
+          <Table.Tr>
+            {columns.map((column) => (
+              <Table.Th key={column}>{column}</Table.Th>
+            ))}
+            {may && (
+              <Table.Th>
+                <span className={styles.hidden}>Action</span>
+              </Table.Th>
+            )}
+          </Table.Tr>
+        </Table.Thead>
+        <Table.Tbody>
+          {rows.map(({ name, cells, injection }) => (
+            <Table.Tr key={name}>
+              {columns.map((column, position) => (
+                <Table.Td key={column}>{cells[position]}</Table.Td>
+              ))}
+              {may && (
+                <Table.Td>
+                  {injection === null ? (
+                    <Absent why="nothing that could be broken here brings it about" />
+                  ) : (
+                    <Button
+                      size="compact-xs"
+                      variant="default"
+                      disabled={onInject === null}
+                      aria-label={`Inject ${name}`}
+                      onClick={() => onInject?.(injection)}
+                    >
+                      Inject
+                    </Button>
+                  )}
+                </Table.Td>
+              )}
+            </Table.Tr>
+          ))}
+        </Table.Tbody>
+      </Table>
+    </div>
+  );
+}
+
+function Codes({ codes }: { codes: readonly string[] }) {
+  return codes.map((code, position) => (
+    <Fragment key={code}>
+      {position > 0 && ", "}
+      <code>{code}</code>
+    </Fragment>
+  ));
 }
 
 function inSentence(plant: PlantView | undefined): string {
