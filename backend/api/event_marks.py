@@ -14,6 +14,7 @@ from backend.loop.commands import (
     PretensionReached,
     ProgramEnded,
     PushReleased,
+    ReadinessChanged,
     Refused,
     Stopped,
 )
@@ -46,7 +47,7 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.FAULT, "the plant answers again", tick)
         case LoopDied(reason):
             return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
-        case Accepted() | Refused() | ProgramEnded():
+        case Accepted() | Refused() | ProgramEnded() | ReadinessChanged():
             return None
         case _:
             assert_never(event)

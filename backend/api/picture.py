@@ -31,6 +31,7 @@ from backend.loop.commands import (
     PretensionReached,
     ProgramEnded,
     PushReleased,
+    ReadinessChanged,
     Refused,
     Stopped,
 )
@@ -50,7 +51,8 @@ class Picture:
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
     ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
     tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
-    ``problems`` tells what is wrong with the service without being a fault of the loop.
+    ``unready`` is what has to come before pretension. ``problems`` tells what is wrong with the service without being
+    a fault of the loop.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Picture:
         self.holder: Callable[[], HolderView | None] = lambda: None
         self.people: Callable[[], list[PersonView]] = list
         self.starts = 1
+        self.unready = ""
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
         self._tensions = _tensions(parameters, self.bounds)
@@ -119,6 +122,8 @@ class Picture:
         """Return where an operator may go from ``mode`` now."""
         if not self._supervisor.alive:
             return []
+        if mode is Mode.OFF and self.unready:
+            return []
         if mode is Mode.PRETENSION and not self._pretension_done:
             return [Mode.STOPPING, Mode.OFF]
         return list(LEGAL[mode])
@@ -131,6 +136,7 @@ class Picture:
             case LoopDied():
                 self._pretension_done = False
                 self._plant_problem = ""
+                self.unready = ""
             case PretensionReached():
                 self._pretension_done = True
             case Stopped():
@@ -139,6 +145,8 @@ class Picture:
                 self._plant_problem = f"the plant cannot be read or written: {reason}"
             case PlantAnswers():
                 self._plant_problem = ""
+            case ReadinessChanged(_, unready):
+                self.unready = unready
             case Accepted() | Refused() | ProgramEnded() | PushReleased():
                 pass
             case _:
@@ -179,6 +187,7 @@ class Picture:
             tuning=self.tuning.view(entry_of(sample)),
             limits=self._limits(),
             fault=self._fault_view(sample),
+            unready=self.unready,
             pretension_done=self._pretension_done,
             stop_proof=None if self._stop is None else proof_of(self._stop),
             holder=holder,

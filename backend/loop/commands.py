@@ -254,6 +254,14 @@ class PlantAnswers:
     tick: int
 
 
+@dataclass(frozen=True)
+class ReadinessChanged:
+    """``unready`` is what has to come before pretension on what is driven, empty where nothing has; told at start."""
+
+    tick: int
+    unready: str
+
+
 Event = (
     Accepted
     | Refused
@@ -264,4 +272,5 @@ Event = (
     | ProgramEnded
     | PlantFailing
     | PlantAnswers
+    | ReadinessChanged
 )

@@ -103,6 +103,11 @@ class Loop:
         """Whether the moves out of pretension towards motion are granted now."""
         return self._machine.pretension_done
 
+    @property
+    def unready(self) -> str:
+        """What has to come before pretension; empty where nothing has."""
+        return self._machine.unready
+
     def drain_events(self) -> list[Event]:
         """Events since the last call, oldest first."""
         events = list(self._machine.events)

@@ -77,6 +77,11 @@ class ModeMachine:
         return self.mode is Mode.PRETENSION and isinstance(self.motion, Travel) and self.motion.done
 
     @property
+    def unready(self) -> str:
+        """What has to come before pretension; empty where nothing has."""
+        return DRIVES_OFF if self.drives_off else self._plant.unready
+
+    @property
     def keeps_taut(self) -> bool:
         """Whether slack would be a fault now: everywhere under control but on the way to pretension.
 
@@ -94,8 +99,8 @@ class ModeMachine:
         if isinstance(self.motion, MotorTrial) and mode is not Mode.STOPPING:
             raise RefusedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
         if mode is Mode.PRETENSION:
-            if refused := DRIVES_OFF if self.drives_off else self._plant.unready:
-                raise RefusedError(refused)
+            if self.unready:
+                raise RefusedError(self.unready)
             self._enter_pretension("asked for")
         elif mode is Mode.OFF:
             self._enter(Mode.OFF, None, "asked for")
@@ -269,16 +274,14 @@ class ModeMachine:
         return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
 
     def _enter_pretension(self, cause: str, *, completed: bool = False) -> None:
-        carry = self._carried()
-        known, wound = self.zeroed, self._wound(PRETENSION_N)
+        carry, known, wound = self._carried(), self.zeroed, self._wound(PRETENSION_N)
         motion: Motion = Travel(carry, NO_REFERENCE, *wound) if known else Winding(carry, NO_REFERENCE)
         self._enter(Mode.PRETENSION, motion, cause, completed=completed)
 
     def _take_zero(self, winding: Winding) -> None:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
         r_m, r_j = self._geometry.r_m, self._geometry.r_j
-        F_A, F_B = winding.tensions
-        m = self.m
+        (F_A, F_B), m = winding.tensions, self.m
         move_A = (elongation(self._spring_A, F_A) + r_j * m.q) / r_m - m.theta_A
         move_B = (elongation(self._spring_B, F_B) - r_j * m.q) / r_m - m.theta_B
         self.offset_A += move_A

@@ -28,7 +28,7 @@ from backend.loop.channel import (
     decode_to_loop,
     encode,
 )
-from backend.loop.commands import Heartbeat, Refused, Stop
+from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.pacer import Pacer, request_real_time
@@ -67,6 +67,7 @@ class Worker:
         self._tick = 0
         self._service_alive = True
         self._terminated = False
+        self._unready: str | None = None
         self._ahead: list[Segment] = []
         self._ahead_of = 0
 
@@ -89,6 +90,9 @@ class Worker:
             self._listen()
             self._loop.tick(lateness_s, pacer.overruns)
             self._tick += 1
+            if (unready := self._loop.unready) != self._unready:
+                self._unready = unready
+                self.tell(ReadinessChanged(self._tick, unready))  # before the answer to what has changed it
             for event in self._loop.drain_events():
                 self.tell(event)
             self._send()

@@ -36,6 +36,31 @@ def step_of(client: httpx.Client, name: str) -> dict[str, Any]:
     return next(step for step in answer.json()["steps"] if step["id"] == name)
 
 
+def begin(client: httpx.Client, name: str) -> None:
+    client.post(f"{URL}/{name}", json={"values": {}}).raise_for_status()
+
+
+def confirmed(client: httpx.Client, name: str) -> tuple[dict[str, Any], set[str]]:
+    """Confirm whatever a step asks for until it is over; return how it stands, and what it has asked for."""
+    told: set[str] = set()
+
+    def over() -> dict[str, Any] | None:
+        step = step_of(client, name)
+        if step["running"] is None:
+            return step
+        if step["running"]["confirm"]:
+            told.add(step["running"]["confirm"])
+            client.post(f"{URL}/confirm")
+        return None
+
+    return until(over), told
+
+
+def switch_on(client: httpx.Client) -> None:
+    """Say that no hands are at the rig any more."""
+    assert client.post(f"{URL}/drives", json={"on": True}).raise_for_status().json()["drives_on"] is True
+
+
 def test_a_simulator_has_nothing_to_be_brought_up(operator: httpx.Client) -> None:
     view = operator.get(URL).json()
     assert not view["applies"]
@@ -49,32 +74,21 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     assert {step["state"] for step in view["steps"]} == {"never"}
     refused = problem(rig.post(f"{URL}/direction", json={"values": {}}))
     assert "Wiring test" in str(refused["message"])
-    rig.post(f"{URL}/wiring_test", json={"values": {}}).raise_for_status()
+    begin(rig, "wiring_test")
     assert "under way" in step_of(rig, "tare")["blocked"]
-    told: set[str] = set()
     until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
     assert rig.get(URL).json()["drives_on"] is False
     rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
     for order, body in STARTING:
         refused = problem(rig.post(order, json=body))
         assert "Wiring test of the bring-up is under way" in str(refused["message"]), order
-
-    def over() -> dict[str, Any] | None:
-        step = step_of(rig, "wiring_test")
-        if step["running"] is None:
-            return step
-        if step["running"]["confirm"]:
-            told.add(step["running"]["confirm"])
-            rig.post(f"{URL}/confirm")
-        return None
-
-    step = until(over)
+    step, told = confirmed(rig, "wiring_test")
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
     assert len(told) >= 6
     assert step_of(rig, "zero")["blocked"] == ""
     # Nobody has said yet that the hands are off the rig.
     assert "drives are switched off" in str(problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"])
-    assert rig.post(f"{URL}/drives", json={"on": True}).raise_for_status().json()["drives_on"] is True
+    switch_on(rig)
 
 
 def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
@@ -83,6 +97,32 @@ def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
     rig.post(f"{URL}/cancel").raise_for_status()
     assert step_of(rig, "zero")["state"] == "never"
     assert problem(rig.post(f"{URL}/confirm"))["code"] == "conflict"
+
+
+def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -> None:
+    """A direction step that has failed leaves the directions unproven until it has passed."""
+
+    def told() -> tuple[str, list[str]]:
+        state = rig.get("/api/state").raise_for_status().json()
+        return state["unready"], state["legal_modes"]
+
+    assert ("drives are switched off" in told()[0], told()[1]) == (True, [])  # the step given up was one by hand
+    switch_on(rig)
+    assert told() == ("", ["pretension"])
+    begin(rig, "zero")
+    confirmed(rig, "zero")
+    rig.post("/api/faults/injection", json={"kind": "swapped_motors"}).raise_for_status()
+    begin(rig, "direction")
+    assert confirmed(rig, "direction")[0]["state"] == "failed"
+    switch_on(rig)
+    unready, legal = told()
+    assert ("directions are not proven" in unready, legal) == (True, [])
+    assert problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"] == unready
+    rig.request("DELETE", "/api/faults/injection").raise_for_status()
+    begin(rig, "direction")
+    assert confirmed(rig, "direction")[0]["state"] == "current"
+    switch_on(rig)
+    assert told() == ("", ["pretension"])
 
 
 def test_weights_too_near_are_refused(rig: httpx.Client) -> None:

@@ -146,6 +146,7 @@ class State(Schema):
     tuning: TuningView
     limits: LimitsView
     fault: FaultView | None
+    unready: str = Field(description="what has to come before pretension on what is driven; empty where nothing has")
     pretension_done: bool
     stop_proof: StopProof | None
     holder: HolderView | None

@@ -15,6 +15,7 @@ const fetched = vi.hoisted(() => {
 import type { ReactElement } from "react";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { ModeCard } from "../pages/operate/ModeCard";
 import { PushCard } from "../pages/operate/PushCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
 import type { PlantView, State } from "../wire/types";
@@ -38,7 +39,13 @@ beforeEach(() => {
             faults: [
               { code: "stop_pressed", message: "", remedy: "", injection: null, by_hand: "press STOP" },
             ],
-            card: [],
+            card: [
+              {
+                injection: { kind: "lost_sample", sensor: "q" },
+                says: "a sample is lost",
+                leads_to: ["plant_error"],
+              },
+            ],
           }
         : { name: "Ana", role: "operator" },
     ),
@@ -46,7 +53,7 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-function open(element: ReactElement, kind: PlantView["kind"]): void {
+function open(element: ReactElement, kind: PlantView["kind"], more: Partial<State> = {}): void {
   const store = new LiveStore(0);
   const plant = PLANTS[kind];
   store.setState({
@@ -55,6 +62,7 @@ function open(element: ReactElement, kind: PlantView["kind"]): void {
     limits: { F_push_max: plant.simulated ? 30 : 0 },
     link: { starts: 1 },
     fault: null,
+    ...more,
   } as unknown as State);
   render(
     <MantineProvider>
@@ -108,4 +116,23 @@ it.each([
 it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
   open(<PushCard />, kind);
   expect(screen.queryByText("simulated plants only") !== null).toBe(PLANTS[kind].simulated);
+});
+
+it("breaks a fault's cause and a part of the card by the same button", async () => {
+  open(<DeveloperPage />, "virtual_card");
+  const inject = await screen.findByRole<HTMLButtonElement>("button", { name: "Inject a sample is lost" });
+  expect(inject.disabled).toBe(false);
+  const [faults, card] = screen.getAllByRole("table").map((table) => table.textContent);
+  expect(faults).toContain("press STOP");
+  expect(card).toContain("plant_error");
+});
+
+it.each([
+  ["rig", true],
+  ["package", false],
+] as const)("tells at the modes what has to come before pretension, and leads to it: %s", (kind, leads) => {
+  open(<ModeCard />, kind, { mode: "off", legal_modes: [], unready: "set the zero in the bring-up" });
+  expect(document.body.textContent).toContain("No pretension yet. Set the zero in the bring-up.");
+  expect(screen.getByRole("button", { name: "Pretension" }).ariaDisabled).toBe("true");
+  expect(screen.queryByRole("link", { name: "Go to Bring-up" }) !== null).toBe(leads);
 });

@@ -11,6 +11,7 @@ function state(part: Partial<State>): State {
     fault: null,
     task: null,
     problems: [],
+    unready: "",
     pretension_done: true,
     recording_run: null,
     ...part,
@@ -60,6 +61,11 @@ describe("currentStatus", () => {
       remedy: "Start Pretension to wind the tendons up.",
     });
     expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: "Motors off.", remedy: "" });
+  });
+
+  it("does not send to Pretension where something has to come before it", () => {
+    const off = state({ mode: "off", unready: "set the zero in the bring-up" });
+    expect(currentStatus(off, "live", 10).remedy).toBe("Set the zero in the bring-up.");
   });
 
   it("says what comes next, and what is recorded", () => {

@@ -2,7 +2,7 @@
 
 import type { Health } from "../live/link";
 import { age, fixed } from "../samples/format";
-import { inWordsOf } from "../samples/words";
+import { capital, inWordsOf } from "../samples/words";
 import type { StopState } from "../service/stop";
 import type { State, StopProof, Task } from "../wire/types";
 
@@ -65,8 +65,9 @@ export function currentStatus(
     return sentence("calm", "Pretension held in both tendons. Ready to run.");
   }
   const recording = state.recording_run === null ? "" : ` Recording run ${state.recording_run}.`;
+  const missing = state.mode === "off" && state.unready !== "" ? `${capital(state.unready)}.` : undefined;
   return sentence("calm", HINTS[state.mode] + recording, {
-    remedy: (mayCommand && NEXT[state.mode]) || "",
+    remedy: (mayCommand && (missing ?? NEXT[state.mode])) || "",
   });
 }
 

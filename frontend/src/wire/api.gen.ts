@@ -4135,6 +4135,11 @@ export interface components {
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
             fault: components["schemas"]["FaultView"] | null;
+            /**
+             * Unready
+             * @description what has to come before pretension on what is driven; empty where nothing has
+             */
+            unready: string;
             /** Pretension Done */
             pretension_done: boolean;
             stop_proof: components["schemas"]["StopProof"] | null;
@@ -4186,6 +4191,11 @@ export interface components {
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
             fault: components["schemas"]["FaultView"] | null;
+            /**
+             * Unready
+             * @description what has to come before pretension on what is driven; empty where nothing has
+             */
+            unready: string;
             /** Pretension Done */
             pretension_done: boolean;
             stop_proof: components["schemas"]["StopProof"] | null;

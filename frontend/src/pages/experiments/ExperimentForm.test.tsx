@@ -53,6 +53,7 @@ function stateOf(tuning: Tuned, own_tuning: Tuned | null = null): State {
   return {
     mode: "run",
     legal_modes,
+    unready: "",
     task: null,
     tuning: { ...tuning, ...ranges },
     own_tuning,

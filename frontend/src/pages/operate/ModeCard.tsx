@@ -1,10 +1,12 @@
 /** Moves between modes: only the legal ones can be pressed, the others say why not. */
 
 import { Button, Tooltip } from "@mantine/core";
+import { Link } from "wouter";
 import { Card } from "../../components/Card";
+import { usePages } from "../../components/Navigation";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
-import { heading } from "../../samples/words";
+import { capital, heading } from "../../samples/words";
 import { useSetMode } from "../../service/commands";
 import type { Mode, State } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -63,9 +65,24 @@ export function ModeCard() {
           );
         })}
       </div>
-      <Refusal error={setMode.error} />
+      {isUnready(state) ? <Unready why={state.unready} /> : <Refusal error={setMode.error} />}
     </Card>
   );
+}
+
+/** In the place of a refusal: nothing can be asked for that could be refused. */
+function Unready({ why }: { why: string }) {
+  const offered = usePages().some(({ path }) => path === "/bring-up");
+  return (
+    <p className={styles.unready}>
+      No pretension yet. {capital(why)}.{offered && <Link href="/bring-up"> Go to Bring-up</Link>}
+    </p>
+  );
+}
+
+/** Whether something has to come before pretension on what is driven. */
+export function isUnready(state: State | null): state is State {
+  return state?.mode === "off" && state.unready !== "";
 }
 
 /** Why a mode cannot be entered now; null when it can. */
@@ -75,6 +92,7 @@ export function whyNot(state: State | null, mode: Mode): string | null {
   if (state.legal_modes.includes(mode)) return null;
   if (state.mode === "tripped") return "A fault is latched: press Reset first.";
   if (state.mode === "stopping") return "A soft stop is under way; it ends in off by itself.";
+  if (isUnready(state) && mode !== "stopping") return `${capital(state.unready)}.`;
   if (state.mode === "off" && mode !== "stopping") return "Tendons are slack: start Pretension first.";
   if (state.mode === "pretension" && !state.pretension_done) return "Pretension is not reached yet.";
   const legal = MOVES.filter((move) => state.legal_modes.includes(move.mode)).map(({ name }) => name);
