@@ -19,9 +19,9 @@ class Sensor(StrEnum):
 
 
 class Breakage(StrEnum):
-    """What breaks. The first five are about one sensor and last; those from LATE to WATCHDOG_DEATH happen once.
+    """What breaks. The first five are about one sensor; those from LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once.
 
-    From DEVICE_GONE on only a card has them: they are tried on the virtual card.
+    All others last until they are mended. From DEVICE_GONE on only a card has them: they are tried on the virtual card.
     """
 
     NO_NUMBER = "no_number"

@@ -49,9 +49,14 @@ _ERRORS = {
 
 
 class CardFaults:
-    """What is broken of one card; nothing at first."""
+    """What is broken of one card; nothing at first.
+
+    ``enable_held``: something holds the drive-enable line on, whatever loop and watchdog do. As nothing of it is seen
+    before the line has to fall, it is not among what is broken in motion.
+    """
 
     def __init__(self) -> None:
+        self.enable_held = False
         self._kind: Breakage | None = None
 
     def inject(self, broken: Broken | None) -> None:

@@ -12,7 +12,12 @@ from nidaqmx import DaqError, Task
 from nidaqmx.constants import AcquisitionType, AngleUnits, EncoderType, Level, LineGrouping, TerminalConfiguration
 from nidaqmx.error_codes import DAQmxErrors
 from nidaqmx.errors import DaqFunctionNotSupportedError, DaqNotFoundError, DaqNotSupportedError, RpcError
-from nidaqmx.stream_readers import AnalogMultiChannelReader, CounterReader, DigitalMultiChannelReader
+from nidaqmx.stream_readers import (
+    AnalogMultiChannelReader,
+    CounterReader,
+    DigitalMultiChannelReader,
+    DigitalSingleChannelReader,
+)
 from nidaqmx.stream_writers import AnalogMultiChannelWriter, DigitalSingleChannelWriter
 from nidaqmx.system import Device, System
 from nidaqmx.system.watchdog import WatchdogTask
@@ -101,6 +106,7 @@ class Daq:
             enable = self._task("drive_enable")
             enable.do_channels.add_do_chan(f"{device}/{w.drive_enable.line}")
             self._enable = _unchecked(DigitalSingleChannelWriter(enable.out_stream, auto_start=True))
+            self._enabled = DigitalSingleChannelReader(enable.in_stream)
             self.enable(on=False)
             cells = self._task("load_cells")
             for cell in (w.load_cell_A, w.load_cell_B):
@@ -129,6 +135,7 @@ class Daq:
                 WatchdogTask(device, "watchdog", w.card.watchdog_s, grpc_options=self._session())
             )
             off = Level.LOW if w.drive_enable.active == "high" else Level.HIGH
+            self.watched = False
             self._watchdog.cfg_watchdog_do_expir_states([DOExpirationState(f"{device}/{w.drive_enable.line}", off)])
         except PlantError:
             self.close()
@@ -192,29 +199,57 @@ class Daq:
         except _FAILED as error:
             _refuse(error)
 
+    @property
+    def enabled(self) -> bool:
+        """The drive-enable line as the card reads it back, whatever was written to it."""
+        try:
+            level = bool(self._enabled.read_one_sample_one_line(_TIMEOUT_S))
+            return level == (self._wiring.drive_enable.active == "high")
+        except _FAILED as error:
+            _refuse(error)
+
     def start_watchdog(self) -> None:
-        """Let the watchdog count from now on; after it has expired, clear that first."""
+        """Let the watchdog count from now on, not expired any more; the drives stay off until they are enabled."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
-            if self._watchdog.expired:
-                self._watchdog.clear_expiration()
+            if self.watched:  # NI-DAQmx refuses to start what runs, and to look at what does not
+                self.clear_expiration()
+                self._watchdog.stop()
             self._watchdog.start()
-            self.watched, self.known_expired = True, False
+            self.watched = True
+        except _FAILED as error:
+            _refuse(error)
+
+    def clear_expiration(self) -> None:
+        """Unlock the drive-enable line, which stays off until it is written again."""
+        if self._watchdog is None:
+            raise PlantError(_NOT_OPEN)
+        try:
+            if self.expired:
+                self._watchdog.clear_expiration()
+                self.drives = False
+            self.known_expired = False
         except _FAILED as error:
             _refuse(error)
 
     @property
     def expired(self) -> bool:
-        """Whether the watchdog has taken the drives away."""
-        return self._watchdog is not None and bool(self._watchdog.expired)
+        """Whether the watchdog says that it has taken the drives away."""
+        try:
+            return self.watched and self._watchdog is not None and bool(self._watchdog.expired)
+        except _FAILED as error:
+            _refuse(error)
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
         with suppress(PlantError):
             self.write(0.0, 0.0)
         with suppress(PlantError):
-            self.enable(on=False)
+            if self.expired:  # the line is off, and takes nothing more
+                self.known_expired, self.drives = True, False
+            else:
+                self.enable(on=False)
         with suppress(*_FAILED):
             self._tasks.close()
             self.watched = False

@@ -112,6 +112,7 @@ class Rig:
         """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""
         try:
             self._daq.open()
+            self._drives_wanted = True
             self.paces_loop = self._daq.timed_by_card
             self.description = self._described()
             self._prove_watchdog()
@@ -127,14 +128,19 @@ class Rig:
         return f"{self.wiring.title} as {self.wiring.card.device}{place}, {self._daq.timing}"
 
     def _prove_watchdog(self) -> None:
+        """See the drive-enable line itself fall: a watchdog that only says so cuts nothing."""
         self._begin()
+        line = self.wiring.drive_enable.line
+        if not (self._daq.enabled or self._daq.expired):
+            raise PlantError(f"drive-enable ({line}) was switched on and reads off: look at drive_enable and its wires")
         within_s = self.wiring.card.watchdog_s + _PROOF_S
         waited = Stillness(_SETTLING_S)
-        while not self._daq.expired:
+        while self._daq.enabled or not self._daq.expired:
             if waited.seen(None) > within_s:
+                seen = f"expired, but drive-enable ({line}) stayed on" if self._daq.expired else "did not expire"
                 raise PlantError(
-                    f"the card's watchdog did not expire within {within_s:g} s when it was tried at zero volts: the "
-                    "drives stay off; do not go on while this comes back"
+                    f"the card's watchdog {seen} within {within_s:g} s when it was tried at zero volts: the drives "
+                    "cannot be cut; look at drive_enable and its wires, and do not go on while this comes back"
                 )
             time.sleep(_SETTLING_S)
 
@@ -230,8 +236,12 @@ class Rig:
 
         PlantError while the module stays tripped.
         """
+        self._daq.clear_expiration()
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)
+        if self._daq.enabled:
+            line = self.wiring.drive_enable.line
+            raise PlantError(f"drive-enable ({line}) was switched off and stays on: look at drive_enable and its wires")
         if self._daq.read().tripped:
             raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
         self._begin()

@@ -14,12 +14,13 @@ import session_pb2
 from nidaqmx import GrpcSessionOptions
 from nidaqmx._stubs import nidaqmx_pb2 as pb
 from nidaqmx._stubs import nidaqmx_pb2_grpc
-from nidaqmx.constants import AcquisitionType, Level, WDTTaskAction
+from nidaqmx.constants import AcquisitionType, Level
 from nidaqmx.error_codes import DAQmxErrors
 
-from plant.card import Card, WatchdogExpiredError
+from plant.card import Card
 from plant.card_channels import Channels
 from plant.card_faults import CardFaults, miswired
+from plant.card_watchdog import WatchdogTask
 from plant.hand import NO_HAND, Hand
 from plant.in_process import CardError, InProcess, answered
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
@@ -39,7 +40,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
         self._wiring = self._sound = wiring
-        self._faults = CardFaults()
+        self.faults = CardFaults()
         self._held = ZERO_VOLTS
         self._unheard_s = 0.0
         self._simulator = simulator
@@ -47,7 +48,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._has_clock = has_clock
         self._clocked: set[str] = set()
         self._next_s = 0.0
-        self._watchdog_s: dict[str, float] = {}
+        self._watchdog = WatchdogTask(registers)
         self._channels = Channels(wiring.card.device)
         self._seen: Measurement | None = None
         self._counted_from: dict[str, float] = {}
@@ -67,9 +68,9 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def answer(self, method: str, request: Any) -> Any:
         """Answer a call by its name, as far as what is broken lets it."""
         try:
-            self._faults.refuse(method)
+            self.faults.refuse(method)
         except CardError:
-            if self._faults.gone and method == "WriteAnalogF64":
+            if self.faults.gone and method == "WriteAnalogF64":
                 self._go_on_alone()
             raise
         return answered(self, method, request)
@@ -77,7 +78,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def inject(self, broken: "Broken | None") -> None:
         """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
         before = {counter: self._angle_counts(counter) for counter in self._counted_from}
-        self._faults.inject(broken)
+        self.faults.inject(broken)
         self._wiring = miswired(self._sound, broken)
         for counter, counts in before.items():
             self._counted_from[counter] += self._angle_counts(counter) - counts
@@ -85,7 +86,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def _go_on_alone(self) -> None:
         """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
         self._unheard_s += T_s
-        if self._registers.watchdog_pid is None and self._unheard_s > max(self._watchdog_s.values(), default=0.0):
+        if self._registers.watchdog_pid is None and self._unheard_s > self._watchdog.limit_s:
             self._registers.expire()
         self._move()
 
@@ -113,6 +114,8 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def _level(self, line: str) -> bool:
         w = self._wiring
+        if line == w.drive_enable.line:
+            return self._drives == (w.drive_enable.active == "high")
         if line == w.safety_tripped.line:
             return (self._measured().safety_trip > 0.0) == (w.safety_tripped.active == "high")
         if line != w.end_switch.line:
@@ -130,7 +133,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         """Make the watchdog's task."""
         self._channels.require_device(request.device_name)
         self._channels.make(request.session_name)
-        self._watchdog_s[request.session_name] = request.timeout
+        self._watchdog.make(request.session_name, request.timeout)
         return pb.CreateWatchdogTimerTaskExResponse(
             task=session_pb2.Session(name=request.session_name), new_session_initialized=True
         )
@@ -139,14 +142,12 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         """Let go of a task's channels."""
         self._channels.let_go(request.task.name)
         self._clocked.discard(request.task.name)
-        if self._watchdog_s.pop(request.task.name, None) is not None:
-            self._registers.disarm()
+        self._watchdog.let_go(request.task.name)
         return pb.ClearTaskResponse()
 
     def StartTask(self, request: Any, context: Any) -> Any:
         """Start; an encoder counts from where it is now, a watchdog from this moment."""
-        if (limit_s := self._watchdog_s.get(request.task.name)) is not None:
-            self._registers.watch_from_now(limit_s)
+        self._watchdog.start(request.task.name)
         for channel in self._channels[request.task.name]:
             if channel.startswith("ctr"):
                 self._counted_from[channel] = self._angle_counts(channel)
@@ -154,6 +155,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def StopTask(self, request: Any, context: Any) -> Any:
         """Stop."""
+        self._watchdog.stop(request.task.name)
         return pb.StopTaskResponse()
 
     def GetTaskAttributeString(self, request: Any, context: Any) -> Any:
@@ -220,8 +222,12 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._move()
         return pb.WriteAnalogF64Response(samps_per_chan_written=1)
 
+    @property
+    def _drives(self) -> bool:
+        return self._registers.drives or self.faults.enable_held
+
     def _move(self) -> None:
-        driven = self._held if self._registers.drives else ZERO_VOLTS
+        driven = self._held if self._drives else ZERO_VOLTS
         self._simulator.write(driven if self._hand == NO_HAND else self._handled(driven))
         self._seen = None
         self._registers.show_trip(self._measured().safety_trip > 0.0)
@@ -236,6 +242,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def WriteDigitalLines(self, request: Any, context: Any) -> Any:
         """Write the drive-enable line."""
         if self._channels[request.task.name] == [self._wiring.drive_enable.line]:
+            self._watchdog.require_unlocked()
             on = bool(request.write_array[0]) == (self._wiring.drive_enable.active == "high")
             self._registers.set_drives(on=on)
             if not on:
@@ -251,19 +258,12 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def ControlWatchdogTask(self, request: Any, context: Any) -> Any:
         """Reset its timer, or clear its expiration."""
-        if request.action_raw == WDTTaskAction.CLEAR_EXPIRATION.value:
-            self._registers.clear_expiration()
-        else:
-            try:
-                self._registers.feed()
-            except WatchdogExpiredError:
-                text = "The watchdog timer has expired, and cannot be reset before its expiration is cleared"
-                raise CardError(DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, text) from None
+        self._watchdog.control(request.action_raw)
         return pb.ControlWatchdogTaskResponse()
 
     def GetWatchdogAttributeBool(self, request: Any, context: Any) -> Any:
         """Tell whether it has expired."""
-        return pb.GetWatchdogAttributeBoolResponse(value=self._registers.state().expired)
+        return pb.GetWatchdogAttributeBoolResponse(value=self._watchdog.expired)
 
     def GetDeviceAttributeInt32Array(self, request: Any, context: Any) -> Any:
         """Tell how analog inputs can be timed."""

@@ -119,6 +119,39 @@ def test_a_rig_that_is_not_open_says_so() -> None:
         rig.close()
 
 
+def test_a_drive_enable_line_that_stays_on_is_found_before_anything_is_acknowledged() -> None:
+    rig = stepped()
+    rig.card.faults.enable_held = True
+    with pytest.raises(PlantError, match=r"\(port2/line4\) was switched off and stays on"):
+        rig.acknowledge()
+    rig.card.faults.enable_held = False
+    rig.acknowledge()
+    rig.write(MotorCommand(1.0, 1.0))
+    rig.close()
+
+
+def test_a_running_watchdog_is_stopped_before_it_is_started_and_looked_at_only_while_it_runs() -> None:
+    """The virtual card refuses both with the codes of NI-DAQmx; an expired one also keeps its line."""
+    registers = Card.create()
+    daq = Daq(WIRING, VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers, has_clock=False).options)
+    daq.open()
+    assert not daq.expired
+    daq.start_watchdog()
+    daq.enable(on=True)
+    daq.start_watchdog()
+    assert daq.enabled
+    registers.expire()
+    assert daq.expired
+    assert not daq.enabled
+    with pytest.raises(PlantError, match="-200678"):
+        daq.enable(on=True)
+    daq.start_watchdog()
+    assert not daq.enabled
+    daq.enable(on=True)
+    assert daq.enabled
+    daq.close()
+
+
 def test_a_card_that_another_task_holds_is_refused_with_zero_volts() -> None:
     rig = stepped()
     assert isinstance(rig, VirtualRig)

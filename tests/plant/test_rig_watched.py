@@ -88,3 +88,12 @@ def test_volts_that_could_not_be_written_are_not_shown() -> None:
     state = mirror.state()
     assert (state.u_A, state.u_B, state.drive_enabled) == (1.0, 2.0, True)
     until_expired(registers)
+
+
+def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() -> None:
+    rig, registers = watched()
+    assert isinstance(rig, VirtualRig)
+    rig.card.faults.enable_held = True
+    with pytest.raises(PlantError, match=r"expired, but drive-enable \(port2/line4\) stayed on within 0\.8 s"):
+        rig.open()
+    assert not registers.state().drive_enabled
