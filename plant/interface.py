@@ -27,6 +27,9 @@ class Measurement(NamedTuple):
     safety_trip: float
 
 
+NOT_MEASURED = Measurement(*(8 * [math.nan]))
+
+
 class RawReading(NamedTuple):
     """What a card said: volts of the load cells, counts of the encoders; nan where there is no card."""
 

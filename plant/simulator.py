@@ -6,7 +6,7 @@ import numpy as np
 
 from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, BrokenPart
 from plant.card import Card
-from plant.compiled import compiled
+from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
 from plant.interface import (
     NO_LOAD,
@@ -77,15 +77,13 @@ class Simulator:
         self._tripped = False
         self._card = card
         self._broken: BrokenPart | None = None
+        plant, sensors = self._plant, self._sensors
+        self._sense = Specialised(sense, plant, sensors, AT_REST, self._line, 0, 0.0, 0.0, 0.0, 0.0)
+        self._actuate = Specialised(actuate, plant, sensors, 0.0, AT_REST, ZERO_VOLTS, 0.0, NO_LOAD)
+        self._exceeded = Specialised(exceeded, plant, self._bounds, AT_REST)
 
     def open(self) -> None:
-        """Nothing to connect: run the compiled functions once, so that the first tick is as fast as the rest.
-
-        The card's watchdog is tried and its drives come on. Raises PlantError where the watchdog fails.
-        """
-        sense(self._plant, self._sensors, self.x, self._line.copy(), 0, 0.0, 0.0, 0.0, 0.0)
-        actuate(self._plant, self._sensors, self._u_max, self.x, ZERO_VOLTS, 0.0, NO_LOAD)
-        exceeded(self._plant, self._bounds, self.x)
+        """Try the card's watchdog and enable its drives, where there is one. Raises PlantError where that fails."""
         if self._card is not None:
             self._card.arm()
 
@@ -96,8 +94,8 @@ class Simulator:
             self._noise_block = block
             self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
         noise_A, noise_B = self._noise[row]
-        trip = 1.0 if self._tripped else 0.0
-        m = sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, self._F_push, trip)
+        F_push, trip = self._F_push, 1.0 if self._tripped else 0.0
+        m = self._sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, F_push, trip)
         return m if self._broken is None else self._broken.seen(m)
 
     def write(self, command: MotorCommand) -> None:
@@ -107,8 +105,8 @@ class Simulator:
             self._broken.delay_write()
         cut = self._tripped or (self._card is not None and not self._card.drives)
         driven = ZERO_VOLTS if cut else command
-        self.x = actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push, self._load)
-        self._tripped = self._tripped or exceeded(self._plant, self._bounds, self.x)
+        self.x = self._actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push, self._load)
+        self._tripped = self._tripped or self._exceeded(self._plant, self._bounds, self.x)
         self._tick += 1
         if self._card is not None:
             self._card.put(driven, self._tripped)
@@ -152,7 +150,7 @@ class Simulator:
         """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""
         if self._broken is not None and self._broken.keeps_from_working:
             raise PlantError(f"still broken: {self._broken.description}; mend it first")
-        if exceeded(self._plant, self._bounds, self.x):
+        if self._exceeded(self._plant, self._bounds, self.x):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._tripped = False
         if self._card is not None:

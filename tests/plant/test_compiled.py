@@ -1,0 +1,45 @@
+"""Machine code for one place in the tick: the same numbers, and never compiled again."""
+
+import random
+from typing import cast
+
+import pytest
+
+from plant.compiled import Specialised
+from plant.dynamics import AT_REST, PlantState
+from plant.interface import ZERO_VOLTS
+from plant.parameters import load_parameters
+from plant.safety import SafetyBounds, exceeded
+from plant.simulator import Simulator, actuate
+
+LAB = load_parameters("lab")
+PLANT, BOUNDS = LAB.dynamics(), SafetyBounds(40.0, 1.5)
+is_exceeded = Specialised(exceeded, PLANT, BOUNDS, AT_REST)
+
+
+def test_it_says_what_the_function_says() -> None:
+    numbers = random.Random(12)
+    answers = []
+    for _ in range(200):
+        q, theta_A, theta_B = numbers.uniform(-1.8, 1.8), numbers.uniform(0.0, 6.0), numbers.uniform(0.0, 6.0)
+        x = PlantState(q, 0.0, theta_A, 0.0, 0.0, theta_B, 0.0, 0.0)
+        answers.append(is_exceeded(PLANT, BOUNDS, x))
+        assert answers[-1] == exceeded.py_func(PLANT, BOUNDS, x)  # type: ignore[attr-defined]  # of numba
+    assert 20 < sum(answers) < 180  # both answers were to be had
+
+
+def test_a_whole_number_stands_for_a_float_and_compiles_nothing() -> None:
+    simulator, whole = Simulator(LAB), Simulator(LAB, x=PlantState(0, 0, 0, 0, 0, 0, 0, 0))
+    known = len(actuate.signatures)  # type: ignore[attr-defined]  # of numba
+    simulator.write(ZERO_VOLTS._replace(u_A=2.0))
+    whole.write(ZERO_VOLTS._replace(u_A=2))
+    assert whole.x == simulator.x != AT_REST
+    assert len(actuate.signatures) == known  # type: ignore[attr-defined]  # of numba
+
+
+@pytest.mark.parametrize(
+    "x", [BOUNDS, AT_REST[:7], 0.0, AT_REST._replace(q=cast(float, "left"))], ids=["other", "short", "float", "text"]
+)
+def test_what_cannot_be_read_so_is_refused(x: PlantState) -> None:
+    with pytest.raises(TypeError):
+        is_exceeded(PLANT, BOUNDS, x)
