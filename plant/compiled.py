@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, TypeVarTuple, cast
 
 import numba
+import numpy as np
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _R = TypeVar("_R")
@@ -50,16 +51,20 @@ class Specialised(Generic[_R, *_Arguments]):
 
     numba looks at the type of each argument of each call, tuple by tuple: for the constants of the plant that takes ten
     times as long as the physics. Here it is done once, and nothing is ever compiled in the tick. So ``like`` has to say
-    what will come in every call: where it has an array or None, the same. A float also stands for whole numbers. What
-    has not as many numbers as ``like`` is refused with TypeError; whether they are the right ones, mypy sees.
+    what will come in every call: where it has None or an array, None or an array of the same sort of numbers. A float
+    stands for whole numbers too. What has not as many numbers as ``like`` is refused with TypeError; whether they are
+    the right ones, mypy sees.
     """
 
     def __init__(self, function: Callable[[*_Arguments], _R], *like: *_Arguments) -> None:
         self._made_from = function, like
-        types = tuple(map(cast(Any, numba.typeof), like))
-        dispatcher: Any = function
-        dispatcher.compile(types)
-        self._code: Callable[..., _R] = dispatcher.get_overload(types)
+        kind = function, _kind(like)
+        if kind not in _KNOWN:
+            types = tuple(map(cast(Any, numba.typeof), like))
+            dispatcher: Any = function
+            dispatcher.compile(types)
+            _KNOWN[kind] = dispatcher.get_overload(types)
+        self._code: Callable[..., _R] = _KNOWN[kind]
 
     def __call__(self, *arguments: *_Arguments) -> _R:
         """Call it."""
@@ -68,6 +73,18 @@ class Specialised(Generic[_R, *_Arguments]):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it was made from: machine code stays in its process."""
         return Specialised, (self._made_from[0], *self._made_from[1])
+
+
+_KNOWN: dict[object, Callable[..., Any]] = {}
+"""Machine code by function and kind of arguments: asking numba for the types takes half a tick."""
+
+
+def _kind(value: object) -> object:
+    if isinstance(value, tuple):
+        return type(value), *map(_kind, value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
+    return type(value)
 
 
 def compiled_run(function: _F) -> _F:

@@ -47,6 +47,7 @@ from backend.loop.velocity import JointVelocity
 from backend.sample import FIELDS
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
+from plant.compiled import Specialised
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
 from plant.parameters import PlantParameters
 
@@ -72,6 +73,7 @@ class Loop:
         self._plant = plant
         self._ring = ring
         self._decoupler = decoupler.decoupler_for(parameters)
+        self._stiffness = Specialised(decoupler.stiffness, self._decoupler, 0.0, 0.0)
         self._checks = Checks(parameters, plant.unattended_max_s)
         self._plant_watch = PlantWatch()
         self._row = np.zeros(len(FIELDS))
@@ -257,7 +259,7 @@ class Loop:
             y.target.q_ref,
             y.q_ref_gov,
             self._velocity.q_dot,
-            decoupler.stiffness(self._decoupler, m.theta_A, m.theta_B),
+            self._stiffness(self._decoupler, m.theta_A, m.theta_B),
             y.target.S_ref,
             y.S_ref_gov,
             m.S_true,

@@ -4,7 +4,8 @@ import math
 
 from backend.controllers.plausibility import contradictions, tendons_for
 from backend.faults import Fault
-from plant.interface import Measurement, MotorCommand, T_s
+from plant.compiled import Specialised
+from plant.interface import NOT_MEASURED, Measurement, MotorCommand, T_s
 from plant.parameter_sections import SIDES, Side
 from plant.parameters import PlantParameters
 from plant.spring import tension_slope
@@ -48,6 +49,7 @@ class SensorChecks:
 
     def __init__(self, parameters: PlantParameters) -> None:
         self._tendons = tendons_for(parameters)
+        self._contradictions = Specialised(contradictions, self._tendons, NOT_MEASURED)
         self._reach = _reach_in_a_tick(parameters)
         self._driven_V = _driving_voltage(parameters, "A"), _driving_voltage(parameters, "B")
         self._past: tuple[float, ...] | None = None
@@ -77,7 +79,7 @@ class SensorChecks:
             if abs(change) > reach * periods:
                 way = f"{past[index]:.3f} to {readings[index]:.3f} {_UNITS[index]}"
                 return Fault.SENSOR_JUMP, f"{_NAMES[index]} went from {way}"
-        excess = contradictions(self._tendons, m) if zeroed else (0.0, 0.0)
+        excess = self._contradictions(self._tendons, m) if zeroed else (0.0, 0.0)
         known_slack = [zeroed and m[3 + side] - excess[side] <= 0.0 for side in (0, 1)]
         for side, turning in enumerate(self._turning):
             driven = command[side] if abs(command[side]) > self._driven_V[side] else 0.0

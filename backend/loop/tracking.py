@@ -11,7 +11,8 @@ from backend.loop.player import SegmentPlayer, Target
 from backend.loop.program import Law, Segment
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.models import Lambdas
-from plant.interface import Measurement
+from plant.compiled import Specialised
+from plant.interface import NOT_MEASURED, Measurement
 from plant.parameters import PlantParameters
 
 
@@ -29,6 +30,7 @@ class Tracking:
     ) -> None:
         self.done = False
         self._state = cascade.take_over(tuning, carry.state, carry.gains, carry.theta_A_ref, carry.theta_B_ref, m)
+        self._law = Specialised(cascade.step, tuning, self._state, 0.0, 0.0, position_loop, NOT_MEASURED)
         self.target = _here(tuning, m, bounds)
         self._player = None if segments is None else SegmentPlayer(segments, self.target)
         self._position_loop = position_loop
@@ -41,7 +43,7 @@ class Tracking:
             self.done = target is None
             self.target = target or self.target
         q_ref, S_ref = self.target.q_ref, self.target.S_ref
-        y, self._state = cascade.step(tuning, self._state, q_ref, S_ref, self._position_loop, m)
+        y, self._state = self._law(tuning, self._state, q_ref, S_ref, self._position_loop, m)
         self._carry = Carry(self._state.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
         return _decision(y, self.target, pushes=self._player is not None)
 
@@ -82,12 +84,13 @@ class Baseline:
     ) -> None:
         """Raise TuningError where the law has no gains for these λ."""
         self.done = False
-        self._law = BASELINES[law]
-        self._tuning = self._law.tuning(parameters, lambdas)
+        baseline = BASELINES[law]
+        self._tuning = baseline.tuning(parameters, lambdas)
         held, _ = motors.step(
             carry.gains, carry.state, carry.theta_A_ref, carry.theta_B_ref, m.theta_A, m.theta_B, tuning.u_max
         )
-        self._state = self._law.take_over(self._tuning, held.u_A, held.u_B, m)
+        self._state = baseline.take_over(self._tuning, held.u_A, held.u_B, m)
+        self._law = Specialised(baseline.step, self._tuning, self._state, 0.0, 0.0, NOT_MEASURED)
         self.target = _here(tuning, m, bounds)
         self._player = SegmentPlayer(segments, self.target)
         self._carry = carry
@@ -97,7 +100,7 @@ class Baseline:
         target = self._player.step()
         self.done = target is None
         self.target = target or self.target
-        y, self._state = self._law.step(self._tuning, self._state, self.target.q_ref, self.target.S_ref, m)
+        y, self._state = self._law(self._tuning, self._state, self.target.q_ref, self.target.S_ref, m)
         state = motors.at_rest(tuning.motors, m.theta_A, m.theta_B, y.u_A, y.u_B)
         self._carry = Carry(state, tuning.motors, m.theta_A, m.theta_B)
         return _decision(y, self.target, pushes=True)

@@ -38,7 +38,8 @@ def tuning_of(command: SetTuning, decoupler: Decoupler, bounds: Bounds) -> casca
     """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
-    table = np.array([astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)])
+    rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
+    table = np.array(rows, dtype=np.float64)
     inner = motors.Gains(i_pd.Gains(*astuple(command.motor_A)), i_pd.Gains(*astuple(command.motor_B)))
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import max_len_seq
 
 from backend.loop.commands import (
+    EntryGains,
     ModeChanged,
     ProgramEnded,
     Refused,
@@ -122,6 +123,20 @@ def test_gains_that_are_no_numbers_are_refused_whole(ideal: PlantParameters) -> 
     assert isinstance(bench.send(SetTuning(**{**vars(good), "entries": ()})), Refused)
     bench.advance(0.001)
     assert bench.column("lam_q")[-1] == Lambdas().lam_q
+
+
+def test_whole_numbers_are_gains_as_well(ideal: PlantParameters) -> None:
+    voltages = []
+    for number in (float, int):
+        bench = BenchTop(ideal)
+        bench.run()
+        bank = (EntryGains(*map(number, (8, 0, 1, 0, 0, 1, 0))),)
+        bench.send(SetTuning(**{**vars(tuning_for(ideal, Lambdas())), "entries": bank}))
+        bench.send(SetReferences(0.2, 10.0))
+        bench.advance(0.5)
+        voltages.append(bench.column("u_A", last=500))
+    assert voltages[0].tolist() == voltages[1].tolist()
+    assert np.ptp(voltages[0]) > 0.01
 
 
 def test_force_hold_excites_one_motor_around_the_tension(ideal: PlantParameters) -> None:
