@@ -3,10 +3,10 @@
 import math
 import statistics
 import time
+from bisect import bisect_right
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from plant.card import Card, CardState
 from plant.daq import Daq, Raw
@@ -22,7 +22,7 @@ from plant.interface import (
 )
 from plant.stillness import Stillness
 from plant.terminals import SATURATED_V
-from plant.wiring import EncoderWiring, LoadCellWiring, Wiring
+from plant.wiring import BEYOND_TABLE, EncoderWiring, LoadCellWiring, Wiring
 
 if TYPE_CHECKING:
     from plant.breakage import Broken
@@ -261,22 +261,28 @@ class Rig:
 
 
 class _LoadCell:
-    """Newtons from volts, by slope and offset or between the points of a table."""
+    """Newtons from volts, by slope and offset or along the pieces of a table."""
 
     def __init__(self, wired: LoadCellWiring) -> None:
         self._slope, self._offset = wired.slope, wired.offset
-        self._table = np.array(wired.table).T if wired.table else None
+        self._low = self._high = 0.0
+        self._pieces = [(V, F, (F_next - F) / (V_next - V)) for (V, F), (V_next, F_next) in pairwise(wired.table)]
+        self._starts = [V for V, _, _ in self._pieces[1:]]
+        if wired.table:
+            first, last = wired.table[0][0], wired.table[-1][0]
+            beyond = BEYOND_TABLE * (last - first)
+            self._low, self._high = first - beyond, last + beyond
 
     def force(self, V: float) -> float:
         """Return the tension [N] behind V volts; nan beyond what was calibrated."""
         if not abs(V) < SATURATED_V:
             return math.nan
-        if self._table is None:
+        if not self._pieces:
             return self._slope * (V - self._offset)
-        volts, newtons = self._table
-        if not volts[0] <= V <= volts[-1]:
+        if not self._low <= V <= self._high:
             return math.nan
-        return float(np.interp(V, volts, newtons))
+        V_0, F_0, slope = self._pieces[bisect_right(self._starts, V)]
+        return F_0 + slope * (V - V_0)
 
 
 def _radians_per_count(encoder: EncoderWiring) -> float:

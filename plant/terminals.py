@@ -20,14 +20,13 @@ def counts_of(wired: EncoderWiring, angle: float) -> float:
 
 
 def volts_of(wired: LoadCellWiring, F: float) -> float:
-    """Give the volts of a load cell under a tension F [N], by its calibration the other way round."""
+    """Give the volts of a load cell under a tension F [N]: its calibration the other way round, beyond a table too."""
     if not wired.table:
         return wired.offset + F / wired.slope
     points = sorted((newtons, volts) for volts, newtons in wired.table)
-    below = [point for point in points if point[0] <= F] or points[:1]
-    above = [point for point in points if point[0] > F] or points[-1:]
-    (F_0, V_0), (F_1, V_1) = below[-1], above[0]
-    return V_0 if F_1 == F_0 else V_0 + (V_1 - V_0) * (F - F_0) / (F_1 - F_0)
+    piece = sum(newtons <= F for newtons, _ in points[1:-1])
+    (F_0, V_0), (F_1, V_1) = points[piece : piece + 2]
+    return V_0 + (V_1 - V_0) * (F - F_0) / (F_1 - F_0)
 
 
 def converted(V: float) -> float:

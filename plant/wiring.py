@@ -7,16 +7,18 @@ Each number carries its value, unit and source, as in a parameter file; names of
 import math
 import re
 import tomllib
-from collections.abc import Iterator
 from dataclasses import Field, dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from plant.wiring_errors import Problem, WiringError
+from plant.wiring_errors import Problem, WiringError, lines_of
 
 _FOLDER = Path(__file__).parent / "wirings"
 SHIPPED = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
+
+BEYOND_TABLE = 0.05
+"""How far beyond its table a load cell is read, as a part of the table's span: noise about 0 N is no fault."""
 
 WATCHDOG_MAX_S = 0.05
 """Longest time without a write after which the card's watchdog may take the drives away on a rig [s]."""
@@ -65,7 +67,10 @@ class MotorWiring:
 
 @dataclass(frozen=True)
 class LoadCellWiring:
-    """A load cell at an analog input, calibrated by slope and offset, or by a table of volts and newtons."""
+    """A load cell at an analog input, calibrated by slope and offset, or by a table of volts and newtons from 0 N on.
+
+    Beyond the table it goes on along the first or last piece, by BEYOND_TABLE of the volts that the table spans.
+    """
 
     channel: str = _AI
     slope: float = number("N/V", -1e5, 1e5, math.nan)
@@ -161,7 +166,7 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
 
 def wiring_of(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
     """Build a wiring from a document; ``text`` is where line numbers are looked up. Raises WiringError."""
-    reader = _Reader(_lines(text))
+    reader = _Reader(lines_of(text))
     for section in document:
         if section not in SECTIONS:
             reader.refuse(section, "", "it is not known", f"known are {', '.join(SECTIONS)}")
@@ -243,6 +248,13 @@ class _Reader:
         if len(points) < 2 or not rising or not all(math.isfinite(x) for point in points for x in point):
             text = "it is not a table of two points or more with rising volts"
             self.refuse(section, entry, text, "give [[V, N], [V, N], ...]")
+            return points
+        newtons = [F for _, F in points]
+        if newtons not in (sorted(set(newtons)), sorted(set(newtons), reverse=True)):
+            self.refuse(section, entry, "its newtons go up and down", "let them rise, or fall, with the volts")
+        elif not min(newtons) <= 0.0 < max(newtons):
+            text = f"it goes from {min(newtons):g} to {max(newtons):g} N"
+            self.refuse(section, entry, text, "measure 0 N too, and put it in: a slack tendon is read as well")
         return points
 
     def refuse_shared(self, parts: _Parts) -> None:
@@ -275,22 +287,3 @@ def _wanted(declared: "Field[Any]") -> str:
     if "pattern" in about:
         return f"give {about['wanted']}"
     return f'write {declared.name} = {{ value = ..., unit = "{about["unit"]}", source = "..." }}'
-
-
-_HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")
-_KEY = re.compile(r"\s*([\w-]+)\s*=")
-
-
-def _lines(text: str) -> dict[str, int]:
-    """Return on which lines sections and their entries stand, from 1."""
-    return dict(_found(text))
-
-
-def _found(text: str) -> Iterator[tuple[str, int]]:
-    section = ""
-    for position, line in enumerate(text.splitlines(), 1):
-        if (header := _HEADER.match(line)) is not None:
-            section = header[1]
-            yield section, position
-        elif (key := _KEY.match(line)) is not None and section:
-            yield f"{section}.{key[1]}", position

@@ -1,5 +1,7 @@
 """What is wrong with a wiring file, each with its line and what to do."""
 
+import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
 
@@ -23,3 +25,22 @@ class WiringError(ValueError):
     def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
         self.problems = problems
         super().__init__("\n".join(problem.sentence(file) for problem in problems))
+
+
+_HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")
+_KEY = re.compile(r"\s*([\w-]+)\s*=")
+
+
+def lines_of(text: str) -> dict[str, int]:
+    """Return on which lines sections and their entries stand, from 1."""
+    return dict(_found(text))
+
+
+def _found(text: str) -> Iterator[tuple[str, int]]:
+    section = ""
+    for position, line in enumerate(text.splitlines(), 1):
+        if (header := _HEADER.match(line)) is not None:
+            section = header[1]
+            yield section, position
+        elif (key := _KEY.match(line)) is not None and section:
+            yield f"{section}.{key[1]}", position

@@ -77,6 +77,45 @@ def test_a_table_and_another_slope_give_the_same_newtons() -> None:
     points.close()
 
 
+FROM_NOTHING = ((0.0, 0.0), (2.0, 20.0), (9.0, 90.0))
+"""Volts and newtons of the shipped line, from no load on."""
+
+
+def by_table(table: tuple[tuple[float, float], ...]) -> Wiring:
+    cells = {
+        name: replace(getattr(WIRING, name), slope=math.nan, offset=0.0, table=table)
+        for name in ("load_cell_A", "load_cell_B")
+    }
+    return replace(WIRING, **cells)
+
+
+@pytest.mark.parametrize("table", [FROM_NOTHING, tuple((-V, F) for V, F in reversed(FROM_NOTHING))])
+def test_noise_about_no_force_is_read_below_the_first_point_of_a_table(table: tuple[tuple[float, float], ...]) -> None:
+    """As a line reads it, half of it below 0 N; the load cell of the parameters has noise of 0.05 N."""
+    rig = stepped(by_table(table))
+    seen = []
+    for _ in range(3000):
+        seen.append(rig.read()[3:5])
+        rig.write(ZERO_VOLTS)
+    rig.close()
+    F = np.array(seen)
+    assert np.isfinite(F).all()
+    assert F.std(axis=0) == pytest.approx(0.05, rel=0.1)
+    assert np.abs(F.mean(axis=0)).max() < 5e-3  # five of its standard deviations
+    assert (F < 0.0).mean() == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_table_is_gone_beyond_by_a_twentieth_of_its_span(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = stepped(by_table(FROM_NOTHING))
+    for volts, newtons in ((-0.44, -4.4), (0.0, 0.0), (1.0, 10.0), (9.0, 90.0), (9.44, 94.4)):
+        monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel, V=volts: V)
+        assert pytest.approx(newtons) == rig.read().F_A
+    for volts in (-0.46, 9.46):
+        monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel, V=volts: V)
+        assert math.isnan(rig.read().F_A)
+    rig.close()
+
+
 @pytest.mark.parametrize("volts", [9.995, -9.995, 10.0])
 def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = stepped()

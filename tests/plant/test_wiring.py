@@ -44,6 +44,8 @@ def replaced(old: str, new: str) -> Callable[[str], str]:
     return lambda text: text.replace(old, new, 1)
 
 
+LINE_A = 'slope = { value = 10.0, unit = "N/V", source = "placeholder: 100 N at 10 V" }'
+
 WRONG = {
     "unknown channel": (replaced('channel = "ao1"', 'channel = "ao9"'), 'channel = "ao9"', "motor_B.channel", "ao0"),
     "duplicate": (replaced('channel = "ao1"', 'channel = "ao0"'), "[motor_B]", "motor_B.channel", "taken by motor_A"),
@@ -58,6 +60,18 @@ WRONG = {
         "kg/V",
         "load_cell_A.slope",
         "give it in 'N/V'",
+    ),
+    "table without a slack tendon": (
+        replaced(LINE_A, 'table = { value = [[0.5, 5], [9, 90]], unit = "V, N", source = "weights" }'),
+        "[[0.5, 5], [9, 90]]",
+        "load_cell_A.table",
+        "it goes from 5 to 90 N; measure 0 N too",
+    ),
+    "table that goes up and down": (
+        replaced(LINE_A, 'table = { value = [[0, 0], [5, 60], [9, 50]], unit = "V, N", source = "weights" }'),
+        "[[0, 0], [5, 60], [9, 50]]",
+        "load_cell_A.table",
+        "its newtons go up and down",
     ),
     "no direction": (
         replaced("direction = { value = 1,", "direction = { value = 2,"),
