@@ -45,7 +45,7 @@ MOVED_RAD = 1e-3
 def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
     require(not lacks(plant), f"it has no {lacks(plant)}")
-    for name in ("paces_loop", "stepped", "loads_shafts"):
+    for name in ("paces_loop", "stepped", "pushes", "loads_shafts"):
         require(isinstance(getattr(plant, name), bool), f"{name} has to be True or False")
     limit_s = plant.unattended_max_s
     require(isinstance(limit_s, float) and T_s < limit_s < math.inf, f"unattended_max_s = {limit_s}: give seconds")
@@ -158,7 +158,9 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
     return said[0] if said else "taken for zero volts"
 
 
-@promise("What it cannot do (zero, push, load, break) it refuses with a PlantError; loads_shafts tells the truth.")
+@promise(
+    "What it cannot do (zero, push, load, break) it refuses with a PlantError; pushes, loads_shafts tell the truth."
+)
 def _refuses_in_a_sentence(subject: Subject) -> str:
     refused = []
     with opened(subject) as plant:
@@ -175,7 +177,8 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             except PlantError as error:
                 require(str(error).strip() != "", f"{name} is refused without a word")
                 refused.append(name)
-        require(("load" in refused) != plant.loads_shafts, f"loads_shafts is {plant.loads_shafts}: load says otherwise")
+        for name, says, able in (("push", "pushes", plant.pushes), ("load", "loads_shafts", plant.loads_shafts)):
+            require((name in refused) != able, f"{says} is {able}: {name} says otherwise")
         look(plant, plant.read(), subject.parameters)
     return f"refuses {', '.join(refused)}" if refused else "can do all of them"
 

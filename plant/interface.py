@@ -79,7 +79,8 @@ class Plant(Protocol):
     A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
     motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
     sample is due (a hardware clock), False where the loop keeps the time. ``stepped`` is True where time passes with
-    the writes alone: it may be driven as fast as one likes. ``loads_shafts`` tells whether ``load`` is there.
+    the writes alone: it may be driven as fast as one likes. ``pushes`` and ``loads_shafts`` tell whether ``push``
+    and ``load`` are there.
     ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
     waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
     plant is open. ``raw`` is what the newest measurement was made from. ``unready`` says why the plant may not be
@@ -88,6 +89,7 @@ class Plant(Protocol):
 
     paces_loop: bool
     stepped: bool
+    pushes: bool
     loads_shafts: bool
     unattended_max_s: float
     description: str

@@ -33,6 +33,7 @@ class Replay:
     """
 
     paces_loop = False
+    pushes = False
     loads_shafts = False
     stepped = True
     unattended_max_s = 0.4

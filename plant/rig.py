@@ -52,6 +52,7 @@ class Rig:
     """
 
     stepped = False
+    pushes = False
     loads_shafts = False
 
     def __init__(

@@ -51,6 +51,7 @@ class Simulator:
 
     paces_loop = False
     stepped = True
+    pushes = True
     loads_shafts = True
     unattended_max_s = 0.4
     description = "simulator"

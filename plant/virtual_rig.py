@@ -24,6 +24,7 @@ class VirtualRig(Rig):
     like any rig. Else it stands at its zero when it is made, and may be controlled at once.
     """
 
+    pushes = True
     loads_shafts = True
 
     def __init__(

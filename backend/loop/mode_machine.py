@@ -25,7 +25,7 @@ from backend.loop.motor_steps import MotorSteps
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.pending_stop import PendingStop
 from backend.loop.player import Target
-from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_few, starts_from
+from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_able, require_few, starts_from
 from backend.loop.tension_sweep import TensionSweep
 from backend.loop.tracking import BASELINES, Baseline, Tracking
 from backend.refusal import require_within
@@ -219,11 +219,7 @@ class ModeMachine:
 
     def _require_segment(self, segment: Segment) -> None:
         self._require_references(segment.q_ref, segment.S_ref)
-        require_within("F_push", segment.F_push, None, None, "N")
-        for load in filter(None, (segment.load_A, segment.load_B)):
-            if not self._plant.loads_shafts:
-                raise RefusedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
-            require_within("load", load, 0.0, None, "N·m", "loads pull as tendons do")
+        require_able(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
 
     def _motor_steps(self, program: Program) -> MotorSteps:
         if not program.steps:

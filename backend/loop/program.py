@@ -8,7 +8,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.refusal import require_within
 
 MAX_SEGMENTS = 1000
@@ -75,6 +75,17 @@ def require_few(segments: Collection[Segment]) -> None:
     """Raise OutOfRangeError for more segments than a program may have."""
     words = "number of segments"
     require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
+
+
+def require_able(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
+    """Raise RefusedError for a push or a load that the plant cannot give, OutOfRangeError for one that nothing can."""
+    require_within("F_push", segment.F_push, None, None, "N")
+    if segment.F_push and not pushes:
+        raise RefusedError("nothing here pushes the joint by command: push by hand, or play it as a dry run")
+    for load in filter(None, (segment.load_A, segment.load_B)):
+        if not loads_shafts:
+            raise RefusedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
+        require_within("load", load, 0.0, None, "N·m", "loads pull as tendons do")
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,8 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
     finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
     rig.loop.close()
     assert finding.passed is passed, finding.text
-    assert [words.partition(",")[0] for words in rig.asked] == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
+    hung = [words.partition(",")[0] for words in rig.asked if words.startswith("Hang")]
+    assert hung == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
     if passed:
         (cell,) = finding.calibrations
         assert (cell.tendon, cell.slope, cell.offset) == ("B", pytest.approx(9.4, rel=2e-3), pytest.approx(-0.22, 2e-3))

@@ -26,7 +26,7 @@ from backend.experiments.robustness_plan import LEAD_IN_S, RobustnessPlan
 from backend.experiments.runner import Order, run_experiment
 from backend.loop.commands import Accepted, Refused, RunProgram
 from backend.loop.mode import Mode
-from backend.loop.program import Law, Program, Segment
+from backend.loop.program import Law, Program, Segment, Shape
 from backend.reports.build import build_report
 from backend.reports.document import Report, Table
 from backend.reports.source import Source, load_source
@@ -205,6 +205,25 @@ def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
 def cells_of(report: Report) -> list[str]:
     blocks = [block for section in report.sections for block in section.blocks]
     return [cell for block in blocks if isinstance(block, Table) for row in block.rows for cell in row]
+
+
+class WithoutPushes(Simulator):
+    """A plant that is pushed by hand, as a rig."""
+
+    pushes = False
+
+
+def test_a_rig_that_is_pushed_by_hand_refuses_pushes_before_anything_moves(ideal: PlantParameters) -> None:
+    """Also those late in a program: they ended it midway, in a fault."""
+    late = Program(Law.COMPLIANCE, (Segment(5.0, 0.0, 10.0), Segment(1.0, 0.0, 10.0, F_push=5.0, shape=Shape.RAMP)))
+    for plant, answer in ((WithoutPushes(ideal), Refused), (Simulator(ideal), Accepted)):
+        bench = BenchTop(ideal, plant=plant)
+        bench.wind_up()
+        told = bench.send(RunProgram(late, 1))
+        assert isinstance(told, answer)
+        if isinstance(told, Refused):
+            assert "nothing here pushes the joint by command" in told.reason
+            assert bench.loop.mode is Mode.PRETENSION
 
 
 class WithoutLoads(Simulator):

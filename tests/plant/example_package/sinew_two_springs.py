@@ -20,6 +20,7 @@ class TwoSprings:
 
     paces_loop = False
     stepped = True
+    pushes = False
     loads_shafts = False
     unattended_max_s = 0.4
     unready = ""
