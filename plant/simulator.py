@@ -46,7 +46,8 @@ def actuate(
 class Simulator:
     """A plant that advances one period at each write; the same seed gives the same run to the last bit.
 
-    With ``card`` its outputs go through that card's registers, watchdog and drive-enable line.
+    With ``card`` its outputs go through that card's registers, watchdog and drive-enable line. ``module_cuts`` tells
+    which motors the safety module really cuts when it trips; it says that it has tripped in any case.
     """
 
     paces_loop = False
@@ -78,6 +79,7 @@ class Simulator:
         self._tripped = False
         self._card = card
         self._broken: BrokenPart | None = None
+        self.module_cuts = True, True
         plant, sensors = self._plant, self._sensors
         self._sense = Specialised(sense, plant, sensors, AT_REST, self._line, 0, 0.0, 0.0, 0.0, 0.0)
         self._actuate = Specialised(actuate, plant, sensors, 0.0, AT_REST, ZERO_VOLTS, 0.0, NO_LOAD)
@@ -104,13 +106,20 @@ class Simulator:
         require_numbers(command)
         if self._broken is not None:
             self._broken.delay_write()
-        cut = self._tripped or (self._card is not None and not self._card.drives)
-        driven = ZERO_VOLTS if cut else command
+        driven = command
+        if self._card is not None and not self._card.drives:
+            driven = ZERO_VOLTS
+        elif self._tripped:
+            driven = self._cut(command)
         self.x = self._actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push, self._load)
         self._tripped = self._tripped or self._exceeded(self._plant, self._bounds, self.x)
         self._tick += 1
         if self._card is not None:
             self._card.put(driven, self._tripped)
+
+    def _cut(self, command: MotorCommand) -> MotorCommand:
+        cuts_A, cuts_B = self.module_cuts
+        return MotorCommand(0.0 if cuts_A else command.u_A, 0.0 if cuts_B else command.u_B)
 
     @property
     def F_push(self) -> float:

@@ -98,7 +98,8 @@ STEPS: tuple[Step, ...] = (
     Step(
         StepId.SAFETY_MODULE,
         "Safety module",
-        "At the pretension, lower the limit at the safety module until it trips: the motors have to lose their drive.",
+        "At the pretension, lower the limit at the safety module until it trips. The loop goes on to drive both motors "
+        "for 0.3 s, with 1 V at most: they have to let go all the same, as the module has cut them.",
         holds_days=30.0,
         needs=(StepId.PRETENSION,),
     ),

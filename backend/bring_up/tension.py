@@ -4,11 +4,13 @@ import numpy as np
 
 from backend.bring_up.work import Figure, Finding, Rows, Signal, StepFailedError, Work, known
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import Reset, SetMode, Stop
+from backend.loop.commands import Reset, SetMode, Stop, TryModule
 from backend.loop.mode import Mode
+from backend.loop.module_trial import DRIVEN_S
 from backend.loop.motion import PRETENSION_N
 from backend.sample import INDEX
 from plant.hand import Hand
+from plant.interface import T_s
 
 TENSION_MAX_N = 18.0
 """Beyond this [N] the pretension of 10 N has gone wrong, and is stopped hard."""
@@ -21,6 +23,15 @@ WINDING_S = 60.0
 LOOK_S = 0.05
 TRIP_S = 20.0
 LOWERED_N = 5.0
+
+TURNED_BACK_RAD = 0.01
+"""A motor that loses its drive is turned back by its tendon, by so much at least [rad]: 13 counts of its encoder. In
+the model it is 0.04 rad; one that keeps its drive winds up by as much and more."""
+
+DRIVEN_MIN_V = 0.5
+"""So much at least is on the outputs at the end [V]: more than friction holds a motor against."""
+
+_SET_BACK = "; set the module's limit back to what it was"
 
 
 async def pretension(work: Work) -> Finding:
@@ -42,11 +53,15 @@ async def pretension(work: Work) -> Finding:
 
 
 async def safety_module(work: Work) -> Finding:
-    """At the pretension, have the module's limit lowered below it, see the trip, and have it set back."""
+    """At the pretension, have the module's limit lowered below it: it has to trip, and to cut motors that are driven.
+
+    From the trip on the loop drives them for DRIVEN_S more, so that it is the module that lets go.
+    """
     work.phase("winding up to the pretension")
     await _wound(work)
     before = await work.mean("F_A", "F_B")
     first = work.loop.ring.count
+    await work.send(TryModule())
     await work.ask(
         f"Lower the tension limit at the safety module below {PRETENSION_N:g} N: it has to trip; then confirm",
         Hand(F_limit=LOWERED_N),
@@ -57,32 +72,50 @@ async def safety_module(work: Work) -> Finding:
     except TimeoutError:
         raise StepFailedError(
             f"the module did not trip within {TRIP_S:g} s below the tension that the tendons held: do not go on; look "
-            "at its limit, its supply, and safety_tripped in the wiring file"
+            f"at its limit, its supply, and safety_tripped in the wiring file{_SET_BACK}"
         ) from None
     await work.loop.advance(1.0)
     rows = work.since(first)
-    tripped = rows[rows[:, INDEX["mode"]] == rows[-1, INDEX["mode"]]]
-    if tripped[-1, INDEX["fault"]] != FAULT_CODE[Fault.SAFETY_MODULE]:
+    tripped = int(np.argmax(rows[:, INDEX["mode"]] == rows[-1, INDEX["mode"]]))
+    if rows[-1, INDEX["fault"]] != FAULT_CODE[Fault.SAFETY_MODULE]:
         raise StepFailedError(
-            "the loop stopped, but not because of the safety module: the status line says why; set the module's limit "
-            "back to what it was"
+            f"the loop stopped, but not because of the safety module: the status line says why{_SET_BACK}"
         )
-    still_driven = float(np.abs(tripped[1:, [INDEX["u_A"], INDEX["u_B"]]]).max(initial=0.0))
-    after = tripped[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
-    if not (still_driven == 0.0 and let_go(before, after)):
-        raise StepFailedError(
-            "the module tripped, but that the motors let go was not seen: do not go on; look at how it cuts the "
-            "drives, and set its limit back to what it was"
-        )
+    driven = rows[max(tripped - round(DRIVEN_S / T_s), 0) : tripped]
+    volts = driven[:, [INDEX["u_A"], INDEX["u_B"]]].max(axis=0)
+    turned = driven[-1, [INDEX["theta_A"], INDEX["theta_B"]]] - driven[0, [INDEX["theta_A"], INDEX["theta_B"]]]
+    after = rows[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
+    still_driven = float(np.abs(rows[tripped:, [INDEX["u_A"], INDEX["u_B"]]]).max())
+    figures = (
+        Figure("tension before", known(float(before.mean())), "N"),
+        Figure("voltage that motor A was still given", known(float(volts[0])), "V"),
+        Figure("voltage that motor B was still given", known(float(volts[1])), "V"),
+        Figure("motor A turned by meanwhile", known(float(turned[0])), "rad"),
+        Figure("motor B turned by meanwhile", known(float(turned[1])), "rad"),
+        Figure("tension 1 s after", known(float(after.mean())), "N"),
+    )
+    problem = "" if still_driven == 0.0 else "the loop did not go to zero volts"
+    problem = problem or uncut(volts, turned)
+    problem = problem or ("" if let_go(before, after) else "the tension did not fall after it")
+    if problem:
+        return Finding(False, f"the module tripped, but {problem}: do not go on{_SET_BACK}", figures)
     await work.ask("Set the module's limit back to what it was, acknowledge it there, and confirm")
     await work.let_go()
     await work.send(Reset())
-    figures = (
-        Figure("tension before", float(before.mean()), "N"),
-        Figure("tension 1 s after", float(after.mean()), "N"),
-        Figure("voltage after the trip", still_driven, "V"),
-    )
-    return Finding(True, "the module tripped, the outputs went to zero volts, and the motors let go", figures)
+    return Finding(True, "the module tripped and cut both motors while they were still given voltage", figures)
+
+
+def uncut(volts: Signal, turned: Signal) -> str:
+    """Return what tells that the drives were not cut: ``turned`` [2] in rad while up to ``volts`` [2] were given."""
+    for motor, u, way in zip("AB", volts, turned, strict=True):
+        if not u >= DRIVEN_MIN_V:
+            return f"motor {motor} was given {u:.2f} V only: whether its drive was cut cannot be told"
+        if not way <= -TURNED_BACK_RAD:
+            return (
+                f"motor {motor} did not let go while it was given {u:.2f} V for {DRIVEN_S:g} s more (it turned by "
+                f"{way:.4f} rad, {-TURNED_BACK_RAD:g} rad are letting go): look at how the module cuts the drives"
+            )
+    return ""
 
 
 def near_pretension(F: Signal) -> bool:

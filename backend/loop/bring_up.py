@@ -2,13 +2,14 @@
 
 from typing import assert_never
 
-from backend.loop.commands import ByHand, ProveDirections, SwitchDrives, TryMotor, Zero
+from backend.loop.commands import ByHand, ProveDirections, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
-from backend.loop.mode_machine import ModeMachine
+from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
+from backend.loop.module_trial import ModuleTrial
 from plant.hand import Handled
 from plant.interface import Plant, PlantError, Proven, Switched
 
-Asked = Zero | TryMotor | ProveDirections | SwitchDrives | ByHand
+Asked = Zero | TryMotor | TryModule | ProveDirections | SwitchDrives | ByHand
 
 
 def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
@@ -26,6 +27,10 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
             machine.try_motor(motor)
+        case TryModule():
+            if not machine.pretension_done or machine.motion is None:
+                raise RefusedError("the safety module is tried once both tendons hold the pretension")
+            machine.motion = ModuleTrial(machine.motion.carry(), NO_REFERENCE, machine.m)
         case ProveDirections(proven):
             if proven:
                 _require_off(machine, "directions are proven")

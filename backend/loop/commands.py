@@ -109,6 +109,11 @@ class TryMotor:
 
 
 @dataclass(frozen=True)
+class TryModule:
+    """Hold the pretension, and keep commanding for a moment once the safety module trips; from PRETENSION only."""
+
+
+@dataclass(frozen=True)
 class ProveDirections:
     """Both motors turn as the wiring says: the plant may be controlled; OFF only. Withdrawn in any mode."""
 
@@ -165,6 +170,7 @@ Command = (
     | Inject
     | Zero
     | TryMotor
+    | TryModule
     | ProveDirections
     | SwitchDrives
     | ByHand

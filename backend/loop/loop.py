@@ -17,12 +17,10 @@ from backend.loop import bring_up
 from backend.loop.checks import Checks
 from backend.loop.commands import (
     Accepted,
-    ByHand,
     Command,
     Event,
     Heartbeat,
     Inject,
-    ProveDirections,
     Push,
     Refused,
     Reset,
@@ -33,13 +31,12 @@ from backend.loop.commands import (
     Shutdown,
     Stop,
     Stopped,
-    SwitchDrives,
-    TryMotor,
     Zero,
 )
 from backend.loop.hand_push import HandPush
 from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
 from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
+from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
@@ -131,6 +128,11 @@ class Loop:
             events.append(Accepted(sequence, tick))
 
     def _carry_out(self, command: Command) -> None:
+        if isinstance(command, bring_up.Asked):
+            bring_up.carry_out(command, self._machine, self._plant)
+            if isinstance(command, Zero):
+                self._velocity.stands_at(command.q)
+            return
         match command:
             case Stop():
                 self._machine.begin_stop(command, command.detail)
@@ -147,10 +149,6 @@ class Loop:
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
-            case Zero() | TryMotor() | ProveDirections() | SwitchDrives() | ByHand():
-                bring_up.carry_out(command, self._machine, self._plant)
-                if isinstance(command, Zero):
-                    self._velocity.stands_at(command.q)
             case Reset():
                 self._reset()
             case Shutdown():
@@ -203,6 +201,8 @@ class Loop:
 
     def _check(self, m: Measurement, missed: int) -> None:
         machine = self._machine
+        if isinstance(machine.motion, ModuleTrial):
+            m = machine.motion.heard(m)
         fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed, self._plant.raw)
         at_risk = machine.motion is not None or fault in _AT_REST_TOO
         if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
