@@ -5,6 +5,9 @@ from enum import StrEnum
 
 DEFAULT_WIRING = "pcie-6323"
 
+NAME_MAX = 100
+"""Longest name of a plant [characters]: every run remembers it whole."""
+
 
 class PlantKind(StrEnum):
     """What is behind the Plant interface."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, cast
 
-from plant.choice import PlantKind
+from plant.choice import NAME_MAX, PlantKind
 from plant.interface import Plant, PlantError
 from plant.parameters import PlantParameters
 
@@ -43,6 +43,9 @@ def load_maker(name: str) -> Maker:
         maker: Any = entries[0].load()
     except Exception as error:
         raise _failed(entries[0], "cannot be imported", error) from error
+    if len(name) > NAME_MAX:
+        short = f"{name[:20]}..."
+        raise PlantError(f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the most: shorten it")
     if not callable(maker):
         raise PlantError(f"{_of(entries[0])}: {entries[0].value} has to be callable, it is {_kind(maker)}")
     return cast(Maker, maker)

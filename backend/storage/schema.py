@@ -24,6 +24,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from plant.choice import NAME_MAX
+
 Document = dict[str, Any]
 
 
@@ -79,7 +81,7 @@ class RunRow(Numbered, Base):
     __tablename__ = "run"
 
     kind: Mapped[str] = mapped_column(String(40), index=True)
-    plant: Mapped[str] = mapped_column(String(20))
+    plant: Mapped[str] = mapped_column(String(NAME_MAX))
     parameters_name: Mapped[str] = mapped_column(String(200))
     parameters: Mapped[Document]
     settings: Mapped[Document]

@@ -106,6 +106,30 @@ def test_recordings_of_an_earlier_schema_get_their_size(tmp_path: Path, later_sc
     opened.close()
 
 
+def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
+    tmp_path: Path, later_scripts: Path
+) -> None:
+    """SQLite makes the table anew: a number that was given out once is not given out again."""
+    newer = [script for script in (later_scripts / "versions").glob("0*.py") if script.name >= "0006"]
+    texts = {script: script.read_text() for script in newer}
+    for script in newer:
+        script.unlink()
+    old = open_database(tmp_path)
+    with old.session() as session:
+        kept, gone = (runs.create(session, NEW_RUN) for _ in range(2))
+        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '', 0, NULL)"), {"run": kept.id})
+        session.execute(text("DELETE FROM run WHERE id = :id"), {"id": gone.id})
+    old.close()
+    for script, written in texts.items():
+        script.write_text(written)
+    opened = open_database(tmp_path)
+    with opened.session() as session:
+        assert runs.get(session, kept.id).plant == "simulator"
+        assert recordings.get(session, kept.id).missed == 0
+        assert runs.create(session, NEW_RUN).id == gone.id + 1
+    opened.close()
+
+
 def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:
     before = make_with_data(tmp_path)
     add_later_revision(later_scripts, before)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from plant.catalog import make_plant, require_available
-from plant.choice import PlantChoice, PlantKind
+from plant.choice import NAME_MAX, PlantChoice, PlantKind
 from plant.interface import PlantError
 from plant.packages import GROUP
 from plant.parameters import PlantParameters
@@ -110,6 +110,21 @@ def test_a_name_has_to_be_one_of_what_there_is(site: Path, tmp_path: Path, monke
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(PlantError, match=r"more than one package brings a plant two-springs: .*other.*uninstall"):
         require_available(PlantChoice(PlantKind.PACKAGE, package=example.NAME))
+
+
+@pytest.mark.parametrize("length", [NAME_MAX, NAME_MAX + 1])
+def test_a_name_that_no_run_could_remember_is_refused_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: int
+) -> None:
+    name = "x" * length
+    package(tmp_path, "long", "plant.simulator:Simulator", "", plant=name)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    choice = PlantChoice(PlantKind.PACKAGE, package=name)
+    if length <= NAME_MAX:
+        require_available(choice)
+    else:
+        with pytest.raises(PlantError, match=r"^the plant x{20}\.\.\. has a name of 101 characters, 100 are the most"):
+            require_available(choice)
 
 
 def test_a_plant_of_a_package_does_not_take_the_name_of_another_kind(

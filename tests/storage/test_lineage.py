@@ -10,6 +10,7 @@ from backend.storage.identifications import NewIdentification
 from backend.storage.records import UnknownRecordError
 from backend.storage.results import NewResult
 from backend.storage.runs import EndState, NewRun, RunKind
+from plant.choice import NAME_MAX
 
 NEW_RUN = NewRun(
     kind=RunKind.ACTUATOR_IDENTIFICATION,
@@ -33,6 +34,14 @@ NEW_IDENTIFICATION = NewIdentification(
     who="Ana",
     software="0.1.0",
 )
+
+
+def test_a_run_remembers_its_plant_by_its_whole_name(database: Database) -> None:
+    name = "x" * NAME_MAX
+    with database.session() as session:
+        run = runs.create(session, replace(NEW_RUN, plant=name))
+    with database.reading() as session:
+        assert runs.get(session, run.id).plant == name
 
 
 def test_bank_walks_back_to_run(database: Database) -> None:
