@@ -156,3 +156,18 @@ class Proven(Protocol):
     def prove_directions(self, *, proven: bool) -> None:
         """Take note whether the motors are known to turn as the wiring says."""
         ...
+
+
+@runtime_checkable
+class EndSwitched(Protocol):
+    """A plant whose joint can be driven to an end switch."""
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the joint held the switch in the newest reading."""
+        ...
+
+    @property
+    def unproven(self) -> str:
+        """Why its motors may not be driven yet, even where no position is known; empty where they may."""
+        ...

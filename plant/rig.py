@@ -86,15 +86,25 @@ class Rig:
         self._drives_wanted = True
 
     @property
-    def unready(self) -> str:
-        """Why the loop may not be closed on it yet."""
+    def unproven(self) -> str:
+        """Why its motors may not be driven by a loop yet, not even slowly to an end switch."""
         if not self._cells_measured:  # first: a new calibration starts the loop anew, which costs the zero
             return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
-        if not self._zeroed:
-            return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
         if not self._proven:
             return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
         return ""
+
+    @property
+    def unready(self) -> str:
+        """Why the loop may not be closed on it yet."""
+        if self._cells_measured and not self._zeroed:
+            return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
+        return self.unproven
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the joint held its end switch in the newest reading."""
+        return self._seen is not None and self._seen.at_end
 
     def prove_directions(self, *, proven: bool) -> None:
         """Take note whether the motors are known to turn as the wiring says."""

@@ -2,31 +2,36 @@
 
 from typing import assert_never
 
-from backend.loop.commands import ByHand, ProveDirections, SwitchDrives, TryModule, TryMotor, Zero
+from backend.loop.commands import ByHand, Home, ProveDirections, SwitchDrives, TryModule, TryMotor, Zero
+from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
-from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
+from backend.loop.mode_machine import ModeMachine
 from backend.loop.module_trial import ModuleTrial
+from backend.loop.motion import NO_REFERENCE
+from backend.loop.motor_trial import MotorTrial
+from backend.refusal import require_within
 from plant.hand import Handled
-from plant.interface import Plant, PlantError, Proven, Switched
+from plant.interface import EndSwitched, Plant, PlantError, Proven, Switched
 
-Asked = Zero | TryMotor | TryModule | ProveDirections | SwitchDrives | ByHand
+SHORTEST_RAD = 0.1
+"""An end switch nearer to the joint's middle than this [rad] is none."""
+
+Asked = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | ByHand
 
 
 def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
     """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
     match command:
-        case Zero(q, theta_A, theta_B, at_switch):
+        case Zero():
             _require_off(machine, "a zero is set")
-            plant.zero(q, theta_A, theta_B, at_switch=at_switch)
-            machine.offset_A = machine.offset_B = 0.0
-            machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
+            set_zero(command, machine, plant)
         case TryMotor(motor):
-            _require_off(machine, "a motor is tried")
-            if machine.drives_off:
-                raise RefusedError(DRIVES_OFF)
+            _require_free(machine, "a motor is tried")
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
-            machine.try_motor(motor)
+            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, machine.m, motor), "motor trial")
+        case Home(position):
+            _home(position, machine, plant)
         case TryModule():
             if not machine.pretension_done or machine.motion is None:
                 raise RefusedError("the safety module is tried once both tendons hold the pretension")
@@ -51,6 +56,35 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             assert_never(command)
 
 
+def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
+    """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
+    plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
+    machine.offset_A = machine.offset_B = 0.0
+    machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
+
+
+def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
+    _require_free(machine, "the joint is driven to its end switch")
+    if not isinstance(plant, EndSwitched):
+        raise PlantError("this plant has no end switch that its joint could be driven to")
+    if plant.unproven:
+        raise RefusedError(plant.unproven)
+    bounds, m = machine.bounds, machine.m
+    require_within("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
+    if not max(m.F_A, m.F_B) <= TENSION_MAX_N:
+        raise RefusedError(
+            f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
+        )
+    ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
+    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), "homing")
+
+
 def _require_off(machine: ModeMachine, what: str) -> None:
     if machine.mode is not Mode.OFF:
         raise RefusedError(f"{what} in off only; the mode is {machine.mode}", LEGAL[machine.mode])
+
+
+def _require_free(machine: ModeMachine, what: str) -> None:
+    _require_off(machine, what)
+    if machine.drives_off:
+        raise RefusedError(DRIVES_OFF)

@@ -114,6 +114,13 @@ class TryModule:
 
 
 @dataclass(frozen=True)
+class Home:
+    """Drive the joint to its end switch, which holds it at ``position`` [rad], and take its zero there; OFF to OFF."""
+
+    position: float
+
+
+@dataclass(frozen=True)
 class ProveDirections:
     """Both motors turn as the wiring says: the plant may be controlled; OFF only. Withdrawn in any mode."""
 
@@ -171,6 +178,7 @@ Command = (
     | Zero
     | TryMotor
     | TryModule
+    | Home
     | ProveDirections
     | SwitchDrives
     | ByHand

@@ -3,7 +3,6 @@
 The same class runs live in the loop process and headless for the command line; what differs is who calls ``tick``.
 """
 
-import math
 import time
 from typing import Protocol, assert_never
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from backend.controllers import decoupler
 from backend.controllers.limits import bounds_for
-from backend.faults import FAULT_CODE, Fault, Limit
+from backend.faults import FAULT_CODE, Fault
 from backend.loop import bring_up
 from backend.loop.checks import Checks
 from backend.loop.commands import (
@@ -34,10 +33,11 @@ from backend.loop.commands import (
     Zero,
 )
 from backend.loop.hand_push import HandPush
+from backend.loop.homing import Homing, HomingEnd
 from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
-from backend.loop.mode_machine import NO_REFERENCE, ModeMachine
+from backend.loop.mode_machine import ModeMachine
 from backend.loop.module_trial import ModuleTrial
-from backend.loop.motion import Decision
+from backend.loop.motion import AT_REST, Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
 from backend.loop.velocity import JointVelocity
@@ -49,8 +49,6 @@ from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantE
 from plant.parameters import PlantParameters
 
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
-_NAN = math.nan
-_RESTING = Decision(0.0, 0.0, _NAN, _NAN, NO_REFERENCE, _NAN, _NAN, _NAN, Limit(0))
 
 
 class SampleRing(Protocol):
@@ -176,7 +174,7 @@ class Loop:
         released = self._hand.step(self._tick, machine.mode)
         if released is not None:
             machine.events.append(released)
-        command, decision = ZERO_VOLTS, _RESTING
+        command, decision = ZERO_VOLTS, AT_REST
         try:
             m = self._read()
             self._check(m, overruns - self._overruns)
@@ -211,11 +209,15 @@ class Loop:
     def _decide(self, m: Measurement) -> Decision:
         machine = self._machine
         if machine.motion is None:
-            return _RESTING
+            return AT_REST
         decision = machine.motion.step(machine.tuning, m)
         if decision.pushes:
             machine.act_on_joint(decision.target.F_push, decision.target.load)
         if machine.motion.done:
+            if isinstance(machine.motion, Homing) and machine.motion.end is HomingEnd.HOMED:
+                found = Zero(machine.motion.position_of(m.q), 0.0, 0.0)
+                bring_up.set_zero(found, machine, self._plant)
+                self._velocity.stands_at(found.q)
             machine.end_motion()
         return decision
 

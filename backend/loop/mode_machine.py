@@ -1,7 +1,7 @@
 """The moves between modes: which are granted, what starts with them, and what follows when a motion has ended."""
 
-import math
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
 from backend.controllers import motors
@@ -20,9 +20,8 @@ from backend.loop.commands import (
     Stop,
 )
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
-from backend.loop.motion import PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Winding
+from backend.loop.motion import NO_REFERENCE, PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Trial, Winding
 from backend.loop.motor_steps import MotorSteps
-from backend.loop.motor_trial import MotorTrial
 from backend.loop.pending_stop import PendingStop
 from backend.loop.player import Target
 from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_able, require_few, starts_from
@@ -33,8 +32,6 @@ from backend.tuning.models import Lambdas
 from plant.interface import NO_LOAD, Measurement, Plant, PlantError, Proven, ShaftLoad
 from plant.parameters import PlantParameters
 from plant.spring import elongation
-
-NO_REFERENCE = Target(math.nan, math.nan, 0.0)
 
 _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
@@ -65,6 +62,7 @@ class ModeMachine:
         self._parameters = parameters
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
+        self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
         self._program: Program | None = None
         self.zeroed = False
         self.drives_off = False
@@ -88,7 +86,7 @@ class ModeMachine:
         Voltage steps are made with slack tendons on purpose.
         """
         on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
-        slack_wanted = isinstance(self.motion, MotorSteps | MotorTrial)
+        slack_wanted = isinstance(self.motion, MotorSteps | Trial)
         closed = self.motion is not None and self.zeroed and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
@@ -96,7 +94,7 @@ class ModeMachine:
         """Carry out an operator's move. Raises RefusedError."""
         mode = command.mode
         self._require_legal(mode)
-        if isinstance(self.motion, MotorTrial) and mode is not Mode.STOPPING:
+        if isinstance(self.motion, Trial) and mode is not Mode.STOPPING:
             raise RefusedError("a motor is being tried: wait for its end or stop it", LEGAL[self.mode])
         if mode is Mode.PRETENSION:
             if self.unready:
@@ -143,9 +141,9 @@ class ModeMachine:
         self._enter(mode, motion, "program", command.run)
         self._program = program
 
-    def try_motor(self, motor: str) -> None:
-        """Turn one motor a little, from OFF."""
-        self._enter(Mode.IDENTIFY, MotorTrial(self._carried(), NO_REFERENCE, self.m, motor), "motor trial")
+    def try_out(self, made: Callable[[Carry], Motion], cause: str) -> None:
+        """Play what the bring-up asks for, from OFF."""
+        self._enter(Mode.IDENTIFY, made(self._carried()), cause)
 
     def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
@@ -177,7 +175,7 @@ class ModeMachine:
             self.zeroed = False
         if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, Proven):
             self._plant.prove_directions(proven=False)
-        if stop.hard or self.motion is None or isinstance(self.motion, MotorTrial):
+        if stop.hard or self.motion is None or isinstance(self.motion, Trial):
             self._enter(Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
             self._brake(stop.fault)
@@ -186,8 +184,8 @@ class ModeMachine:
         """Go on from a motion that has reached its end by itself."""
         if isinstance(self.motion, Winding):
             self._take_zero(self.motion)
-        elif isinstance(self.motion, MotorTrial):
-            self._enter(Mode.OFF, None, "motor tried")
+        elif isinstance(self.motion, Trial):
+            self._enter(Mode.OFF, None, self.motion.cause)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
             self._enter_pretension("program ended", completed=True)
         elif self.pretension_done and not self._reached_told:
@@ -290,7 +288,7 @@ class ModeMachine:
         self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
 
     def _brake(self, cause: str) -> None:
-        if isinstance(self.motion, MotorTrial):  # which way it turns is not known: to brake could be to drive on
+        if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
             self._enter(Mode.OFF, None, cause)
             return
         self._enter(Mode.STOPPING, Braking(self._carried(), NO_REFERENCE, self.m), cause)

@@ -46,6 +46,11 @@ class Decision(NamedTuple):
     pushes: bool = False
 
 
+NO_REFERENCE = Target(math.nan, math.nan, 0.0)
+AT_REST = Decision(0.0, 0.0, math.nan, math.nan, NO_REFERENCE, math.nan, math.nan, math.nan, Limit(0))
+"""Zero volts, and nothing that is followed."""
+
+
 class Motion(Protocol):
     """One way of moving. ``done`` tells that it has reached its end; it goes on holding there."""
 
@@ -83,6 +88,15 @@ class MotorPositions:
         limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
         q_ref, S_ref = self.target.q_ref, self.target.S_ref
         return Decision(y.u_A, y.u_B, theta_A_ref, theta_B_ref, self.target, q_ref, S_ref, 0.0, limits)
+
+
+class Trial(MotorPositions):
+    """What the bring-up plays, from OFF to OFF: never braked, as nothing is proven yet, but ended at zero volts.
+
+    ``cause`` says how it ended.
+    """
+
+    cause = ""
 
 
 class Winding(MotorPositions):

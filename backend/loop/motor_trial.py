@@ -8,7 +8,7 @@ import math
 
 from backend.controllers import cascade, motors
 from backend.faults import Limit
-from backend.loop.motion import Carry, Decision, MotorPositions
+from backend.loop.motion import Carry, Decision, Trial
 from backend.loop.player import Target
 from plant.interface import Measurement, T_s
 
@@ -29,8 +29,10 @@ COAST_S = 0.2
 REST_S = 0.3
 
 
-class MotorTrial(MotorPositions):
+class MotorTrial(Trial):
     """One motor out and back; the other one gets nothing."""
+
+    cause = "motor tried"
 
     def __init__(self, carry: Carry, target: Target, m: Measurement, motor: str) -> None:
         super().__init__(carry, target)

@@ -14,8 +14,7 @@ from backend.faults import Fault
 from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, TryMotor
 from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
-from backend.loop.mode_machine import NO_REFERENCE
-from backend.loop.motion import Carry
+from backend.loop.motion import NO_REFERENCE, Carry
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
