@@ -75,7 +75,9 @@ class BringUp:
         kept = await asyncio.to_thread(standing.kept, self._database)
         states, results = self._states(kept, wiring), kept.results
         steps = [
-            self._view(step, states, results.get(step.id), why_not or self._blocked(step, states)) for step in STEPS
+            self._view(step, states, results.get(step.id), why_not or self._blocked(step, states))
+            for step in STEPS
+            if step.id in states
         ]
         drives_on = self._supervisor.card.state().drive_enabled if self._supervisor.alive else None
         return BringUpView(applies=True, why_not="", drives_on=drives_on, steps=steps)

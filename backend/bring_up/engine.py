@@ -4,6 +4,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 
 from backend.bring_up.directions import direction
+from backend.bring_up.homing import home
 from backend.bring_up.load_cells import calibrate, require_weights, tare
 from backend.bring_up.steps import MORE_WEIGHTS, STEP, StepId
 from backend.bring_up.tension import pretension, safety_module
@@ -22,6 +23,7 @@ _WORK: dict[StepId, Callable[[Work], Awaitable[Finding]]] = {
     StepId.CALIBRATE: calibrate,
     StepId.ZERO: zero,
     StepId.DIRECTION: direction,
+    StepId.HOME: home,
     StepId.PRETENSION: pretension,
     StepId.SAFETY_MODULE: safety_module,
 }

@@ -1,13 +1,14 @@
 """How the steps stand: what is stored of them against the wiring of today, and what takes effect of it."""
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from typing import NamedTuple
 
-from backend.bring_up.steps import STEP, STEPS, Step, StepId
+from backend.bring_up.steps import INSTEAD, STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
 from backend.storage import Database, bring_up
 from backend.storage.bring_up import NewStepResult, StepResult
@@ -56,7 +57,7 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
         return Standing(StepState.FAILED, "it was done last without success")
     if result.fingerprint != wired:
         return Standing(StepState.OUT_OF_DATE, "the wiring file has changed since")
-    if step.id is StepId.ZERO and result.at < loop_started:
+    if step.id in INSTEAD and result.at < loop_started:
         return Standing(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
     if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
         return Standing(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
@@ -66,10 +67,11 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
 
 
 def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[StepId, Standing]:
-    """Tell how all steps stand with a wiring, None for one that cannot be read.
+    """Tell how all steps stand that a wiring has, None for one that cannot be read.
 
     Directions that were proven before a wiring test failed have to be proven anew. A table of the wiring file is a
-    calibration, and has its zero in itself.
+    calibration, and has its zero in itself. There is no homing without a position of the end switch, and where there
+    is, it does for the zero by hand, and that for it.
     """
     wired = "" if wiring is None else fingerprint(wiring)
     found = {step.id: standing(step, kept.results.get(step.id), wired, loop_started) for step in STEPS}
@@ -78,7 +80,17 @@ def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[St
     if _by_tables(wiring) and found[StepId.CALIBRATE].state is StepState.NEVER:
         tables = Standing(StepState.CURRENT, "both load cells are calibrated by tables of the wiring file")
         found |= {StepId.TARE: tables, StepId.CALIBRATE: tables}
-    return found
+    if wiring is None or math.isnan(wiring.end_switch.position):
+        del found[StepId.HOME]
+        return found
+    return found | {
+        step: Standing(StepState.CURRENT, f"{STEP[other].title} has set it")
+        for step, other in INSTEAD.items()
+        if found[step].state in _NOT_DONE and found[other].state is StepState.CURRENT
+    }
+
+
+_NOT_DONE = (StepState.NEVER, StepState.OUT_OF_DATE)
 
 
 def _by_tables(wiring: Wiring | None) -> bool:
@@ -91,6 +103,8 @@ def _contradicted(kept: Kept) -> bool:
 
 def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
     """Return what has to come before a step, and before that; empty where nothing has."""
+    if step.id not in states:
+        return "the wiring file says no end_switch.position: where the switch holds the joint has to be known"
     missing = [STEP[need].title for need in _all_needs(step) if not _stands(need, states[need])]
     return f"first: {', '.join(missing)}" if missing else ""
 
@@ -100,7 +114,7 @@ def _stands(step: StepId, found: Standing) -> bool:
 
 
 def _all_needs(step: Step) -> list[StepId]:
-    needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs))
+    needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs)) - {INSTEAD.get(step.id)}
     return [other.id for other in STEPS if other.id in needed]
 
 

@@ -12,6 +12,7 @@ class StepId(StrEnum):
     CALIBRATE = "calibrate"
     ZERO = "zero"
     DIRECTION = "direction"
+    HOME = "home"
     PRETENSION = "pretension"
     SAFETY_MODULE = "safety_module"
 
@@ -89,6 +90,14 @@ STEPS: tuple[Step, ...] = (
         needs=(StepId.WIRING_TEST, StepId.ZERO),
     ),
     Step(
+        StepId.HOME,
+        "Homing",
+        "Hands off. Both motors hold the tendons at 4 N and drive the joint to its end switch, slowly and with 1.5 V "
+        "at most, and back to its middle: the encoders count from there. Any surprise ends it at zero volts.",
+        holds_days=1.0,
+        needs=(StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION),
+    ),
+    Step(
         StepId.PRETENSION,
         "Pretension",
         "Hands off. Both motors wind up to the pretension: both tensions have to rise together, none beyond its limit.",
@@ -104,5 +113,8 @@ STEPS: tuple[Step, ...] = (
         needs=(StepId.PRETENSION,),
     ),
 )
+
+INSTEAD = {StepId.ZERO: StepId.HOME, StepId.HOME: StepId.ZERO}
+"""Steps of which one does for the other: either has the encoders count from where the joint is known to be."""
 
 STEP: dict[StepId, Step] = {step.id: step for step in STEPS}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from backend.bring_up.steps import STEP, STEPS, StepId
+from backend.bring_up.steps import INSTEAD, STEP, STEPS, StepId
 from backend.cli.asking import GivenUpError, Terminal, say
 from backend.cli.ordering import current_user
 from backend.cli.output import angles, fail, print_json, print_table
@@ -58,12 +58,13 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
 
 
 def not_done(settings: Settings) -> list[StepId]:
-    """Return what is to be done; the zero, which no loop leaves to the next, only where something needs it."""
+    """Return what is to be done; the zero, which no loop leaves to the next, by hand and only where it is needed."""
     from backend.bring_up.standing import StepState
 
     with database_of(settings) as database:
         states = _states_at_rest(settings, database)
-    missing = [step for step in STEPS if states[step.id].state is not StepState.CURRENT]
+    by_hand = [step for step in STEPS if step.id in states and step.id is not StepId.HOME]
+    missing = [step for step in by_hand if states[step.id].state is not StepState.CURRENT]
     needed = {need for step in missing for need in step.needs}
     never = states[StepId.ZERO].state in (StepState.NEVER, StepState.FAILED)
     return [step.id for step in missing if step.id is not StepId.ZERO or never or StepId.ZERO in needed]
@@ -140,7 +141,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
                 ended = f"{STEP[order.step].title}: {result.text}"
                 break
         states = at_rig.states()
-    if any(order.step is StepId.ZERO for order in orders):
+    if any(order.step in INSTEAD for order in orders):
         say("The zero ends with this command's loop: set it again where the rig is driven next.")
     return {**_document(settings, states, database), "ended": ended}
 
@@ -189,6 +190,7 @@ def _document(settings: Settings, states: "dict[StepId, Standing]", database: "D
             "result": _result(results.get(step.id)),
         }
         for step in STEPS
+        if step.id in states
     ]
     return {"plant": settings.plant_choice.name, "wiring": settings.wiring, "steps": steps, "ended": ""}
 

@@ -125,6 +125,12 @@ def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -
     assert told() == ("", ["pretension"])
 
 
+def test_there_is_no_homing_without_a_position_of_the_end_switch(rig: httpx.Client) -> None:
+    assert "home" not in {step["id"] for step in rig.get(URL).json()["steps"]}
+    refused = problem(rig.post(f"{URL}/home", json={"values": {}}))
+    assert "end_switch.position" in str(refused["message"])
+
+
 def test_weights_too_near_are_refused(rig: httpx.Client) -> None:
     answer = rig.post(f"{URL}/calibrate", json={"values": {"weight_1_N": 10.0, "weight_2_N": 12.0}})
     assert answer.status_code == 422

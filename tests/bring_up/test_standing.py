@@ -70,6 +70,33 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     assert state(replace(zero, at=old), started=old - timedelta(days=1)) is StepState.OUT_OF_DATE
 
 
+def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    homed = with_entries(end_switch={"position": 0.4})
+    before = [StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION]
+    for step in before:
+        standing.keep(database, step, homed, PASSED, "Ada")
+    begun = datetime.now(UTC)
+
+    def states() -> dict[StepId, standing.Standing]:
+        return standing.states(standing.kept(database), homed, begun)
+
+    # The loop has been started since: homing needs no zero, pretension does.
+    assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
+    assert blocked_by(STEP[StepId.HOME], states()) == ""
+    assert "Zero" in blocked_by(STEP[StepId.PRETENSION], states())
+    standing.keep(database, StepId.HOME, homed, FAILED, "Ada")
+    assert states()[StepId.HOME].state is StepState.FAILED
+    assert "Zero" in blocked_by(STEP[StepId.PRETENSION], states())
+    standing.keep(database, StepId.HOME, homed, PASSED, "Ada")
+    assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
+    assert blocked_by(STEP[StepId.PRETENSION], states()) == ""
+    without = standing.states(standing.kept(database), WIRING, begun)
+    assert StepId.HOME not in without
+    assert "end_switch.position" in blocked_by(STEP[StepId.HOME], without)
+    database.close()
+
+
 def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}

@@ -15,11 +15,11 @@ from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 
 
 def test_a_rig_that_is_wired_as_it_says_passes_every_step() -> None:
-    rig = BroughtUpRig()
-    findings = played(rig, *(step.id for step in STEPS))
-    assert [finding.text for finding in findings if not finding.passed] == []
+    wiring = with_entries(end_switch={"position": 0.4})
+    findings = dict(zip(StepId, played(BroughtUpRig(wiring, wiring), *(step.id for step in STEPS)), strict=True))
+    assert [finding.text for finding in findings.values() if not finding.passed] == []
     # The pretension of 10 N, as the load cells' own figures say it.
-    tensions = {figure.words: figure.value for figure in findings[5].figures}
+    tensions = {figure.words: figure.value for figure in findings[StepId.PRETENSION].figures}
     assert tensions["tension of tendon A"] == pytest.approx(10.0, abs=0.3)
     assert tensions["tension of tendon B"] == pytest.approx(10.0, abs=0.3)
 
@@ -162,6 +162,16 @@ def test_a_tare_takes_the_volts_without_load() -> None:
     assert [found.offset for found in finding.calibrations] == pytest.approx([0.31, -0.22], abs=1e-3)
     noise = {figure.words: figure.value for figure in finding.figures}["noise of load cell A"]
     assert noise == pytest.approx(0.05, rel=0.2)
+
+
+def test_homing_by_motion_says_what_was_seen_and_withdraws_what_it_contradicts() -> None:
+    wiring = with_entries(end_switch={"position": 0.4})
+    rig = BroughtUpRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
+    rig.rig.prove_directions(proven=True)
+    (finding,) = played(rig, StepId.HOME)
+    assert not finding.passed
+    assert "a motor did not go where it was sent: do the direction step again" in finding.text
+    assert "directions are not proven" in rig.rig.unproven
 
 
 def test_homing_takes_the_end_switch_for_where_it_is() -> None:

@@ -27,22 +27,28 @@ from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
 from backend.storage import open_database
+from plant.brought_up import CellCalibration
 from plant.choice import PlantChoice, PlantKind
 from plant.parameters import load_parameters
-from plant.wiring import load_wiring
+from plant.wiring import Wiring, load_wiring
 from tests.api.conftest import client_with
 from tests.e2e.service import running_service
 
 CARD = ["--plant", "rig", "--virtual-card"]
+ROOT = Path(__file__).parents[2]
+BEFORE_HOMING = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION)
 START = "Take your hands off the rig"
 WIRING = load_wiring("pcie-6323")
 
 
-def done(data: Path, *steps: StepId) -> None:
-    """Let steps have passed with the shipped wiring."""
+def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
+    """Let steps have passed with a wiring, load cells being what it says."""
+    cells = (wiring.load_cell_A.slope, wiring.load_cell_A.offset), (wiring.load_cell_B.slope, wiring.load_cell_B.offset)
+    as_said = tuple(CellCalibration(tendon, *cell, "well") for tendon, cell in zip("AB", cells, strict=True))
     with closing(open_database(data)) as database:
         for step in steps:
-            standing.keep(database, step, WIRING, Finding(True, "well"), "Ada")
+            found = as_said if step in (StepId.TARE, StepId.CALIBRATE) else ()
+            standing.keep(database, step, wiring, Finding(True, "well", (), found), "Ada")
 
 
 def kept(data: Path) -> dict[str, standing.StepResult]:
@@ -130,6 +136,25 @@ def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.live
+def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    shipped = (ROOT / "plant/wirings/pcie-6323.toml").read_text(encoding="utf-8")
+    at = 'line = "port0/line1"\nposition = { value = 0.3, unit = "rad", source = "a protractor" }'
+    mine.write_text(shipped.replace('line = "port0/line1"', at), encoding="utf-8")
+    done(tmp_path, *BEFORE_HOMING, wiring=load_wiring(str(mine)))
+    command = ("bring-up", "--step", "home", "--wiring", str(mine), "--json", *CARD)
+    with at_a_terminal(*command, data=tmp_path) as (running, typing):
+        for question in (START, "Turn the joint by hand near to its middle"):
+            told(running, question)
+            os.write(typing, b"\n")
+        printed, said = running.communicate()
+    assert running.returncode == 0, said
+    steps = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert (steps["home"]["state"], steps["zero"]["state"]) == ("current", "current")
+    assert "17.19 deg" in said  # 0.3 rad
+
+
+@pytest.mark.live
 def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts(tmp_path: Path) -> None:
     """What Ctrl-C does inside the process: the task of the step is cancelled."""
     done(tmp_path, StepId.WIRING_TEST)
@@ -194,6 +219,7 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
         (["bring-up", "--plant", "rig"], "standard input is no terminal"),
         (["bring-up", *CARD, "--step", "direction"], "Motor directions: first: Wiring test, Zero"),
         (["tare", *CARD], "Tare: first: Wiring test"),
+        (["bring-up", *CARD, "--step", "home"], "Homing: the wiring file says no end_switch.position"),
         (["calibrate", *CARD, "--weight", "5"], "two known weights at least"),
         (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
         (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
@@ -214,7 +240,7 @@ def test_the_steps_are_listed_with_who_and_when(
     done(tmp_path, StepId.WIRING_TEST, StepId.ZERO)
     _, printed, _ = sinew(monkeypatch, capsys, "bring-up", "--list", *CARD, "--json", data=tmp_path)
     steps = {step["id"]: step for step in json.loads(printed)["steps"]}
-    assert list(steps) == [step.id for step in STEPS]
+    assert list(steps) == [step.id for step in STEPS if step.id is not StepId.HOME]  # it has no position
     stand = [steps[step]["state"] for step in ("wiring_test", "zero", "tare")]
     assert stand == ["current", "out_of_date", "never"]
     assert steps["wiring_test"]["result"]["who"] == "Ada"

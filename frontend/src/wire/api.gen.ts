@@ -4280,7 +4280,7 @@ export interface components {
          * @description The steps, in their order.
          * @enum {string}
          */
-        StepId: "wiring_test" | "tare" | "calibrate" | "zero" | "direction" | "pretension" | "safety_module";
+        StepId: "wiring_test" | "tare" | "calibrate" | "zero" | "direction" | "home" | "pretension" | "safety_module";
         /**
          * StepInput
          * @description One number that a step asks for; bounds and default are in its unit.

@@ -20,6 +20,7 @@ const SIGNALS: Readonly<Record<StepId, readonly SignalName[]>> = {
   calibrate: [...FORCES, ...VOLTS],
   zero: ANGLES,
   direction: [...ANGLES, ...FORCES, ...VOLTAGES],
+  home: [...ANGLES, ...FORCES, ...VOLTAGES],
   pretension: [...FORCES, ...VOLTAGES],
   safety_module: [...FORCES, ...VOLTAGES],
 };
