@@ -1,4 +1,4 @@
-"""What bringing a rig up asks of the loop: at zero volts, or with little of them and no loop closed."""
+"""What bringing a rig up asks of the loop: at zero volts, or with little of them."""
 
 from typing import assert_never
 
