@@ -111,12 +111,12 @@ class Rig:
         self._proven = proven
 
     def switch_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. Raises PlantError.
-
-        The watchdog goes on being fed: it has nothing to take away then.
-        """
+        """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on."""
         self._drives_wanted = False  # also where the card does not obey: nothing is to bring them back by itself
         self._daq.enable(on=on)
+        if self._daq.enabled is not on:
+            state = "on" if on else "off"
+            raise PlantError(f"the drive-enable line did not go {state}: look at what else is wired to it, hands away")
         self._drives_wanted = on
 
     def open(self) -> None:

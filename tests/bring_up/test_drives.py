@@ -68,6 +68,21 @@ def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
     assert rig.rig.card_state().drive_enabled is False  # the rig is let go of
 
 
+def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
+    rig = BroughtUpRig()
+    rig.rig.card.faults.enable_held = True
+
+    async def work() -> None:
+        finding = await rig.do(StepId.WIRING_TEST)
+        assert not finding.passed
+        assert "drive-enable line did not go off" in finding.text
+        assert rig.asked == []
+        # Nobody knows about the drives: nothing starts.
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)
+
+    run(rig, work())
+
+
 def test_a_reset_leaves_the_drives_off() -> None:
     rig = BroughtUpRig()
 
