@@ -174,7 +174,7 @@ def _build(
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        parts = watch, care, recorder, flights, journal, supervisor.guard, retention, gate.sessions
+        parts = watch, care, recorder, flights, journal, supervisor.guard, retention, gate.sessions, bring_up
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *tasks.problems]
 
     retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))

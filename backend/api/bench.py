@@ -44,7 +44,7 @@ class Bench:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
     ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
-    itself, if anything: nothing else starts then.
+    itself, if anything: nothing else starts then. ``brought_up`` is what the loop that runs was started with.
     """
 
     def __init__(
@@ -59,6 +59,7 @@ class Bench:
     ) -> None:
         self.picture = picture
         self.occupied: Callable[[], str] = str
+        self.brought_up = supervisor.setup.brought_up
         self._supervisor = supervisor
         self._session_runs = session_runs
         self._journal = journal
@@ -134,6 +135,7 @@ class Bench:
 
     async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
         await self._supervisor.restart()
+        self.brought_up = self._supervisor.setup.brought_up
         self._on_new_ring(self._supervisor.ring)
         self.picture.starts += 1
         self._journal.note(kind, text, 0, who)

@@ -30,6 +30,7 @@ from plant.wiring import Wiring
 _log = logging.getLogger(__name__)
 
 _SHOWN_S = 0.2
+_NOT_YET = "takes effect at the next start of the loop: do it again in off, or start the service anew"
 
 
 @dataclass
@@ -54,6 +55,7 @@ class BringUp:
         self._parameters = parameters
         self._running: _Running | None = None
         self._started = bench.picture.starts, datetime.now(UTC)
+        self.problem = ""
         bench.occupied = self._occupies
 
     async def view(self) -> BringUpView:
@@ -100,6 +102,7 @@ class BringUp:
         blocked = self._blocked(STEP[step], self._states(kept, wiring))
         if blocked:
             raise ApiError(409, blocked)
+        self.problem = ""
         running = self._running = _Running(step)
         running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
         self._bench.changed()
@@ -153,7 +156,7 @@ class BringUp:
             running.phase = name
             self._bench.changed()
 
-        in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
+        in_force = calibrated(wiring, self._bench.brought_up.calibrations)
         computed = self._bench.picture.plant.simulated
         work = Work(
             self._supervisor, in_force, self._parameters, values, computed=computed, confirmed=confirmed, phase=phase
@@ -164,17 +167,25 @@ class BringUp:
             except LoopDiedError as died:
                 finding = Finding(False, str(died))
             phase("keeping the result")
-            await asyncio.to_thread(standing.keep, self._database, running.step, wiring, finding, who)
-            brought_up = await asyncio.to_thread(standing.in_effect, self._database, wiring)
-            if finding.calibrations and finding.passed:
-                await self._bench.take_up(brought_up, who)
-            elif not finding.passed or running.step is StepId.DIRECTION:  # at the next start of the loop
-                self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-        except Exception:
+            await self._keep(running.step, wiring, finding, who)
+        except Exception as error:
             _log.exception("the step %s of the bring-up failed", running.step)
+            self.problem = f"{STEP[running.step].title} of the bring-up was given up, and has to be done again: {error}"
         finally:
             self._running = None
             self._bench.changed()
+
+    async def _keep(self, step: StepId, wiring: Wiring, finding: Finding, who: str) -> None:
+        """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
+        await asyncio.to_thread(standing.keep, self._database, step, wiring, finding, who)
+        brought_up = await asyncio.to_thread(standing.in_effect, self._database, wiring)
+        self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        if not (finding.calibrations and finding.passed):
+            return
+        try:
+            await self._bench.take_up(brought_up, who)
+        except (ApiError, LoopDiedError) as error:
+            self.problem = f"What {STEP[step].title} of the bring-up has measured {_NOT_YET} ({error})."
 
     def _wiring(self) -> Wiring:
         return wiring_of_choice(self._bench.picture.plant)
@@ -189,7 +200,12 @@ class BringUp:
         starts = self._bench.picture.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
-        return standing.states(kept, wiring, self._started[1])
+        found = standing.states(kept, wiring, self._started[1])
+        if self._bench.brought_up.calibrations != self._supervisor.setup.brought_up.calibrations:
+            for step in (StepId.TARE, StepId.CALIBRATE):
+                if found[step].state is StepState.CURRENT:
+                    found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {_NOT_YET}")
+        return found
 
     def _occupies(self) -> str:
         return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"

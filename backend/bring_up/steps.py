@@ -58,14 +58,16 @@ STEPS: tuple[Step, ...] = (
     Step(
         StepId.TARE,
         "Tare",
-        "Both tendons slack, nothing touches the load cells: 1 s of their volts becomes their zero.",
+        "Both tendons slack, nothing touches the load cells: 1 s of their volts becomes their zero. The loop starts "
+        "anew with it, so that the encoders lose theirs: do Zero after it.",
         holds_days=1.0,
         needs=(StepId.WIRING_TEST,),
     ),
     Step(
         StepId.CALIBRATE,
         "Calibration",
-        "Hang two known weights on each load cell, one after the other: slope and offset come from them.",
+        "Hang two known weights on each load cell, one after the other: slope and offset come from them. The "
+        "loop starts anew with them, so that the encoders lose their zero: do Zero after it.",
         holds_days=180.0,
         needs=(StepId.WIRING_TEST,),
         inputs=(

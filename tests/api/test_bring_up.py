@@ -1,6 +1,8 @@
 """Bringing a rig up over the interface, on a virtual card."""
 
-from collections.abc import Iterator
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +25,13 @@ STARTING: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bring-up")
+
+
+@pytest.fixture(scope="module")
+def rig(folder: Path) -> Iterator[httpx.Client]:
     """An operator at a rig with a virtual card."""
-    folder: Path = tmp_path_factory.mktemp("bring-up")
     with running_service(folder, plant=("rig", "--virtual-card")) as running, client_with(running, "token") as client:
         yield client
 
@@ -135,3 +141,67 @@ def test_weights_too_near_are_refused(rig: httpx.Client) -> None:
     answer = rig.post(f"{URL}/calibrate", json={"values": {"weight_1_N": 10.0, "weight_2_N": 12.0}})
     assert answer.status_code == 422
     assert "at least 5 N apart" in str(problem(answer)["message"])
+
+
+def played(client: httpx.Client, name: str, before: Callable[[str], None] = lambda _asked: None) -> dict[str, Any]:
+    """Play a step, confirm what it asks, and return how it stands; ``before`` does something first."""
+    client.post(f"{URL}/{name}", json={"values": {}}).raise_for_status()
+
+    def over() -> dict[str, Any] | None:
+        step = step_of(client, name)
+        if step["running"] is not None and step["running"]["confirm"]:
+            before(step["running"]["confirm"])
+            client.post(f"{URL}/confirm")
+        return step if step["running"] is None else None
+
+    return until(over)
+
+
+def told(client: httpx.Client) -> list[str]:
+    """What the state says is wrong with the bring-up."""
+    problems = client.get("/api/state").raise_for_status().json()["problems"]
+    return [problem for problem in problems if "of the bring-up" in problem]
+
+
+def test_a_tare_takes_the_zero_with_it_and_says_so(rig: httpx.Client) -> None:
+    assert played(rig, "zero")["state"] == "current"
+    step = played(rig, "tare")
+    assert step["state"] == "current", step
+    assert "lose" in step["instruction"]
+    zero = step_of(rig, "zero")
+    assert zero["state"] == "out_of_date"
+    assert "lost their zero" in zero["why"]
+
+
+def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.Client) -> None:
+    def stop(asked: str) -> None:
+        if "the loop starts anew" in asked:
+            rig.post("/api/stop").raise_for_status()
+
+    step = played(rig, "tare", before=stop)
+    assert (step["state"], step["result"]["passed"]) == ("out_of_date", True)
+    assert "at the next start of the loop" in step["why"]
+    (problem_told,) = told(rig)
+    assert "Tare of the bring-up has measured takes effect at the next start of the loop" in problem_told
+    assert "tripped" in problem_told
+    rig.post("/api/reset").raise_for_status()
+    assert played(rig, "tare")["state"] == "current"
+    assert told(rig) == []
+
+
+def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -> None:
+    def rename(old: str, new: str) -> None:
+        with closing(sqlite3.connect(folder / "sinew.db", timeout=10.0)) as database:
+            database.execute(f"ALTER TABLE {old} RENAME TO {new}")
+            database.commit()
+
+    rig.post(f"{URL}/zero", json={"values": {}}).raise_for_status()
+    until(lambda: (step_of(rig, "zero")["running"] or {}).get("confirm"))
+    rename("bring_up", "mislaid")
+    try:
+        rig.post(f"{URL}/confirm")
+        (given_up,) = until(lambda: told(rig))
+    finally:
+        rename("mislaid", "bring_up")
+    assert "Zero of the bring-up was given up, and has to be done again" in given_up
+    assert step_of(rig, "zero")["running"] is None
