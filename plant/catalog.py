@@ -99,4 +99,4 @@ def wiring_of_choice(choice: PlantChoice) -> Wiring:
     try:
         return load_wiring(choice.wiring)
     except WiringError as error:
-        raise PlantError(str(error)) from None
+        raise PlantError(str(error)) from error

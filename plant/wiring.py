@@ -266,6 +266,7 @@ class _Reader:
                 for terminal in _terminals(place) if isinstance(place, str) else ():
                     if (other := first.setdefault(terminal, section)) != section:
                         self.refuse(section, entry, f"{terminal} is taken by {other}", "give each its own")
+                        break  # a counter that is taken has its lines taken, too
 
     def refuse_without_calibration(self, parts: _Parts) -> None:
         """Refuse a load cell without slope or table, or with both."""

@@ -24,7 +24,8 @@ class WiringError(ValueError):
 
     def __init__(self, file: str, problems: tuple[Problem, ...]) -> None:
         self.problems = problems
-        super().__init__("\n".join(problem.sentence(file) for problem in problems))
+        self.sentences = [problem.sentence(file) for problem in problems]
+        super().__init__("\n".join(self.sentences))
 
 
 _HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")

@@ -33,10 +33,11 @@ _CELLS = (
 _MOVED = 0.4
 """A sensor that has gone by this part of its least has moved."""
 
+_WIND = f"Turn motor {{}} by hand by {_ENCODERS[1].least:g} rad or more so that it winds its tendon, and confirm"
 _ASKS = (
-    (_Q, "Turn the joint by hand towards +q by some 10°, and confirm", Hand(q=0.15)),
-    (_ENCODERS[1], "Turn motor A by hand by some 30° so that it winds its tendon, and confirm", Hand(theta_A=0.5)),
-    (_ENCODERS[2], "Turn motor B by hand by some 30° so that it winds its tendon, and confirm", Hand(theta_B=0.5)),
+    (_Q, f"Turn the joint by hand towards +q by {_Q.least:g} rad or more, and confirm", Hand(q=0.15)),
+    (_ENCODERS[1], _WIND.format("A"), Hand(theta_A=0.5)),
+    (_ENCODERS[2], _WIND.format("B"), Hand(theta_B=0.5)),
     (_CELLS[0], "Pull at load cell A with some 7 N, and confirm", Hand(pull_A=7.0)),
     (_CELLS[1], "Pull at load cell B with some 7 N, and confirm", Hand(pull_B=7.0)),
 )

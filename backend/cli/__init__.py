@@ -34,7 +34,9 @@ app.command()(doctor.doctor)
 
 
 def main() -> None:
-    """Run the command line; what goes wrong is one line and a non-zero exit."""
+    """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
+    from plant.wiring_errors import WiringError
+
     try:
         app()
     except KeyboardInterrupt:
@@ -44,6 +46,8 @@ def main() -> None:
     except Exception as error:
         if not isinstance(error, _expected()):
             raise
+        if isinstance(error.__cause__, WiringError):
+            fail(*error.__cause__.sentences)
         fail(error.sentence(angles()) if isinstance(error, RefusedValueError) else str(error))
 
 

@@ -30,15 +30,16 @@ def angles() -> Angles:
     return Angles.RADIANS if os.environ.get(ANGLES) == Angles.RADIANS else Angles.DEGREES
 
 
-def fail(message: str, status: int = 1) -> None:
-    """Print one line, whatever line breaks the message has, and end with ``status``."""
-    errors.print(
-        f"sinew: {in_words(' '.join(message.split()), angles())}",
-        style="red",
-        highlight=False,
-        soft_wrap=True,
-        markup=False,
-    )
+def fail(*messages: str, status: int = 1) -> None:
+    """Print a line for each message, whatever line breaks it has, and end with ``status``."""
+    for message in messages:
+        errors.print(
+            f"sinew: {in_words(' '.join(message.split()), angles())}",
+            style="red",
+            highlight=False,
+            soft_wrap=True,
+            markup=False,
+        )
     sys.exit(status)
 
 

@@ -30,7 +30,7 @@ def check(
     except WiringError as error:
         if as_json:
             print_json({"problems": [problem._asdict() for problem in error.problems]})
-        fail(str(error))
+        fail(*error.sentences)
         return
     read = _read_once(settings_with(wiring=wiring).wiring) if open_card else None
     if as_json:

@@ -34,6 +34,13 @@ def test_each_mistake_is_told_with_its_line(
     assert ended.value.code == 1
     assert f"mine.toml:{unknown}: load_cell_B.channel: 'ai99' is not known" in told
     assert f"mine.toml:{twice}: encoder_B.counter: " in told
+    assert [line.split(":")[:3] for line in told.splitlines()] == [
+        ["sinew", " mine.toml", str(number)] for number in sorted([unknown, twice])
+    ]
+    monkeypatch.setattr(sys, "argv", ["sinew", "serve", "--plant", "rig", "--virtual-card", "--wiring", str(wrong)])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().err == told
 
 
 def test_programs_read_the_mistakes_too(
