@@ -11,7 +11,9 @@ from backend.experiments.headless_station import headless_station
 from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.loop_settings import LoopSettings
 from backend.experiments.plans import Plan
-from backend.experiments.runner import Order, Outcome, run_experiment
+from backend.experiments.runner import Order, Outcome, Station, run_experiment
+from backend.loop.commands import SetMode
+from backend.loop.mode import Mode
 from backend.recording.reader import read_samples
 from backend.storage import open_database
 from plant.choice import SIMULATOR, PlantChoice, PlantKind
@@ -33,11 +35,20 @@ PLANS: dict[str, Plan] = {
 }
 
 
-def performed(folder: Path, plan: Plan, plant: PlantChoice) -> tuple[Outcome, dict[str, np.ndarray]]:
-    """Return what a plan came to on a plant, and its samples."""
+def performed(
+    folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0
+) -> tuple[Outcome, dict[str, np.ndarray]]:
+    """Return what a plan came to on a plant, and its samples; ``held_s`` [s] after winding up began, 0 for at once."""
     database = open_database(folder)
+
+    async def session(station: Station) -> Outcome:
+        if held_s > 0.0:
+            await station.loop.send(SetMode(Mode.PRETENSION))
+            await station.loop.advance(held_s)
+        return await run_experiment(station, Order(plan, LoopSettings(), "Ana"))
+
     with headless_station(database, PARAMETERS, LoopSettings(), plant) as station:
-        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "Ana")))
+        outcome = asyncio.run(session(station))
     with database.reading() as session:
         columns = read_samples(session, outcome.run.id).columns
     database.close()

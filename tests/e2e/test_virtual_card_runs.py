@@ -1,0 +1,138 @@
+"""What an operator runs in the browser at the virtual card comes to the figures of the simulator, and is called so."""
+
+import math
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, expect
+
+from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS
+from plant.choice import SIMULATOR
+from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service, running_service
+from tests.experiments.test_virtual_card import ALIKE, figures, performed
+
+RUN_TIMEOUT_MS = 180_000
+"""Ten times what the longest of these takes by the loop's own time."""
+
+HELD_S = 8.0
+"""The simulator's pretension is held for some seconds too before it begins: a person is not as fast as a program."""
+
+ORDERS: dict[str, Mapping[str, float | str]] = {
+    "compliance": {"S_ref": 12.0, "profile": "steps", "hold_s": 0.6},
+    "tracking": {"q_duration_s": 1.0, "S_duration_s": 1.0},
+    "motor": {"u_low": 3.0, "levels": 2, "step_s": 1.5, "settle_s": 0.5},
+    "spring": {"sweep_s": 3.0, "cycles": 1, "settle_s": 0.5},
+    "actuator": {"bits": 6, "settle_s": 3.0},
+}
+"""Everything that a person can start on a rig by itself, as short as it still comes to figures."""
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with running_service(tmp_path_factory.mktemp("data"), plant=("rig", "--virtual-card")) as running:
+        yield running
+
+
+def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator: Operator, tmp_path: Path) -> None:
+    page = operator.page
+    operator.sign_in()
+    expect(page.get_by_role("img", name="Virtual card", exact=True)).to_have_text("VIRTUAL CARD")
+    operator.press("Pretension")
+    expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text("Ready to run")
+    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+        for name, settings in ORDERS.items():
+            known = (EXPERIMENTS | IDENTIFICATIONS)[name]
+            simulated = beside.submit(performed, tmp_path / name, known.plan(**settings), SIMULATOR, HELD_S)
+            run = (
+                experimented(operator, name, settings) if name in EXPERIMENTS else identified(operator, name, settings)
+            )
+            told = get(operator, f"/api/experiments/{run}")
+            assert told["status"] == "completed", told["message"]
+            agree(name, told["metrics"], figures(simulated.result()[0]))
+    assert {run["plant"] for run in get(operator, "/api/runs")["runs"]} == {"virtual card"}
+    report = page.request.get(f"{operator.service.url}/api/runs/{run}/report.html", timeout=REPORT_TIMEOUT_MS)
+    assert "virtual card" in report.text()
+
+
+def experimented(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
+    """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
+    page, title = operator.page, EXPERIMENTS[name].title
+    operator.go("Experiments")
+    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(name)
+    fill(page.get_by_role("form", name=title, exact=True), settings)
+    run = started(operator, f"Start {title.lower()}", "/api/experiments")
+    result = page.get_by_role("region", name="Result", exact=True)
+    expect(result).to_contain_text(f"run {run},", timeout=RUN_TIMEOUT_MS)
+    metrics = result.get_by_role("table", name="Metrics", exact=True)
+    expect(metrics).to_be_visible(timeout=RUN_TIMEOUT_MS)
+    told = get(operator, f"/api/experiments/{run}")
+    expect(result.get_by_role("table", name="Criteria", exact=True).get_by_role("row")).to_have_count(
+        len(told["criteria"]) + 1
+    )
+    assert read(metrics) == [shown(metric) for metric in told["metrics"]]
+    return run
+
+
+def identified(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
+    """Order an identification, wait for its end, read verdict and estimates on the page; return its run."""
+    page = operator.page
+    operator.go("Identify")
+    page.get_by_role("radiogroup", name="What to identify").get_by_text(IDENTIFICATIONS[name].title).click()
+    form = page.get_by_role("form", name="New identification", exact=True)
+    expect(form.locator(f"[name={next(iter(settings))}]")).to_be_visible()
+    fill(form, settings)
+    run = started(operator, "Start identification", "/api/identifications")
+    result = page.get_by_role("region", name="Result", exact=True)
+    expect(result).to_contain_text(f"Run {run}", timeout=RUN_TIMEOUT_MS)
+    expect(result.get_by_role("table").first).to_be_visible(timeout=RUN_TIMEOUT_MS)
+    told = get(operator, f"/api/identifications/{run}")
+    assert told["usable"], told["message"]
+    expect(result).to_contain_text(told["message"])
+    for motor in told["motors"]:
+        estimates = result.get_by_role("table", name=f"Estimates of motor {motor['side']}", exact=True)
+        expect(estimates).to_contain_text(f"{motor['fitted']['K_m']:#.4g}")
+    for spring in told["springs"]:
+        polynomials = result.get_by_role("table", name=f"Polynomials of Spring {spring['name']}", exact=True)
+        expect(polynomials).to_contain_text(f"{spring['recommended']}, use this")
+    return run
+
+
+def started(operator: Operator, button: str, path: str) -> int:
+    start = operator.page.get_by_role("button", name=button, exact=True)
+    expect(start).not_to_have_attribute("aria-disabled", "true")
+    return int(pressed(operator.page, start, path)[1]["id"])
+
+
+def agree(name: str, ours: list[dict[str, Any]], theirs: Mapping[str, tuple[float | None, str]]) -> None:
+    """Assert that figures agree with the simulator's within quantisation."""
+    assert {figure["name"] for figure in ours} == theirs.keys()
+    for figure in ours:
+        value, expected = figure["value"], theirs[figure["name"]][0]
+        assert (value is None) == (expected is None), (name, figure["name"])
+        if value is not None:
+            bound = pytest.approx(expected, abs=ALIKE[figure["unit"]], rel=0.02)
+            assert value == bound, (name, figure["name"])
+
+
+def read(metrics: Locator) -> list[Any]:
+    """The numbers of a table of metrics as they are seen, nothing where none was measured."""
+    cells = metrics.evaluate("table => [...table.tBodies[0].rows].map(row => row.cells[1].innerText)")
+    return [None if text == "not measured" else pytest.approx(float(text.replace("\u2212", "-"))) for text in cells]
+
+
+def shown(metric: Mapping[str, Any]) -> float | None:
+    """A metric to the four digits and in the unit that are seen."""
+    if metric["value"] is None:
+        return None
+    return float(f"{metric['value'] * (180.0 / math.pi if metric['unit'] == 'rad' else 1.0):.4g}")
+
+
+def get(operator: Operator, path: str) -> Any:
+    answer = operator.page.request.get(f"{operator.service.url}{path}")
+    assert answer.ok, answer.text()
+    return answer.json()
