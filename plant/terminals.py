@@ -15,7 +15,9 @@ _STEP_V = 2.0 * RANGE_V / 2**16
 
 
 def counts_of(wired: EncoderWiring, angle: float) -> float:
-    """Count the steps of an encoder that has turned by an angle [rad]."""
+    """Count the steps of an encoder that has turned by an angle [rad]; nan stays nan."""
+    if math.isnan(angle):
+        return angle
     return wired.direction * round(angle * wired.counts_per_rev / (2.0 * math.pi))
 
 
@@ -30,5 +32,7 @@ def volts_of(wired: LoadCellWiring, F: float) -> float:
 
 
 def converted(V: float) -> float:
-    """Round volts as a 16-bit converter does, at its end where they are beyond."""
+    """Round volts as a 16-bit converter does, at its end where they are beyond; nan stays nan."""
+    if math.isnan(V):
+        return V
     return min(max(round(V / _STEP_V), -(2**15)), 2**15 - 1) * _STEP_V

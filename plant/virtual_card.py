@@ -6,6 +6,7 @@ both outputs advances the physics by one period. The registers, watchdog and dri
 away, once its cause is gone.
 """
 
+import math
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -81,7 +82,8 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self.faults.inject(broken)
         self._wiring = miswired(self._sound, broken)
         for counter, counts in before.items():
-            self._counted_from[counter] += self._angle_counts(counter) - counts
+            jump = self._angle_counts(counter) - counts
+            self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
 
     def _go_on_alone(self) -> None:
         """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""

@@ -87,7 +87,10 @@ async def calibrate(work: Work) -> Finding:
         means = np.array([column.mean() for column in volts])
         known = linear(work.wiring, tendon)
         if not np.ptp(means) >= 1e-3:
-            raise StepFailedError(f"load cell {tendon} does not tell the weights apart: look at its cable")
+            raise StepFailedError(
+                f"load cell {tendon} reads {1e3 * np.ptp(means):.2f} mV more under {weights[-1]:g} N than under "
+                f"{weights[0]:g} N, 1 mV at least tells weights apart: look at its cable, amplifier and channel"
+            )
         slope, at_0_V = (float(part) for part in np.polyfit(means, weights, 1))
         offset = -at_0_V / slope
         off_line_N = float(np.abs(slope * means + at_0_V - weights).max())
@@ -97,8 +100,8 @@ async def calibrate(work: Work) -> Finding:
         ]
         if known is not None and slope * known[0] < 0.0:
             raise StepFailedError(
-                f"load cell {tendon} goes the other way than the wiring says: turn the sign of "
-                f"load_cell_{tendon}.slope, or exchange its two leads"
+                f"load cell {tendon} has {slope:.4g} N/V, and the wiring says {known[0]:.4g} N/V, the other way: turn "
+                f"the sign of load_cell_{tendon}.slope, or exchange its two leads"
             )
         if len(weights) > 2:
             figures.append(Figure(f"load cell {tendon} off its line by at most", off_line_N, "N"))
@@ -116,9 +119,12 @@ async def calibrate(work: Work) -> Finding:
 
 def _volts(rows: Rows, tendon: str) -> Signal:
     volts: Signal = rows[:, INDEX[f"V_{tendon}"]]
+    if not np.isfinite(volts).all():
+        raise StepFailedError(f"load cell {tendon} gave no number of volts: look at its cable, amplifier and channel")
     if not (np.abs(volts) < SATURATED_V).all():
         raise StepFailedError(
-            f"load cell {tendon} is at the end of its range: less load, or less gain of its amplifier"
+            f"load cell {tendon} reads up to {np.abs(volts).max():.2f} V, {SATURATED_V:.2f} V are the end of its "
+            "input: less load, or less gain of its amplifier"
         )
     return volts
 

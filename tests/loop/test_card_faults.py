@@ -54,6 +54,8 @@ CASES = [
     (Broken(Breakage.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
     (Broken(Breakage.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
     (Broken(Breakage.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
+    (Broken(Breakage.NO_NUMBER, Sensor.F_B), Fault.SENSOR_INVALID, "no number from F_B", AT_ONCE),
+    (Broken(Breakage.NO_NUMBER, Sensor.THETA_A), Fault.SENSOR_INVALID, "no number from theta_A", AT_ONCE),
     (Broken(Breakage.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
     (Broken(Breakage.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
     (Broken(Breakage.LOST_COUNTS, Sensor.THETA_A), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plant.breakage import Breakage, Broken, Sensor
 from plant.card import Card
 from plant.daq import Daq
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, RawReading
@@ -124,6 +125,21 @@ def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.M
     assert math.isnan(m.F_A)
     assert math.isnan(m.F_B)
     assert volts == rig.raw.V_A
+    rig.close()
+
+
+@pytest.mark.parametrize("sensor", list(Sensor))
+def test_a_reading_that_was_no_number_comes_back_as_it_was(sensor: Sensor) -> None:
+    rig = stepped()
+    played(rig, 300)
+    before = rig.read()
+    rig.inject(Broken(Breakage.NO_NUMBER, sensor))
+    rig.write(ZERO_VOLTS)
+    silent = [name for name, value in zip(Measurement._fields[:5], rig.read()[:5], strict=True) if math.isnan(value)]
+    assert silent == [sensor]
+    rig.inject(None)
+    rig.write(ZERO_VOLTS)
+    assert rig.read()[:5] == pytest.approx(before[:5], abs=0.3)
     rig.close()
 
 
