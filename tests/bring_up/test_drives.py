@@ -6,7 +6,18 @@ import pytest
 
 from backend.bring_up.steps import StepId
 from backend.faults import Fault
-from backend.loop.commands import Accepted, Command, Refused, Reset, RunProgram, SetMode, Stop, SwitchDrives, TryMotor
+from backend.loop.commands import (
+    Accepted,
+    Command,
+    Home,
+    Refused,
+    Reset,
+    RunProgram,
+    SetMode,
+    Stop,
+    SwitchDrives,
+    TryMotor,
+)
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
 from plant.card import CardState
@@ -16,6 +27,7 @@ BY_HAND = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO)
 STARTING: tuple[Command, ...] = (
     SetMode(Mode.PRETENSION),
     TryMotor("A"),
+    Home(0.9),
     RunProgram(Program(Law.CASCADE, (Segment(duration_s=0.1, q_ref=0.0, S_ref=0.5),))),
 )
 

@@ -13,6 +13,9 @@ from tests.e2e.test_viewer import signed_in_as_viewer
 
 STEP_TIMEOUT_MS = 120_000
 """Longer than a step waits by itself, as for a pretension: then it fails, and says so."""
+DRIVES = {"wiring_test": "Drives off.", "zero": "Drives off.", "direction": "Drives on."}
+"""What the page says of the drives after some of the steps."""
+
 QUESTIONS_MAX = 12
 """More than any step asks of a person."""
 
@@ -31,6 +34,8 @@ def test_a_person_brings_the_rig_up(operator: Operator, browser: Browser, servic
     expect(page.get_by_role("main")).to_contain_text("0 of 7 steps are done.")
     for number, step in enumerate(told(page, service)["steps"], start=1):
         play(operator, number, step["title"])
+        if step["id"] in DRIVES:
+            expect(page.get_by_role("region", name="Drives")).to_contain_text(DRIVES[step["id"]])
         expect(page.get_by_role("button", name="STOP", exact=True)).to_be_in_viewport(ratio=1)
     expect(page.get_by_role("main")).to_contain_text("All of 7 steps are done.")
     steps = {step["id"]: step for step in told(page, service)["steps"]}
