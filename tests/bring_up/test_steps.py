@@ -194,8 +194,7 @@ def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(st
     rig = BroughtUpRig()
 
     async def work() -> tuple[str, Any, Any]:
-        for first in (StepId.ZERO, StepId.DIRECTION):
-            assert (await rig.do(first)).passed
+        await rig.loop.advance(0.01)
         ready = rig.rig.unready
         rig.rig.inject(broken)
         finding = await rig.do(step)
