@@ -105,12 +105,18 @@ def blocked_by(step: Step, states: Mapping[StepId, Standing]) -> str:
     """Return what has to come before a step, and before that; empty where nothing has."""
     if step.id not in states:
         return "the wiring file says no end_switch.position: where the switch holds the joint has to be known"
-    missing = [STEP[need].title for need in _all_needs(step) if not _stands(need, states[need])]
+    missing = [_titled(need, states) for need in _all_needs(step) if not _stands(need, states[need])]
     return f"first: {', '.join(missing)}" if missing else ""
 
 
 def _stands(step: StepId, found: Standing) -> bool:
     return found.state is StepState.CURRENT or (found.aged and step in (StepId.TARE, StepId.CALIBRATE))
+
+
+def _titled(step: StepId, states: Mapping[StepId, Standing]) -> str:
+    """Return what a step is called, and what does for it where there is such a one."""
+    other = INSTEAD.get(step)
+    return f"{STEP[step].title} or {STEP[other].title}" if other in states and other else STEP[step].title
 
 
 def _all_needs(step: Step) -> list[StepId]:
