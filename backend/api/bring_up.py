@@ -56,7 +56,7 @@ class BringUp:
         self._running: _Running | None = None
         self._started = bench.picture.starts, datetime.now(UTC)
         self.problem = ""
-        bench.occupied = self._occupies
+        bench.occupied = bench.picture.occupied = self._occupies
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""

@@ -10,10 +10,16 @@ from backend.api.schemas.identification import IdentificationKind
 from backend.api.schemas.tuning import TuningView
 from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS
 from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.sequence_plan import SequencePlan
 from backend.experiments.settings import Setting, describe
+from backend.loop.mode import RefusedError
+from backend.loop.program import require_able
+from plant.choice import PlantKind
+
+_MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
 
 
-def experiment_kinds(in_force: LoopSettings, tuning: TuningView) -> list[ExperimentKind]:
+def experiment_kinds(in_force: LoopSettings, tuning: TuningView, plant: PlantKind) -> list[ExperimentKind]:
     """Return the experiments there are, with their settings and those of the loop as ``in_force``.
 
     λ is offered as far as it is safe with the models of ``tuning``, and the seed is the service's own.
@@ -33,6 +39,7 @@ def experiment_kinds(in_force: LoopSettings, tuning: TuningView) -> list[Experim
             description=entry.description,
             duration_s=_usual_duration_s(name),
             settings=[*_DECLARED[entry.plan], *of_the_loop],
+            why_not=_beyond(name) if plant in _MOVED_BY_MOTORS_ALONE else "",
         )
         for name, entry in EXPERIMENTS.items()
     ]
@@ -49,6 +56,19 @@ def identification_kinds() -> list[IdentificationKind]:
         )
         for kind, entry in IDENTIFICATIONS.items()
     ]
+
+
+@cache
+def _beyond(name: str) -> str:
+    """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
+    if name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
+        return ""
+    try:
+        for segment in EXPERIMENTS[name].plan().program().segments:
+            require_able(segment, pushes=False, loads_shafts=False)
+    except RefusedError as refused:
+        return str(refused)
+    return ""
 
 
 @cache

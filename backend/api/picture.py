@@ -51,8 +51,8 @@ class Picture:
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
     ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
     tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
-    ``unready`` is what has to come before pretension. ``problems`` tells what is wrong with the service without being
-    a fault of the loop.
+    ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
+    fault of the loop.
     """
 
     def __init__(
@@ -71,7 +71,8 @@ class Picture:
         self.holder: Callable[[], HolderView | None] = lambda: None
         self.people: Callable[[], list[PersonView]] = list
         self.starts = 1
-        self.unready = ""
+        self.occupied: Callable[[], str] = str
+        self._unready = ""
         self.bounds = bounds_for(parameters)
         self._parameters = parameters
         self._tensions = _tensions(parameters, self.bounds)
@@ -96,6 +97,11 @@ class Picture:
     def operators_tuning(self) -> TuningInUse:
         """What the operator has chosen, also while a run has another in force."""
         return self.own_tuning or self.tuning
+
+    @property
+    def unready(self) -> str:
+        """What has to come before pretension; empty where nothing has."""
+        return self.occupied() or self._unready
 
     @property
     def mode(self) -> Mode:
@@ -136,7 +142,7 @@ class Picture:
             case LoopDied():
                 self._pretension_done = False
                 self._plant_problem = ""
-                self.unready = ""
+                self._unready = ""
             case PretensionReached():
                 self._pretension_done = True
             case Stopped():
@@ -146,7 +152,7 @@ class Picture:
             case PlantAnswers():
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
-                self.unready = unready
+                self._unready = unready
             case Accepted() | Refused() | ProgramEnded() | PushReleased():
                 pass
             case _:

@@ -76,7 +76,8 @@ class Tasks:
 
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
-        return kinds.experiment_kinds(self._loop_settings(), self._bench.picture.operators_tuning.view(0.0))
+        picture = self._bench.picture
+        return kinds.experiment_kinds(self._loop_settings(), picture.operators_tuning.view(0.0), picture.plant.kind)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises ApiError, SettingError, OutOfRangeError."""

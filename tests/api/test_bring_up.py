@@ -84,6 +84,7 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     assert "under way" in step_of(rig, "tare")["blocked"]
     until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
     assert rig.get(URL).json()["drives_on"] is False
+    assert rig.get("/api/state").json()["unready"] == "Wiring test of the bring-up is under way"
     rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
     for order, body in STARTING:
         refused = problem(rig.post(order, json=body))

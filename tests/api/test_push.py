@@ -9,8 +9,10 @@ import pytest
 from backend.api.control import LOOK_S, LOST_S, Control
 from backend.api.errors import ApiError
 from backend.api.gate import Person
+from backend.api.kinds import experiment_kinds
 from backend.api.schemas.session import Role
 from backend.api.schemas.state import Push
+from backend.experiments.loop_settings import LoopSettings
 from backend.loop.mode import Mode
 from backend.refusal import OutOfRangeError
 from backend.sample import INDEX
@@ -66,6 +68,22 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
         told = [event.text for event in events.find(session)]
     assert "push of 6.0 N for 10.0 s" in told
     assert "push let go: control is lost" in told
+
+
+def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
+    async def offered(parts: Parts) -> None:
+        def why_not(kind: PlantKind) -> dict[str, str]:
+            tuning = parts.picture.tuning.view(0.0)
+            return {one.name: one.why_not for one in experiment_kinds(LoopSettings(), tuning, kind)}
+
+        assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
+        for kind in (PlantKind.RIG, PlantKind.REPLAY):
+            told = why_not(kind)
+            assert "pushes the joint by command" in told["compliance"]
+            assert "load its motors' shafts" in told["robustness"]
+            assert told["tracking"] == told["sequence"] == ""
+
+    stepped(database, load_parameters("ideal"), offered)
 
 
 def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:

@@ -33,6 +33,7 @@ class ExperimentKind(Schema):
     description: str
     duration_s: float = quantity("s", "length with the settings at their defaults")
     settings: list[SettingView]
+    why_not: str = Field(description="why what is driven cannot play it, only a dry run; empty where it can")
 
 
 class ExperimentKindList(Schema):

@@ -20,6 +20,7 @@ export const SEQUENCE = {
   title: "Sequence",
   description: "",
   duration_s: 4,
+  why_not: "",
   settings: [
     { name: "segments", meaning: "segments", unit: "1", default: SEGMENTS },
     { name: "law", meaning: "law in use", unit: "1", default: "cascade", choices: ["cascade", "pd"] },

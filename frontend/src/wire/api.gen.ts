@@ -2284,6 +2284,11 @@ export interface components {
             duration_s: number;
             /** Settings */
             settings: components["schemas"]["SettingView"][];
+            /**
+             * Why Not
+             * @description why what is driven cannot play it, only a dry run; empty where it can
+             */
+            why_not: string;
         };
         /**
          * ExperimentKindList

@@ -102,7 +102,7 @@ function Start({ step, prominent, changed, onChange }: StartProps) {
   const command = useStepCommand();
   const values = Object.fromEntries(inputs.map(({ name, default: usual }) => [name, changed[name] ?? usual]));
   const numbers = numbersIn(values);
-  const reason = blocked !== "" ? blocked : numbers === null ? "A value is no number." : null;
+  const reason = blocked !== "" ? capital(blocked) : numbers === null ? "A value is no number." : null;
 
   function submit(event: FormEvent): void {
     event.preventDefault();

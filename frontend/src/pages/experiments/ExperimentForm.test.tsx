@@ -35,6 +35,7 @@ const KIND: ExperimentKind = {
   title: "Tracking",
   description: "",
   duration_s: 7,
+  why_not: "",
   settings: [
     setting("q_duration_s", 8, "s"),
     setting("lam_q", 0.5, "s"),
@@ -77,14 +78,14 @@ async function sentTo(path: string): Promise<unknown[]> {
   return Promise.all(mine.map((request) => request.clone().json()));
 }
 
-function open(state: State): LiveStore {
+function open(state: State, why_not = ""): LiveStore {
   const store = new LiveStore(0);
   store.setState(state);
   render(
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
         <LiveProvider store={store}>
-          <Form />
+          <Form why_not={why_not} />
         </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,
@@ -92,8 +93,8 @@ function open(state: State): LiveStore {
   return store;
 }
 
-function Form() {
-  return <ExperimentForm kind={KIND} onStarted={() => undefined} dryRun={useDryRun()} />;
+function Form({ why_not }: { why_not: string }) {
+  return <ExperimentForm kind={{ ...KIND, why_not }} onStarted={() => undefined} dryRun={useDryRun()} />;
 }
 
 /** What stands in the boxes, read as a person would. */
@@ -167,6 +168,15 @@ it("lets geometry be chosen while a bank is in force, and sends it", async () =>
       { name: "tracking", settings: { ...orderWith(CHOSEN), bank: 0 } },
     ]),
   );
+});
+
+it("offers only the dry run of what the plant cannot play, and says why", async () => {
+  open(stateOf(GEOMETRY), "nothing here pushes the joint by command");
+  const start = await screen.findByRole<HTMLButtonElement>("button", { name: "Start tracking" });
+  expect(start.ariaDisabled).toBe("true");
+  expect(screen.getByRole<HTMLButtonElement>("button", { name: "Add to queue" }).disabled).toBe(true);
+  expect(screen.getByRole<HTMLButtonElement>("button", { name: "Dry run" }).disabled).toBe(false);
+  expect(screen.getByRole("form").textContent).toContain("Nothing here pushes the joint by command.");
 });
 
 it("gives a viewer no reason why a start is refused that is not offered", async () => {

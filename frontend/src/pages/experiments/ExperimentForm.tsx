@@ -9,6 +9,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { SettingField, type SettingValue } from "../../components/SettingField";
 import { useLive } from "../../live/react";
+import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery, tuningKey } from "../../service/queries";
@@ -49,7 +50,9 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const unknown = state === null ? "The tuning in force is not known yet." : null;
   const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
   const order = problem === null ? asked.order : null;
-  const reason = problem ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
+  const beyond = kind.why_not === "" ? null : `${capital(kind.why_not)}.`;
+  const reason =
+    problem ?? beyond ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
   const attempts = dryRun.variables?.name === kind.name ? [start, queue, dryRun] : [start, queue];
   const failure = problem === null ? lastRefusal(...attempts) : null;
 
@@ -103,7 +106,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               <Button
                 size="sm"
                 variant="default"
-                disabled={order === null}
+                disabled={order === null || beyond !== null}
                 loading={queue.isPending}
                 onClick={() => order && queue.mutate({ do: "add", ...order })}
               >

@@ -75,7 +75,7 @@ function Unready({ why }: { why: string }) {
   const offered = usePages().some(({ path }) => path === "/bring-up");
   return (
     <p className={styles.unready}>
-      No pretension yet. {capital(why)}.{offered && <Link href="/bring-up"> Go to Bring-up</Link>}
+      No pretension yet. {capital(why)}. {offered && <Link href="/bring-up">Go to Bring-up</Link>}
     </p>
   );
 }
