@@ -52,29 +52,29 @@ class CardFaults:
     """What is broken of one card; nothing at first.
 
     ``enable_held``: something holds the drive-enable line on, whatever loop and watchdog do. As nothing of it is seen
-    before the line has to fall, it is not among what is broken in motion.
+    before the line has to fall, it is not among what is broken in motion. ``kind`` is what else is broken.
     """
 
     def __init__(self) -> None:
         self.enable_held = False
-        self._kind: Breakage | None = None
+        self.kind: Breakage | None = None
 
     def inject(self, broken: Broken | None) -> None:
         """Break something from the next call on; None mends it."""
-        self._kind = None if broken is None else broken.kind
+        self.kind = None if broken is None else broken.kind
 
     @property
     def gone(self) -> bool:
         """Whether the card does not answer any more; its outputs stay as they were, until its watchdog cuts them."""
-        return self._kind is Breakage.DEVICE_GONE
+        return self.kind is Breakage.DEVICE_GONE
 
     def refuse(self, method: str) -> None:
         """Raise CardError where a call of NI's service, by its name, does not work."""
-        if self._kind not in _ERRORS or not (self.gone or method == "ReadAnalogF64"):
+        if self.kind not in _ERRORS or not (self.gone or method == "ReadAnalogF64"):
             return
-        code, text = _ERRORS[self._kind]
-        if self._kind is Breakage.LOST_SAMPLE:
-            self._kind = None
+        code, text = _ERRORS[self.kind]
+        if self.kind is Breakage.LOST_SAMPLE:
+            self.kind = None
         raise CardError(code, text)
 
 

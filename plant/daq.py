@@ -77,6 +77,7 @@ class Daq:
         self._volts = np.zeros(2)
         self._levels = np.zeros(2, dtype=bool)
         self._out = np.zeros(2)
+        self._active_high = wiring.safety_tripped.active == "high", wiring.end_switch.active == "high"
         self._outputs: AnalogMultiChannelWriter | None = None
         self._enable: DigitalSingleChannelWriter | None = None
         self._watchdog: WatchdogTask | None = None
@@ -154,13 +155,16 @@ class Daq:
             raise PlantError(_NOT_OPEN)
         try:
             self._cells.read_one_sample(self._volts, _TIMEOUT_S)
-            n_q, n_A, n_B = (counter.read_one_sample_double(_TIMEOUT_S) for counter in self._counters)
+            n_q = self._counters[0].read_one_sample_double(_TIMEOUT_S)
+            n_A = self._counters[1].read_one_sample_double(_TIMEOUT_S)
+            n_B = self._counters[2].read_one_sample_double(_TIMEOUT_S)
             self._lines.read_one_sample_one_line(self._levels, _TIMEOUT_S)
         except _FAILED as error:
             _refuse(error)
-        tripped = bool(self._levels[0]) == (self._wiring.safety_tripped.active == "high")
-        at_end = bool(self._levels[1]) == (self._wiring.end_switch.active == "high")
-        return Raw(float(self._volts[0]), float(self._volts[1]), n_q, n_A, n_B, tripped, at_end)
+        V_A, V_B = self._volts.tolist()
+        tripped, at_end = self._levels.tolist()
+        trips_high, ends_high = self._active_high
+        return Raw(V_A, V_B, n_q, n_A, n_B, tripped == trips_high, at_end == ends_high)
 
     def write(self, V_A: float, V_B: float) -> None:
         """Put volts on the terminals."""

@@ -185,7 +185,7 @@ class Rig:
         """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
         raw = self._seen = self._daq.read()
         self._tripped = raw.tripped
-        self.raw = RawReading(*raw[:5])
+        self.raw = RawReading(raw.V_A, raw.V_B, raw.n_q, raw.n_A, raw.n_B)
         F_A, F_B = self._cells[0].force(raw.V_A), self._cells[1].force(raw.V_B)
         (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
         return Measurement(

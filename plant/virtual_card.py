@@ -8,6 +8,7 @@ away, once its cause is gone.
 
 import math
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from plant.card_channels import Channels
 from plant.card_faults import CardFaults, miswired
 from plant.card_watchdog import WatchdogTask
 from plant.hand import NO_HAND, Hand
-from plant.in_process import CardError, InProcess, answered
+from plant.in_process import CardError, Context, InProcess, UnknownCallError
 from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
 from plant.simulator import Simulator
 from plant.terminals import converted, counts_of, volts_of
@@ -31,6 +32,8 @@ from plant.wiring import Wiring
 
 if TYPE_CHECKING:
     from plant.breakage import Broken
+
+_F_A, _F_B = Measurement._fields.index("F_A"), Measurement._fields.index("F_B")
 
 
 class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made by a generator, without types
@@ -40,15 +43,14 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     """
 
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
-        self._wiring = self._sound = wiring
+        self._sound = wiring
+        self._connect(wiring)
         self.faults = CardFaults()
         self._held = ZERO_VOLTS
-        self._unheard_s = 0.0
-        self._simulator = simulator
-        self._registers = registers
+        self._unheard_s = self._next_s = 0.0
+        self._simulator, self._registers = simulator, registers
         self._has_clock = has_clock
         self._clocked: set[str] = set()
-        self._next_s = 0.0
         self._watchdog = WatchdogTask(registers)
         self._channels = Channels(wiring.card.device)
         self._seen: Measurement | None = None
@@ -66,24 +68,36 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._hand = hand
         self._simulator.limit_tension(hand.F_limit)
 
-    def answer(self, method: str, request: Any) -> Any:
-        """Answer a call by its name, as far as what is broken lets it."""
-        try:
-            self.faults.refuse(method)
-        except CardError:
-            if self.faults.gone and method == "WriteAnalogF64":
-                self._go_on_alone()
-            raise
-        return answered(self, method, request)
+    def answering(self, method: str) -> Callable[..., Any]:
+        """Return what answers a call by its name, as far as what is broken lets it."""
+        call, faults, context = getattr(self, method), self.faults, Context()
+
+        def answer(request: Any, timeout: float | None = None, metadata: object = None) -> Any:
+            if faults.kind is not None:
+                if faults.gone and method == "WriteAnalogF64":
+                    self._go_on_alone()
+                faults.refuse(method)
+            try:
+                return call(request, context)
+            except NotImplementedError:
+                raise UnknownCallError from None
+
+        return answer
 
     def inject(self, broken: "Broken | None") -> None:
         """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
         before = {counter: self._angle_counts(counter) for counter in self._counted_from}
         self.faults.inject(broken)
-        self._wiring = miswired(self._sound, broken)
+        self._connect(miswired(self._sound, broken))
         for counter, counts in before.items():
             jump = self._angle_counts(counter) - counts
             self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
+
+    def _connect(self, wiring: Wiring) -> None:
+        """Say what is at each terminal, and its place in a measurement."""
+        w = self._wiring = wiring
+        self._cells = {w.load_cell_B.channel: (w.load_cell_B, _F_B), w.load_cell_A.channel: (w.load_cell_A, _F_A)}
+        self._encoders = {e.counter: (e, place) for place, e in enumerate((w.encoder_q, w.encoder_A, w.encoder_B))}
 
     def _go_on_alone(self) -> None:
         """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
@@ -100,19 +114,17 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         return self._seen
 
     def _volts(self, channel: str) -> float:
-        m = self._measured()
-        F_A, F_B = m.F_A + self._hand.pull_A, m.F_B + self._hand.pull_B
-        for wired, F in ((self._wiring.load_cell_A, F_A), (self._wiring.load_cell_B, F_B)):
-            if wired.channel == channel:
-                return converted(volts_of(wired, F))
-        return 0.0
+        if channel not in self._cells:
+            return 0.0
+        wired, place = self._cells[channel]
+        pull = self._hand.pull_A if place == _F_A else self._hand.pull_B
+        return converted(volts_of(wired, self._measured()[place] + pull))
 
     def _angle_counts(self, counter: str) -> float:
-        w, m = self._wiring, self._measured()
-        for wired, angle in ((w.encoder_q, m.q), (w.encoder_A, m.theta_A), (w.encoder_B, m.theta_B)):
-            if wired.counter == counter:
-                return counts_of(wired, angle)
-        return 0.0
+        if counter not in self._encoders:
+            return 0.0
+        wired, place = self._encoders[counter]
+        return counts_of(wired, self._measured()[place])
 
     def _level(self, line: str) -> bool:
         w = self._wiring
@@ -120,9 +132,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
             return self._drives == (w.drive_enable.active == "high")
         if line == w.safety_tripped.line:
             return (self._measured().safety_trip > 0.0) == (w.safety_tripped.active == "high")
-        if line != w.end_switch.line:
-            return False
-        return w.end_switch.held(self._simulator.x.q) == (w.end_switch.active == "high")
+        return line == w.end_switch.line and w.end_switch.held(self._simulator.x.q) == (w.end_switch.active == "high")
 
     # Tasks.
 
@@ -210,15 +220,15 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def ReadDigitalLines(self, request: Any, context: Any) -> Any:
         """Read lines, a byte each."""
-        levels = bytes(self._level(line) for line in self._channels[request.task.name])
+        levels = bytes([self._level(line) for line in self._channels[request.task.name]])
         return pb.ReadDigitalLinesResponse(read_array=levels, samps_per_chan_read=1, num_bytes_per_samp=1)
 
     def WriteAnalogF64(self, request: Any, context: Any) -> Any:
         """Write both outputs: the physics goes on by one period."""
-        volts = dict(zip(self._channels[request.task.name], request.write_array, strict=True))
-        w = self._wiring
-        u_A, u_B = (converted(volts.get(motor.channel, 0.0)) / motor.gain for motor in (w.motor_A, w.motor_B))
-        self._held = MotorCommand(u_A, u_B)
+        volts = dict(zip(self._channels[request.task.name], request.write_array[:], strict=True))
+        A, B = self._wiring.motor_A, self._wiring.motor_B
+        V_A, V_B = volts.get(A.channel, 0.0), volts.get(B.channel, 0.0)
+        self._held = MotorCommand(converted(V_A) / A.gain, converted(V_B) / B.gain)
         self._registers.set_outputs(self._held)
         self._unheard_s = 0.0
         self._move()
@@ -230,7 +240,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
     def _move(self) -> None:
         driven = self._held if self._drives else ZERO_VOLTS
-        self._simulator.write(driven if self._hand == NO_HAND else self._handled(driven))
+        self._simulator.write(driven if self._hand is NO_HAND else self._handled(driven))
         self._seen = None
         self._registers.show_trip(self._measured().safety_trip > 0.0)
 

@@ -73,7 +73,8 @@ class VirtualRig(Rig):
 
     def read(self) -> Measurement:
         """Return what the sensors say now, and the push. Raises PlantError."""
-        return super().read()._replace(F_push=self._simulator.F_push)
+        q, theta_A, theta_B, F_A, F_B, S_true, _, trip = super().read()
+        return Measurement(q, theta_A, theta_B, F_A, F_B, S_true, self._simulator.F_push, trip)
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""

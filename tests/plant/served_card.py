@@ -30,10 +30,12 @@ class _Service(grpc.GenericRpcHandler):
         )
 
     def _answering(self, name: str) -> Callable[[Any, Any], Any]:
+        answering = self._card.answering(name)
+
         def answer(request: Any, context: Any) -> Any:
             time.sleep(self._delay_s)
             try:
-                return self._card.answer(name, request)
+                return answering(request)
             except (CardError, UnknownCallError) as error:
                 context.set_trailing_metadata(tuple((entry.key, entry.value) for entry in error.trailing_metadata()))
                 context.abort(error.code(), error.details())
