@@ -14,7 +14,9 @@ from backend.bring_up.engine import perform, values_of
 from backend.bring_up.standing import Kept, Standing, StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding, Work
-from backend.loop.access import LoopDiedError
+from backend.faults import Fault
+from backend.loop.access import LoopDied, LoopDiedError
+from backend.loop.commands import Event, Stopped
 from backend.loop.mode import Mode
 from backend.loop.supervisor import Supervisor
 from backend.refusal import RefusedValueError
@@ -56,7 +58,9 @@ class BringUp:
         self._running: _Running | None = None
         self._started = bench.picture.starts, datetime.now(UTC)
         self.problem = ""
+        self._disproving: set[asyncio.Task[None]] = set()
         bench.occupied = bench.picture.occupied = self._occupies
+        supervisor.listen(self._hear)
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
@@ -138,6 +142,8 @@ class BringUp:
 
     async def close(self) -> None:
         """Give up what is under way, at the end of the service."""
+        if self._disproving:
+            await asyncio.wait(self._disproving)
         if self._running is not None and self._running.task is not None:
             self._running.task.cancel()
             await asyncio.wait((self._running.task,))
@@ -186,6 +192,24 @@ class BringUp:
             await self._bench.take_up(brought_up, who)
         except (ApiError, LoopDiedError) as error:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {_NOT_YET} ({error})."
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
+        if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self._why_not():
+            keeping = asyncio.create_task(self._disprove(event.detail))
+            self._disproving.add(keeping)
+            keeping.add_done_callback(self._disproving.discard)
+
+    async def _disprove(self, seen: str) -> None:
+        try:
+            wiring = await asyncio.to_thread(self._wiring)
+            finding = Finding(False, f"the loop has stopped: {seen}")
+            await self._keep(StepId.DIRECTION, wiring, finding, "the loop")
+        except Exception as error:
+            _log.exception("what disproves the directions could not be kept")
+            self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
+        finally:
+            self._bench.changed()
 
     def _wiring(self) -> Wiring:
         return wiring_of_choice(self._bench.picture.plant)

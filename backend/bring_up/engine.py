@@ -9,7 +9,7 @@ from backend.bring_up.load_cells import calibrate, require_weights, tare
 from backend.bring_up.steps import MORE_WEIGHTS, STEP, StepId
 from backend.bring_up.tension import pretension, safety_module
 from backend.bring_up.wiring_test import wiring_test
-from backend.bring_up.work import Finding, StepFailedError, Work
+from backend.bring_up.work import DirectionsDisprovedError, Finding, StepFailedError, Work
 from backend.bring_up.zeroing import zero
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import ByHand, ProveDirections, SetMode
@@ -55,12 +55,13 @@ async def perform(step: StepId, work: Work) -> Finding:
         if step is StepId.DIRECTION and finding.passed:
             await work.send(ProveDirections())
     except StepFailedError as failed:
-        finding = Finding(False, str(failed))
+        finding = Finding(False, str(failed), disproves_directions=isinstance(failed, DirectionsDisprovedError))
     except TimeoutError as late:
         finding = Finding(False, str(late))
     finally:
         await _left_safe(work)
-    if step in (StepId.WIRING_TEST, StepId.DIRECTION) and not finding.passed:
+    doubted = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
+    if doubted and not finding.passed:
         with suppress(LoopDiedError):  # the next one starts unproven
             await work.loop.send(ProveDirections(proven=False))
     return finding
@@ -70,7 +71,7 @@ async def _left_safe(work: Work) -> None:
     try:
         if work.computed:
             await work.loop.send(ByHand(NO_HAND))
-        if work.mode not in (Mode.OFF, Mode.TRIPPED):
-            await work.loop.send(SetMode(Mode.STOPPING))
+        # Whatever the newest sample says: a command of the last tick may not be in it. In OFF it is refused.
+        await work.loop.send(SetMode(Mode.STOPPING))
     except LoopDiedError:
         pass  # what it drove is at zero volts without it

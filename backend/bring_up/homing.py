@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from backend.bring_up.work import Figure, Finding, StepFailedError, Work, known
+from backend.bring_up.work import DirectionsDisprovedError, Figure, Finding, StepFailedError, Work, known
 from backend.loop.access import LoopDied
-from backend.loop.commands import Event, Home, ModeChanged, ProveDirections
+from backend.loop.commands import Event, Home, ModeChanged
 from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, HomingEnd, travel_to
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
@@ -48,7 +48,7 @@ async def home(work: Work) -> Finding:
         forget()
     await work.loop.advance(0.2)
     if ends[0] in (HomingEnd.WRONG_WAY, HomingEnd.MOTOR_OFF):
-        await work.send(ProveDirections(proven=False))
+        raise DirectionsDisprovedError(_told(ends[0]))
     if ends[0] != HomingEnd.HOMED:
         raise StepFailedError(_told(ends[0]))
     rows = work.since(first)

@@ -125,7 +125,9 @@ def _all_needs(step: Step) -> list[StepId]:
 
 
 def keep(database: Database, step: StepId, wiring: Wiring, finding: Finding, who: str) -> StepResult:
-    """Store what a step came to."""
+    """Store what a step came to; what disproves the directions stands as a failure of theirs too."""
+    if finding.disproves_directions:
+        keep(database, StepId.DIRECTION, wiring, Finding(False, f"{STEP[step].title}: {finding.text}"), who)
     new = NewStepResult(
         step=step,
         wiring=wiring.title,

@@ -44,16 +44,24 @@ class Figure:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a step came to; ``calibrations`` take effect where it passed."""
+    """What a step came to; ``calibrations`` take effect where it passed.
+
+    ``disproves_directions`` tells that a motor or the joint did not go where the step of the directions says.
+    """
 
     passed: bool
     text: str
     figures: tuple[Figure, ...] = ()
     calibrations: tuple[CellCalibration, ...] = ()
+    disproves_directions: bool = False
 
 
 class StepFailedError(Exception):
     """A step cannot go on; the message says what was seen and what to do."""
+
+
+class DirectionsDisprovedError(StepFailedError):
+    """What was seen contradicts the step of the directions: it has to be done again."""
 
 
 Confirmed = Callable[[str], Awaitable[None]]

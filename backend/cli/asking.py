@@ -26,6 +26,7 @@ class Terminal:
     def __init__(self) -> None:
         self._answers: asyncio.Queue[str | None] = asyncio.Queue()
         self._typed = sys.stdin.isatty()
+        self._ended = False
         threading.Thread(target=self._read, args=(asyncio.get_running_loop(),), daemon=True).start()
 
     async def confirmed(self, words: str) -> None:
@@ -34,11 +35,12 @@ class Terminal:
 
     async def answer(self, words: str, how: str) -> str:
         """Ask, and return the line that is typed from now on. Raises GivenUpError."""
-        while self._typed and not self._answers.empty():  # an Enter of before confirms nothing
-            self._answers.get_nowait()
+        while self._typed and not self._answers.empty():  # an Enter of before confirms nothing, an end stays one
+            self._ended = self._answers.get_nowait() is None or self._ended
         say(f"  > {words} [{how}, {GIVE_UP} to give up]")
-        answer = await self._answers.get()
+        answer = None if self._ended else await self._answers.get()
         if answer is None:
+            self._ended = True
             raise GivenUpError("no answer: standard input has come to its end")
         if answer.lower() == GIVE_UP:
             raise GivenUpError("given up")
@@ -50,11 +52,12 @@ class Terminal:
 
     def _read(self, loop: asyncio.AbstractEventLoop) -> None:
         rest = b""
-        with suppress(OSError, RuntimeError):  # of a terminal that is gone, of an event loop that has ended
-            while part := os.read(sys.stdin.fileno(), 4096):
-                *lines, rest = (rest + part).split(b"\n")
-                for line in lines:
-                    loop.call_soon_threadsafe(self._answers.put_nowait, line.decode(errors="replace").strip())
+        with suppress(RuntimeError):  # of an event loop that has ended
+            with suppress(OSError):  # of a terminal that is gone
+                while part := os.read(sys.stdin.fileno(), 4096):
+                    *lines, rest = (rest + part).split(b"\n")
+                    for line in lines:
+                        loop.call_soon_threadsafe(self._answers.put_nowait, line.decode(errors="replace").strip())
             loop.call_soon_threadsafe(self._answers.put_nowait, None)
 
 

@@ -45,7 +45,8 @@ def bring_up(
 ) -> None:
     """Bring a rig up, guided: small steps at low voltage, each kept with date and person; exit 1 where one fails.
 
-    Each step says what to do at the rig and waits for Enter; Ctrl-C ends it at zero volts, and nothing of it is kept.
+    Each step says what to do at the rig and waits for Enter; Ctrl-C ends it at zero volts, and nothing is kept of a
+    step that has not ended.
     On the virtual card the program's own hand does what is asked for, and answers may come from a pipe, a line each.
     """
     settings = settings_with(

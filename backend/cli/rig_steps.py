@@ -119,7 +119,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
     setup = Setup(choice, settings.params, 0, tuning, brought_up_of(database, choice))
     terminal = Terminal()
     person = Person(current_user(), terminal.confirmed, terminal.phase)
-    say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts, and nothing of the step is kept.")
+    say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
     if choice.simulated:
         say("Nothing real moves: at each Enter the program's own hand does what is asked for.")
     try:

@@ -113,19 +113,19 @@ class Homing(Trial):
 
     def _surprise(self, m: Measurement) -> HomingEnd | None:
         """Return what has gone wrong; a reading that is no number is wrong."""
-        if not max(m.F_A, m.F_B) <= TENSION_MAX_N:
+        if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
             return HomingEnd.TENSION
         if not abs(m.q - self._began) <= self._travel:
             return HomingEnd.NOT_REACHED
         refs = self._carry.theta_A_ref, self._carry.theta_B_ref
-        if not max(abs(m.theta_A - refs[0]), abs(m.theta_B - refs[1])) <= MOTOR_OFF_RAD:
+        if not (abs(m.theta_A - refs[0]) <= MOTOR_OFF_RAD and abs(m.theta_B - refs[1]) <= MOTOR_OFF_RAD):
             return HomingEnd.MOTOR_OFF
         if self._ticks * T_s > TIME_MAX_S:
             return HomingEnd.TOO_LONG
         if self._phase is _Phase.WINDING:
             wound = max(abs(ref - begun) for ref, begun in zip(refs, self._wound_from, strict=True))
             return None if wound <= WOUND_MAX_RAD else HomingEnd.SLACK
-        self._slack_s = 0.0 if min(m.F_A, m.F_B) >= SLACK_N else self._slack_s + T_s
+        self._slack_s = 0.0 if m.F_A >= SLACK_N and m.F_B >= SLACK_N else self._slack_s + T_s
         if self._slack_s > _SLACK_S:
             return HomingEnd.SLACK
         gone = m.q - self._wound_at

@@ -40,7 +40,7 @@ def tuning_of(command: SetTuning, decoupler: Decoupler, bounds: Bounds) -> casca
         raise ValueError("a bank needs at least one entry: no gain was changed")
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
     table = np.array(rows, dtype=np.float64)
-    inner = motors.Gains(i_pd.Gains(*astuple(command.motor_A)), i_pd.Gains(*astuple(command.motor_B)))
+    inner = motors.Gains(*(i_pd.Gains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B)))
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
     schedule = Schedule(table, command.interpolate)

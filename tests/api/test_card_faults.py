@@ -7,7 +7,7 @@ import httpx
 import pytest
 
 from backend.faults import Fault
-from tests.api.conftest import client_with, until_state, wait_for
+from tests.api.conftest import client_with, until, until_state, wait_for
 from tests.e2e.service import running_service
 
 pytestmark = pytest.mark.live
@@ -60,3 +60,24 @@ def test_a_card_that_is_gone_is_opened_anew_by_a_reset(card: httpx.Client) -> No
     assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
     state = card.get("/api/state").json()
     assert (state["link"]["starts"], state["problems"]) == (starts + 1, [])
+
+
+def test_motors_that_were_exchanged_have_to_be_proven_anew_after_the_next_start_too(card: httpx.Client) -> None:
+    card.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_for(card, "pretension_done", True)
+    card.post("/api/mode", json={"mode": "run"}).raise_for_status()
+    card.post("/api/faults/injection", json={"kind": "swapped_motors"}).raise_for_status()
+    card.put("/api/references", json={"q_ref": 0.1, "S_ref": 9.0}).raise_for_status()
+    state = wait_for(card, "mode", "tripped")
+    assert isinstance(state["fault"], dict)
+    assert state["fault"]["code"] == Fault.MOTOR_REVERSED
+    card.request("DELETE", "/api/faults/injection").raise_for_status()
+
+    def direction() -> dict[str, Any]:
+        steps = card.get("/api/bring-up").raise_for_status().json()["steps"]
+        return next(dict(step) for step in steps if step["id"] == "direction")
+
+    until(lambda: direction()["state"] == "failed")
+    result = direction()["result"]
+    assert (result["passed"], result["who"]) == (False, "the loop")
+    assert "motor" in result["text"]

@@ -47,6 +47,18 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     database.close()
 
 
+def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    standing.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    standing.keep(database, StepId.HOME, WIRING, FAILED, "Bo")
+    assert standing.in_effect(database, WIRING).directions_proven
+    standing.keep(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
+    assert not standing.in_effect(database, WIRING).directions_proven
+    told = standing.newest(database)[StepId.DIRECTION]
+    assert (told.passed, told.text, told.who) == (False, "Homing: not well", "Bo")
+    database.close()
+
+
 def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)

@@ -104,9 +104,8 @@ def test_a_tare_at_the_terminal_is_what_the_service_shows(
     with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
         for question in (START, "Slacken both tendons", "the loop starts anew"):
             told(running, question)
-            os.write(typing, b"\n")
-            if question == START:
-                os.write(typing, b"q\n")  # while the loop starts, and nothing is asked: no answer
+            # After the first, while the loop starts and nothing is asked: no answer.
+            os.write(typing, b"\nq\n" if question == START else b"\n")
         printed, said = running.communicate()
     assert running.returncode == 0, said
     told_of = {step["id"]: step for step in json.loads(printed)["steps"]}

@@ -38,6 +38,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield running
 
 
+@pytest.mark.timeout(900)  # five runs in real time; each wait has an end of its own
 def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator: Operator, tmp_path: Path) -> None:
     page = operator.page
     operator.sign_in()
