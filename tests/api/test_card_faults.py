@@ -80,4 +80,4 @@ def test_motors_that_were_exchanged_have_to_be_proven_anew_after_the_next_start_
     until(lambda: direction()["state"] == "failed")
     result = direction()["result"]
     assert (result["passed"], result["who"]) == (False, "the loop")
-    assert "motor" in result["text"]
+    assert "runs away from" in result["text"]
