@@ -119,7 +119,7 @@ class Bench:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
             else:
-                self.require_unoccupied()  # a new loop enables the drives, and hands may be at the rig
+                self.require_unoccupied()  # a new loop tries the drive-enable line, and hands may be at the rig
                 await self._start_anew(MarkKind.FAULT, "loop started again", who)
         self.picture.forget_stop()
         return await self._state_once(lambda: self.picture.fault is Fault.NONE)

@@ -27,13 +27,17 @@ PART_SEGMENTS = 64
 
 @dataclass(frozen=True)
 class Setup:
-    """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up."""
+    """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up.
+
+    ``drives_off``: hands may be at the rig, so the drives stay off until somebody has them switched on.
+    """
 
     plant: PlantChoice
     parameters: str
     seed: int
     tuning: SetTuning
     brought_up: BroughtUp = NOT_BROUGHT_UP
+    drives_off: bool = False
 
 
 @dataclass(frozen=True)

@@ -270,10 +270,14 @@ class PlantAnswers:
 
 @dataclass(frozen=True)
 class ReadinessChanged:
-    """``unready`` is what has to come before pretension on what is driven, empty where nothing has; told at start."""
+    """``unready`` is what has to come before pretension on what is driven, empty where nothing has; told at start.
+
+    ``drives_off``: the drives are locked off, as hands may be at the rig.
+    """
 
     tick: int
     unready: str
+    drives_off: bool = False
 
 
 Event = (

@@ -101,9 +101,9 @@ class Loop:
         return self._machine.pretension_done
 
     @property
-    def unready(self) -> str:
-        """What has to come before pretension; empty where nothing has."""
-        return self._machine.unready
+    def readiness(self) -> tuple[str, bool]:
+        """What has to come before pretension, empty where nothing has; and whether the drives are locked off."""
+        return self._machine.unready, self._machine.drives_off
 
     def drain_events(self) -> list[Event]:
         """Events since the last call, oldest first."""

@@ -7,6 +7,7 @@ import sys
 from asyncio.subprocess import DEVNULL, Process
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 from backend.faults import Fault
@@ -28,7 +29,7 @@ from backend.loop.channel import (
     encode,
     packets,
 )
-from backend.loop.commands import Accepted, Command, Event, Refused, Shutdown, Stop, Stopped
+from backend.loop.commands import Accepted, Command, Event, ReadinessChanged, Refused, Shutdown, Stop, Stopped
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
@@ -151,8 +152,7 @@ class Supervisor:
             return await self._ready
 
     async def _stop(self, cause: str) -> None:
-        process = self._process
-        if process is None:
+        if (process := self._process) is None:
             await self.guard.run(None)  # a loop that was killed a moment ago: not before its outputs are off
             return
         self._ending = True
@@ -245,13 +245,14 @@ class Supervisor:
     def _take(self, message: FromLoop) -> None:
         match message:
             case Ready(granted, driven):
-                self.granted, self.driven = granted, driven
-                self._reason = ""
+                self.granted, self.driven, self._reason = granted, driven, ""
                 if self._ready is not None and not self._ready.done():
                     self._ready.set_result(granted)
             case Failed(reason):
                 self._reason = reason
             case event:
+                if isinstance(event, ReadinessChanged):  # hands may be at the rig: the next loop has to know it, too
+                    self.setup = replace(self.setup, drives_off=event.drives_off)
                 self._answers.take(event)
                 self._tell(event)
 

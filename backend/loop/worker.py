@@ -28,7 +28,7 @@ from backend.loop.channel import (
     decode_to_loop,
     encode,
 )
-from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop
+from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop, SwitchDrives
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.pacer import Pacer, request_real_time
@@ -56,9 +56,9 @@ _STILL = (Mode.OFF, Mode.TRIPPED)
 
 
 class Worker:
-    """One loop and its road to the service."""
+    """One loop and its road to the service; ``drives_off`` where hands may be at the rig already."""
 
-    def __init__(self, plant: Plant, loop: Loop, channel: Channel) -> None:
+    def __init__(self, plant: Plant, loop: Loop, channel: Channel, *, drives_off: bool = False) -> None:
         self._plant = plant
         self._loop = loop
         self._channel = channel
@@ -67,9 +67,11 @@ class Worker:
         self._tick = 0
         self._service_alive = True
         self._terminated = False
-        self._unready: str | None = None
+        self._readiness: tuple[str, bool] | None = None
         self._ahead: list[Segment] = []
         self._ahead_of = 0
+        if drives_off:  # a line that does not fall leaves the loop locked all the same
+            loop.handle(0, SwitchDrives(on=False))
 
     def terminate(self) -> None:
         """End after the current tick (SIGTERM)."""
@@ -90,9 +92,9 @@ class Worker:
             self._listen()
             self._loop.tick(lateness_s, pacer.overruns)
             self._tick += 1
-            if (unready := self._loop.unready) != self._unready:
-                self._unready = unready
-                self.tell(ReadinessChanged(self._tick, unready))  # before the answer to what has changed it
+            if (readiness := self._loop.readiness) != self._readiness:
+                self._readiness = readiness
+                self.tell(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
             for event in self._loop.drain_events():
                 self.tell(event)
             self._send()
@@ -178,7 +180,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     granted = request_real_time()
     loop = Loop(plant, parameters, ring, setup.tuning)
     try:
-        worker = Worker(plant, loop, channel)
+        worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
         worker.tell(Ready(granted, plant.description))
         worker.run(Pacer(T_s))

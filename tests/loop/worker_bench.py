@@ -12,6 +12,7 @@ from backend.loop.ring import Ring
 from backend.loop.worker import Worker
 from backend.sample import INDEX
 from plant.choice import SIMULATOR
+from plant.interface import Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -19,11 +20,14 @@ from plant.simulator import Simulator
 class Bench:
     """A worker whose clock is driven by its own ticks; ``each_tick`` plays the service."""
 
-    def __init__(self, parameters: PlantParameters, tuning: SetTuning) -> None:
+    def __init__(
+        self, parameters: PlantParameters, tuning: SetTuning, plant: Plant | None = None, *, drives_off: bool = False
+    ) -> None:
         self.service, theirs = channel_pair()
         self.ring = Ring.create()
-        plant = Simulator(parameters)
-        self.worker = Worker(plant, Loop(plant, parameters, self.ring, tuning), Channel(theirs))
+        plant = plant or Simulator(parameters)
+        loop = Loop(plant, parameters, self.ring, tuning)
+        self.worker = Worker(plant, loop, Channel(theirs), drives_off=drives_off)
         self.setup = Setup(SIMULATOR, "ideal", 0, tuning)
         self.now_ns = 0
         self.each_tick: Callable[[int], None] = lambda tick: None
