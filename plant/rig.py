@@ -113,10 +113,15 @@ class Rig:
     def switch_drives(self, *, on: bool) -> None:
         """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on."""
         self._drives_wanted = False  # also where the card does not obey: nothing is to bring them back by itself
-        self._daq.enable(on=on)
-        if self._daq.enabled is not on:
-            state = "on" if on else "off"
-            raise PlantError(f"the drive-enable line did not go {state}: look at what else is wired to it, hands away")
+        try:
+            self._daq.enable(on=on)
+            if self._daq.enabled is not on:
+                went = f"did not go {'on' if on else 'off'}"
+                raise PlantError(f"the drive-enable line {went}: look at what else is wired to it, hands away")
+        except PlantError:
+            with suppress(PlantError):  # what could not be read back is not to be left on
+                self._daq.enable(on=False)
+            raise
         self._drives_wanted = on
 
     def open(self) -> None:
@@ -215,10 +220,7 @@ class Rig:
         self._zeroed = True
 
     def write(self, command: MotorCommand) -> None:
-        """Put the voltages on the outputs and feed the watchdog.
-
-        Raises PlantError; WatchdogExpiredError once the watchdog has taken the drives away.
-        """
+        """Put out the voltages and feed the watchdog. PlantError; WatchdogExpiredError once it has cut the drives."""
         require_numbers(command)
         try:
             self._put_out(command)
@@ -243,10 +245,7 @@ class Rig:
         raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
 
     def acknowledge(self) -> None:
-        """Take the drives away, start the watchdog anew and enable them, unless they are switched off.
-
-        PlantError while the module stays tripped.
-        """
+        """Start the watchdog anew; enable the drives, unless switched off. PlantError while the module is tripped."""
         self._daq.clear_expiration()
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)

@@ -3,6 +3,7 @@
 import asyncio
 
 import pytest
+from nidaqmx.error_codes import DAQmxErrors
 
 from backend.bring_up.steps import StepId
 from backend.faults import Fault
@@ -20,7 +21,9 @@ from backend.loop.commands import (
 )
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
+from plant.breakage import Breakage
 from plant.card import CardState
+from plant.in_process import CardError
 from tests.bring_up.rigs import BroughtUpRig
 
 BY_HAND = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO)
@@ -89,6 +92,29 @@ def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
         assert rig.asked == []
         # Nobody knows about the drives: nothing starts.
         assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)
+
+    run(rig, work())
+
+
+def test_a_line_that_cannot_be_read_back_is_not_left_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = BroughtUpRig()
+    faults = rig.rig.card.faults
+
+    def lost(method: str) -> None:
+        if method == "ReadDigitalLines":
+            raise CardError(DAQmxErrors.DEV_CANNOT_BE_ACCESSED, "the cable was pulled")
+
+    async def work() -> None:
+        monkeypatch.setattr(faults, "refuse", lost)
+        assert isinstance(await rig.loop.send(SwitchDrives(on=False)), Accepted)
+        faults.kind = Breakage.DEVICE_GONE  # of it, only that no line is read
+        refused = await rig.loop.send(SwitchDrives(on=True))
+        assert isinstance(refused, Refused)
+        assert "cable was pulled" in refused.reason
+        assert not rig.rig.card_state().drive_enabled
+        faults.kind = None
+        assert isinstance(await rig.loop.send(SwitchDrives(on=True)), Accepted)
+        assert rig.rig.card_state().drive_enabled
 
     run(rig, work())
 
