@@ -71,6 +71,7 @@ class BringUp:
                 applies=False,
                 why_not=why_not,
                 drives_on=None,
+                drives_locked=False,
                 steps=[self._view(step, states, None, why_not) for step in STEPS],
             )
         wiring: Wiring | None = None
@@ -86,7 +87,8 @@ class BringUp:
             if step.id in states
         ]
         drives_on = self._supervisor.card.state().drive_enabled if self._supervisor.alive else None
-        return BringUpView(applies=True, why_not="", drives_on=drives_on, steps=steps)
+        locked = self._supervisor.setup.drives_off
+        return BringUpView(applies=True, why_not="", drives_on=drives_on, drives_locked=locked, steps=steps)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
         """Start a step. Raises ApiError where it cannot be started now, OutOfRangeError."""

@@ -83,7 +83,8 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     begin(rig, "wiring_test")
     assert "under way" in step_of(rig, "tare")["blocked"]
     until(lambda: step_of(rig, "wiring_test")["running"]["confirm"])
-    assert rig.get(URL).json()["drives_on"] is False
+    view = rig.get(URL).json()
+    assert (view["drives_on"], view["drives_locked"]) == (False, True)
     assert rig.get("/api/state").json()["unready"] == "Wiring test of the bring-up is under way"
     rig.post("/api/experiments/queue", json={"name": "tracking"}).raise_for_status()
     for order, body in STARTING:

@@ -67,6 +67,7 @@ class BringUpView(Schema):
     applies: bool
     why_not: str
     drives_on: bool | None = Field(description="whether the drive-enable line is on; null where it is not seen")
+    drives_locked: bool = Field(description="whether they stay off, and nothing starts, until they are switched on")
     steps: list[BringUpStep]
 
 

@@ -1828,6 +1828,11 @@ export interface components {
              * @description whether the drive-enable line is on; null where it is not seen
              */
             drives_on: boolean | null;
+            /**
+             * Drives Locked
+             * @description whether they stay off, and nothing starts, until they are switched on
+             */
+            drives_locked: boolean;
             /** Steps */
             steps: components["schemas"]["BringUpStep"][];
         };

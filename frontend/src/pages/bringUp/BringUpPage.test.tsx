@@ -68,8 +68,9 @@ async function open(
   steps: BringUpStep[],
   angles: Angles = "deg",
   drives_on: BringUp["drives_on"] = null,
+  drives_locked = drives_on === false,
 ): Promise<void> {
-  view = { applies: true, why_not: "", drives_on, steps };
+  view = { applies: true, why_not: "", drives_on, drives_locked, steps };
   show(angles);
   await screen.findByRole("list", { name: "Steps of the bring-up" });
   await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
@@ -100,6 +101,7 @@ it("says in a sentence why there is nothing to do, and offers nothing", async ()
     applies: false,
     why_not: "A simulator has no wires: there is nothing to bring up.",
     drives_on: null,
+    drives_locked: false,
     steps: [],
   };
   show();
@@ -210,12 +212,23 @@ it("says that the drives are off, and switches them on when somebody presses it"
   await open([step("zero", "Zero")], "deg", false);
   const drives = () => within(screen.getByRole("region", { name: "Drives" }));
   expect(drives().getByText("Drives off.")).toBeTruthy();
-  view = { ...view, drives_on: true };
+  expect(drives().getByText(/can be turned by hand, and nothing starts/)).toBeTruthy();
+  view = { ...view, drives_on: true, drives_locked: false };
   fireEvent.click(drives().getByRole("button", { name: "Switch drives on" }));
   expect(await drives().findByText("Drives on.")).toBeTruthy();
   const sent = asked("/api/bring-up/drives");
   expect(await sent[0]?.clone().json()).toEqual({ on: true });
   expect(drives().getByRole("button", { name: "Switch drives off" })).toBeTruthy();
+});
+
+it("calls for no hands where a reset brings the drives back", async () => {
+  await open([step("zero", "Zero")], "deg", false, false);
+  const drives = within(screen.getByRole("region", { name: "Drives" }));
+  expect(drives.getByText(/They come back with the reset/)).toBeTruthy();
+  expect(drives.queryByText(/turned by hand/)).toBeNull();
+  fireEvent.click(drives.getByRole("button", { name: "Switch drives off" }));
+  await waitFor(() => expect(asked("/api/bring-up/drives")).toHaveLength(1));
+  expect(await asked("/api/bring-up/drives")[0]?.clone().json()).toEqual({ on: false });
 });
 
 it("offers no switch of the drives while a step is under way", async () => {

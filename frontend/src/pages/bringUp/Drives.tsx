@@ -8,19 +8,23 @@ import { useStepCommand } from "../../service/bringUp";
 import styles from "./BringUp.module.css";
 
 interface DrivesProps {
+  /** How the line is at this moment. */
   readonly on: boolean;
+  /** Whether the loop keeps them off; without it a reset brings back what a watchdog or a fault took away. */
+  readonly locked: boolean;
   /** While a step is under way the drives are the step's. */
   readonly stepUnderWay: boolean;
 }
 
-export function Drives({ on, stepUnderWay }: DrivesProps) {
+export function Drives({ on, locked, stepUnderWay }: DrivesProps) {
   const command = useStepCommand();
+  const switchOn = locked && !on;
   const Icon = on ? IconPlugConnected : IconHandStop;
   return (
     <section className={styles.drives} aria-label="Drives" data-on={on}>
       <Icon size={19} aria-hidden="true" />
       <p>
-        <strong>{on ? "Drives on." : "Drives off."}</strong> {on ? ON : OFF}
+        <strong>{on ? "Drives on." : "Drives off."}</strong> {on ? ON : locked ? LOCKED : UNTIL_RESET}
       </p>
       {!stepUnderWay && (
         <OperatorsOnly>
@@ -28,16 +32,18 @@ export function Drives({ on, stepUnderWay }: DrivesProps) {
             size="sm"
             variant="default"
             loading={command.isPending}
-            onClick={() => command.mutate({ do: "switch-drives", on: !on })}
+            onClick={() => command.mutate({ do: "switch-drives", on: switchOn })}
           >
-            {on ? "Switch drives off" : "Switch drives on"}
+            {switchOn ? "Switch drives on" : "Switch drives off"}
           </Button>
         </OperatorsOnly>
       )}
-      <Refusal error={command.error} about={[on, stepUnderWay]} />
+      <Refusal error={command.error} about={[on, locked, stepUnderWay]} />
     </section>
   );
 }
 
 const ON = "Keep your hands off the rig, or switch them off before you reach in.";
-const OFF = "The motors can be turned by hand, and nothing starts. Take your hands off before they come on.";
+const LOCKED =
+  "The motors can be turned by hand, and nothing starts. Take your hands off before they come on.";
+const UNTIL_RESET = "They come back with the reset. After it, switch them off before you reach in.";
