@@ -37,7 +37,7 @@ _NOT_YET = "takes effect at the next start of the loop: do it again in off, or s
 
 @dataclass
 class _Running:
-    """The step under way; ``confirmed`` is what it waits for, None for nothing."""
+    """The step under way; ``confirmed`` is what it waits for, None for nothing; ``over`` once its result is kept."""
 
     step: StepId
     phase: str = "starting"
@@ -45,6 +45,7 @@ class _Running:
     confirmed: asyncio.Future[None] | None = None
     began_s: float = field(default_factory=lambda: asyncio.get_running_loop().time())
     task: asyncio.Task[None] | None = None
+    over: bool = False
 
 
 class BringUp:
@@ -127,6 +128,8 @@ class BringUp:
         running = self._running
         if running is None or running.task is None:
             raise ApiError(409, "no step of the bring-up is under way")
+        if running.over:  # given up now, it would leave a loop that is starting to itself
+            raise ApiError(409, f"{STEP[running.step].title} is over, and its result is being kept: wait a moment")
         running.task.cancel()
         await asyncio.wait((running.task,))
         return await self.view()
@@ -143,12 +146,14 @@ class BringUp:
         return await self.view()
 
     async def close(self) -> None:
-        """Give up what is under way, at the end of the service."""
+        """Give up what is under way, at the end of the service; a result that is being kept is kept first."""
         if self._disproving:
             await asyncio.wait(self._disproving)
-        if self._running is not None and self._running.task is not None:
-            self._running.task.cancel()
-            await asyncio.wait((self._running.task,))
+        running = self._running
+        if running is not None and running.task is not None:
+            if not running.over:
+                running.task.cancel()
+            await asyncio.wait((running.task,))
 
     async def _run(self, running: _Running, wiring: Wiring, values: dict[str, float], who: str) -> None:
         async def confirmed(words: str) -> None:
@@ -174,6 +179,7 @@ class BringUp:
                 finding = await perform(running.step, work)
             except LoopDiedError as died:
                 finding = Finding(False, str(died))
+            running.over = True
             phase("keeping the result")
             await self._keep(running.step, wiring, finding, who)
         except Exception as error:
