@@ -169,7 +169,8 @@ class BringUp:
             running.phase = name
             self._bench.changed()
 
-        in_force = calibrated(wiring, self._bench.brought_up.calibrations)
+        # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
+        in_force = calibrated(wiring, self._supervisor.setup.brought_up.calibrations)
         computed = self._bench.picture.plant.simulated
         work = Work(
             self._supervisor, in_force, self._parameters, values, computed=computed, confirmed=confirmed, phase=phase

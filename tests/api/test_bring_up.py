@@ -1,30 +1,24 @@
 """Bringing a rig up over the interface, on a virtual card."""
 
-import asyncio
 import sqlite3
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
-from backend.api.bring_up import BringUp
-from backend.api.errors import ApiError
 from backend.bring_up import standing
 from backend.bring_up.steps import StepId
+from backend.bring_up.work import Finding
 from backend.storage import open_database
-from plant.choice import PlantChoice, PlantKind
-from plant.parameters import load_parameters
+from plant.brought_up import CellCalibration
+from plant.wiring import load_wiring
 from tests.api.conftest import client_with, problem, until
-from tests.api.stepped_service import Parts, stepped
 from tests.e2e.service import running_service
 
 URL = "/api/bring-up"
-IDEAL = load_parameters("ideal")
 
 STARTING: list[tuple[str, dict[str, Any]]] = [
     ("/api/mode", {"mode": "pretension"}),
@@ -221,32 +215,14 @@ def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -
     assert step_of(rig, "zero")["running"] is None
 
 
-def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither a person nor the end of the service gives it up any more: the loop may be starting anew with it."""
-    database = open_database(tmp_path)
-    let_go, keep = threading.Event(), standing.keep
-
-    def slowly(*arguments: Any) -> standing.StepResult:
-        assert let_go.wait(60.0)
-        return keep(*arguments)
-
-    async def work(parts: Parts) -> None:
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(PlantKind.VIRTUAL_CARD))
-        bring_up = BringUp(parts.bench, parts.supervisor, database, IDEAL)
-        await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
-        while (running := (await bring_up.view()).steps[0].running) and running.phase != "keeping the result":
-            await asyncio.sleep(0.0)
-        with pytest.raises(ApiError, match="Wiring test is over, and its result is being kept"):
-            await bring_up.cancel()
-        closing_down = asyncio.create_task(bring_up.close())
-        await asyncio.sleep(0.0)
-        let_go.set()
-        await closing_down
-        assert standing.newest(database)[StepId.WIRING_TEST].who == "Ada"
-
-    monkeypatch.setattr(standing, "keep", slowly)
-    try:
-        stepped(database, IDEAL, work)
-    finally:
-        let_go.set()
-        database.close()
+def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig: httpx.Client, folder: Path) -> None:
+    wiring = load_wiring("pcie-6323")
+    assert wiring.load_cell_A.slope == 10.0
+    cells = tuple(CellCalibration(tendon, 20.0, 0.0, "calibrated") for tendon in "AB")
+    with closing(open_database(folder)) as database:
+        standing.keep(database, StepId.WIRING_TEST, wiring, Finding(True, "well"), "Ada")
+        standing.keep(database, StepId.CALIBRATE, wiring, Finding(True, "well", (), cells), "Ada")
+        assert played(rig, "zero")["state"] == "current"  # the loop has not been started since it was calibrated
+        assert played(rig, "tare")["result"]["passed"]
+        tared = standing.newest(database)[StepId.TARE].calibrations
+    assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]
