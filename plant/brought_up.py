@@ -18,11 +18,15 @@ class CellCalibration:
 
 @dataclass(frozen=True)
 class BroughtUp:
-    """Calibrations of load cells, and whether directions were proven and both load cells measured with this wiring."""
+    """Calibrations of load cells, and whether directions were proven and both load cells measured with this wiring.
+
+    ``wired`` is the fingerprint of the wiring that all of it was found with; empty where nothing was looked up.
+    """
 
     calibrations: tuple[CellCalibration, ...] = ()
     directions_proven: bool = False
     load_cells_measured: bool = False
+    wired: str = ""
 
 
 NOT_BROUGHT_UP = BroughtUp()

@@ -44,7 +44,8 @@ class Bench:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
     ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
-    itself, if anything: nothing else starts then. ``brought_up`` is what the loop that runs was started with.
+    itself, if anything: nothing else starts then. ``brought_up`` is what the loop that runs was started with,
+    ``in_effect`` says what the next one is to start with.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Bench:
         self.picture = picture
         self.occupied: Callable[[], str] = str
         self.brought_up = supervisor.setup.brought_up
+        self.in_effect: Callable[[], BroughtUp] = lambda: supervisor.setup.brought_up
         self._supervisor = supervisor
         self._session_runs = session_runs
         self._journal = journal
@@ -134,6 +136,10 @@ class Bench:
         self.changed()
 
     async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
+        before = self._supervisor.setup.brought_up
+        brought_up = await asyncio.to_thread(self.in_effect)
+        if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
+            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         await self._supervisor.restart()
         self.brought_up = self._supervisor.setup.brought_up
         self._on_new_ring(self._supervisor.ring)

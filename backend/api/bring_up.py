@@ -22,7 +22,7 @@ from backend.loop.supervisor import Supervisor
 from backend.refusal import RefusedValueError
 from backend.storage import Database
 from backend.storage.bring_up import StepResult as Stored
-from plant.brought_up import calibrated
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, calibrated
 from plant.catalog import wiring_of_choice
 from plant.choice import PlantKind
 from plant.interface import PlantError
@@ -62,6 +62,7 @@ class BringUp:
         self._disproving: set[asyncio.Task[None]] = set()
         bench.occupied = bench.picture.occupied = self._occupies
         supervisor.listen(self._hear)
+        bench.in_effect = self._in_effect
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
@@ -78,6 +79,7 @@ class BringUp:
         wiring: Wiring | None = None
         try:
             wiring = await asyncio.to_thread(self._wiring)
+            why_not = self._not_driven(wiring)
         except PlantError as error:
             why_not = str(error)
         kept = await asyncio.to_thread(standing.kept, self._database)
@@ -106,7 +108,7 @@ class BringUp:
         except PlantError as error:
             raise ApiError(409, str(error)) from None
         kept = await asyncio.to_thread(standing.kept, self._database)
-        blocked = self._blocked(STEP[step], self._states(kept, wiring))
+        blocked = self._not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
         if blocked:
             raise ApiError(409, blocked)
         self.problem = ""
@@ -222,6 +224,26 @@ class BringUp:
 
     def _wiring(self) -> Wiring:
         return wiring_of_choice(self._bench.picture.plant)
+
+    def _not_driven(self, wiring: Wiring) -> str:
+        """Return why no step can be played: it would be kept for the file of now, and be found with another."""
+        if standing.fingerprint(wiring) == self._bench.brought_up.wired:
+            return ""
+        return (
+            "the wiring file has changed since the loop was started, which goes by the old one: start the service anew"
+        )
+
+    def _in_effect(self) -> BroughtUp:
+        """Return what the next loop starts with: what was found with the wiring file that it will read."""
+        known = self._supervisor.setup.brought_up
+        if self._why_not():
+            return known
+        try:
+            wiring = self._wiring()
+        except PlantError:
+            return NOT_BROUGHT_UP  # the loop says itself why it does not start
+        # a start with the wiring of before waits for no database
+        return known if standing.fingerprint(wiring) == known.wired else standing.in_effect(self._database, wiring)
 
     def _why_not(self) -> str:
         plant = self._bench.picture.plant

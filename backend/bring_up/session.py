@@ -53,7 +53,9 @@ class Session:
         return standing.states(standing.kept(self._database), self._wiring, self._started)
 
     def require_free(self, step: StepId) -> None:
-        """Raise BlockedError where something has to come before."""
+        """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
+        if standing.fingerprint(wiring_of_choice(self.supervisor.setup.plant)) != standing.fingerprint(self._wiring):
+            raise BlockedError("the wiring file has changed since the loop was started: give the command again")
         blocked = blocked_by(STEP[step], self.states())
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
@@ -78,8 +80,11 @@ class Session:
             finding = Finding(False, str(died))
         # Nothing is awaited on the way: it is given up before the result is kept, or after.
         kept = standing.keep(self._database, step, self._wiring, finding, self._person.name)
+        anew = finding.passed and finding.calibrations
+        if anew:
+            self._wiring = wiring_of_choice(setup.plant)  # what the new loop will read
         self.supervisor.setup = replace(setup, brought_up=standing.in_effect(self._database, self._wiring))
-        if finding.passed and finding.calibrations:
+        if anew:
             self._person.phase("starting the loop with what was measured")
             await self.supervisor.restart()
             self._started = datetime.now(UTC)
@@ -95,6 +100,7 @@ async def session(
     Raises LoopDiedError, PlantError.
     """
     wiring = wiring_of_choice(setup.plant)
+    setup = replace(setup, brought_up=standing.in_effect(database, wiring))  # a person may have been asked meanwhile
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:

@@ -177,8 +177,9 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     Directions are proven while the direction step is current and no later wiring test has failed. A load cell is
     measured by a tare and a calibration, however old, or by the table of the wiring file.
     """
+    wired = fingerprint(wiring)
     with database.reading() as session:
-        passed = bring_up.passed_with(session, fingerprint(wiring))
+        passed = bring_up.passed_with(session, wired)
     cells = {found["tendon"]: CellCalibration(**found) for result in passed for found in result.calibrations}
     by_step = {
         step: {found["tendon"] for result in passed if result.step == step for found in result.calibrations}
@@ -187,7 +188,7 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     tables = {tendon for tendon, cell in (("A", wiring.load_cell_A), ("B", wiring.load_cell_B)) if cell.table}
     measured = {"A", "B"} <= tables | (by_step[StepId.TARE] & by_step[StepId.CALIBRATE])
     direction = states(kept(database), wiring, datetime.now(UTC))[StepId.DIRECTION].state
-    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured)
+    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured, wired)
 
 
 def brought_up_of(database: Database, plant: PlantChoice) -> BroughtUp:

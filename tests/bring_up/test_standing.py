@@ -1,5 +1,6 @@
 """What is stored of a bring-up: what takes effect of it, and when it is out of date."""
 
+import asyncio
 import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -7,14 +8,22 @@ from pathlib import Path
 
 import pytest
 
+import plant
 from backend.bring_up import standing
+from backend.bring_up.session import BlockedError, Person, Session
 from backend.bring_up.standing import StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, StepId
 from backend.bring_up.work import Figure, Finding
+from backend.experiments.bank_building import tuning_command
+from backend.experiments.default_choice import default_choice
+from backend.loop.channel import Setup
+from backend.loop.supervisor import Supervisor
 from backend.storage import open_database
 from plant.brought_up import CellCalibration, calibrated
+from plant.choice import PlantChoice, PlantKind
 from plant.simulator import Simulator
 from plant.virtual_rig import VirtualRig
+from plant.wiring import load_wiring
 from tests.bring_up.rigs import PARAMETERS, WIRING, with_entries
 
 PASSED = Finding(True, "well", (Figure("joint", 0.1, "rad"), Figure("nothing", None, "N")))
@@ -34,7 +43,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert standing.in_effect(database, other) == standing.BroughtUp()
+    assert standing.in_effect(database, other) == standing.BroughtUp(wired=standing.fingerprint(other))
     standing.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
     assert not standing.in_effect(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
@@ -202,3 +211,18 @@ def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool
     assert (rig.unready == "") is measured
     rig.close()
     assert VirtualRig(WIRING, Simulator(PARAMETERS, 0)).unready == ""
+
+
+def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None:
+    database, file = open_database(tmp_path), tmp_path / "rig.toml"
+    said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
+    file.write_text(said, encoding="utf-8")
+    tuning = tuning_command(PARAMETERS, default_choice(PARAMETERS).choice, None)
+    supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning))
+    person = Person("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
+    at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)))
+    at_rig.require_free(StepId.WIRING_TEST)
+    file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
+    with pytest.raises(BlockedError, match="the wiring file has changed since the loop was started"):
+        at_rig.require_free(StepId.WIRING_TEST)
+    database.close()
