@@ -26,7 +26,7 @@ OFF_LINE_N = 0.5
 
 _TAKEN_UP = (
     "Take everything off the load cells and your hands off the rig, and confirm: the loop starts anew with what was "
-    "measured, the drives come on at zero volts, and the encoders lose their zero"
+    "measured, with the drives on for a moment at zero volts, and the encoders lose their zero"
 )
 
 

@@ -83,7 +83,9 @@ class Session:
         anew = finding.passed and finding.calibrations
         if anew:
             self._wiring = wiring_of_choice(setup.plant)  # what the new loop will read
-        self.supervisor.setup = replace(setup, brought_up=standing.in_effect(self._database, self._wiring))
+        self.supervisor.setup = replace(
+            self.supervisor.setup, brought_up=standing.in_effect(self._database, self._wiring)
+        )
         if anew:
             self._person.phase("starting the loop with what was measured")
             await self.supervisor.restart()
