@@ -67,12 +67,24 @@ def sinew(
     return int(ended.value.code or 0), printed.out, " ".join(printed.err.split())
 
 
+def _hear_ctrl_c() -> None:
+    """Take SIGINT as from a terminal: what a shell starts in the background, these tests maybe, ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @contextmanager
 def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
     """A command whose standard input is a terminal: the process, and the end to type at."""
     typing, theirs = pty.openpty()
     command = [sys.executable, "-m", "backend", "rig", *words, "--data", str(data)]
-    running = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        command,
+        stdin=theirs,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=_hear_ctrl_c,
+    )
     os.close(theirs)
     too_long = threading.Timer(120.0, running.kill)
     too_long.start()
