@@ -88,10 +88,11 @@ class ChannelClosedError(Exception):
 
 def _envelope(member: type) -> type[BaseModel]:
     kind: Any = Literal[member.__name__]
-    # Plain dataclasses inside an envelope take over its strictness.
+    # Plain dataclasses inside an envelope take over its strictness. What is no number is written as such and refused:
+    # as null it would arrive as None where None is a value, too.
     return create_model(
         member.__name__,
-        __config__=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False),
+        __config__=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants"),
         kind=(kind, member.__name__),
         sequence=(int, ...),
         body=(member, ...),

@@ -6,7 +6,7 @@ import math
 from typing import Any, get_args
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from backend.loop import commands
@@ -30,6 +30,7 @@ from backend.loop.commands import Accepted, RunProgram, SetMode, Shutdown
 from backend.loop.mode import Mode
 from backend.loop.program import MAX_SEGMENTS, Excitation, Law, Program, Segment
 from backend.refusal import OutOfRangeError
+from plant.hand import Hand
 
 COMMANDS = st.one_of([st.from_type(one) for one in (Setup, ProgramPart, *get_args(commands.Command))])
 EVENTS = st.one_of([st.from_type(one) for one in (Ready, Failed, *get_args(commands.Event))])
@@ -45,12 +46,13 @@ def is_finite(value: Any) -> bool:
 
 
 @given(message=COMMANDS, sequence=SEQUENCES)
+@example(message=commands.ByHand(Hand(F_limit=math.inf)), sequence=0)
 @settings(max_examples=200, deadline=None)
 def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int) -> None:
     if is_finite(dataclasses.asdict(message)):
         assert decode_to_loop(encode(message, sequence)) == (sequence, message)
     else:
-        with pytest.raises(ChannelError, match="valid number"):
+        with pytest.raises(ChannelError, match="finite number"):
             decode_to_loop(encode(message, sequence))
 
 
