@@ -71,7 +71,7 @@ def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
         raise RefusedError(plant.unproven)
     bounds, m = machine.bounds, machine.m
     require_within("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
-    if not max(m.F_A, m.F_B) <= TENSION_MAX_N:
+    if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise RefusedError(
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
         )

@@ -175,7 +175,7 @@ class Homing(Trial):
 
     def _wind(self, m: Measurement, held: bool) -> None:
         self._winding = pretension.step(self._winding, TENSION_N, m.F_A, m.F_B)
-        near = max(abs(self._winding.F_A - TENSION_N), abs(self._winding.F_B - TENSION_N)) <= _NEAR_N
+        near = abs(self._winding.F_A - TENSION_N) <= _NEAR_N and abs(self._winding.F_B - TENSION_N) <= _NEAR_N
         self._near_s = self._near_s + T_s if near else 0.0
         if self._near_s >= _NEAR_S:
             self._wound_at = m.q

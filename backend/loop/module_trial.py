@@ -31,7 +31,7 @@ class ModuleTrial(MotorPositions):
         super().__init__(carry, target)
         self._u_A = self._u_B = 0.0
         self._ticks = 0
-        self._F_max = max(m.F_A, m.F_B) + RISE_MAX_N
+        self._tautest = max(m.F_A, m.F_B) + RISE_MAX_N
 
     def step(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
         """One tick of holding, or of driving."""
@@ -40,7 +40,7 @@ class ModuleTrial(MotorPositions):
             self._u_A, self._u_B = held.u_A, held.u_B
             return held
         self._ticks += 1
-        within = max(m.F_A, m.F_B) <= self._F_max
+        within = self._tautest >= m.F_A and self._tautest >= m.F_B
         self.done = self.done or not within or self._ticks * T_s >= DRIVEN_S
         self._u_A, self._u_B = (min(max(u, 0.0) + RISE_V_PER_S * T_s, TRIAL_MAX_V) for u in (self._u_A, self._u_B))
         at_rest = motors.at_rest(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)

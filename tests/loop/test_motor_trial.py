@@ -14,6 +14,7 @@ from backend.faults import Fault
 from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, TryMotor
 from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
+from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import NO_REFERENCE, Carry
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.tuned import tuning_of
@@ -95,3 +96,17 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     assert rising == sorted(rising)
     after = [trial.step(gains, m._replace(**{silent: math.nan})).u_A for _ in range(50)]
     assert max(after) <= rising[-1]
+
+
+@pytest.mark.parametrize("silent", ["F_A", "F_B"])
+def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
+    m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
+    gains = tuning_of(
+        tuning_command(PARAMETERS, LoopSettings(), None), decoupler_for(PARAMETERS), bounds_for(PARAMETERS)
+    )
+    carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    trial = ModuleTrial(carry, NO_REFERENCE, m)
+    trial.step(gains, m)
+    assert not trial.done
+    trial.step(gains, m._replace(**{silent: math.nan}))
+    assert trial.done
