@@ -1,8 +1,9 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
 # make test   installs what the tests need (a browser too) and runs all of them
 # Further: check, format, test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
+# mutate (whether the tests notice when something is computed wrongly; an hour),
 # screenshots. Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
-# ARGS goes to sinew serve, pytest or the soak; EXTRAS=rig or postgres adds what these need, from the first install on.
+# ARGS goes to sinew serve, pytest, the soak or the mutants; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,7 +15,7 @@ EXTRAS ?=
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-newest fuzz check format bench soak screenshots install install-dev install-newest frontend
+.PHONY: run test test-newest fuzz check format bench soak mutate screenshots install install-dev install-newest frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -53,6 +54,9 @@ bench: install-dev frontend
 soak: install-dev frontend
 	.ci/provide browser
 	$(BIN)/python -m tests.soak $(ARGS)
+
+mutate: install-dev
+	$(BIN)/python -m tests.mutate $(ARGS)
 
 screenshots: install-dev frontend
 	.ci/provide browser

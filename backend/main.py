@@ -6,61 +6,62 @@ import logging
 import os
 import socket
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from typing import Any
 
 from fastapi import APIRouter, FastAPI
 
-from backend.api import logs
+from backend import logs
+from backend.access.authentication import PART as TOKENS
+from backend.access.authentication import Authentication
+from backend.access.control import PART as CONTROL
+from backend.access.control import Control
+from backend.access.sessions import Sessions
+from backend.access.tokens import TokenFiles, Tokens
 from backend.api.app import create_app, put_routes_together
 from backend.api.auth import signed_in
-from backend.api.bench import Bench
-from backend.api.bring_up import BringUp
-from backend.api.care import Care
-from backend.api.control import PART as CONTROL
-from backend.api.control import Control
-from backend.api.desk import Desk
-from backend.api.door import raise_limit
-from backend.api.downloads import Downloads
-from backend.api.dry_runs import DryRuns
-from backend.api.evaluations import Evaluations
-from backend.api.gate import PART as GATE
-from backend.api.gate import Gate
-from backend.api.history import History
-from backend.api.journal import PART as JOURNAL
-from backend.api.journal import Journal
-from backend.api.kept_tuning import KeptTuning
-from backend.api.library import Library
-from backend.api.live import PART as LIVE
-from backend.api.live import LiveStream
-from backend.api.picture import Picture
-from backend.api.processes import Processes
-from backend.api.replay import Replay
-from backend.api.retention import PART as RETENTION
-from backend.api.retention import Retention
-from backend.api.safe_stop import SafeStop
-from backend.api.schemas.live import MarkKind, StateMessage
-from backend.api.server import Server
 from backend.api.service import Service
-from backend.api.session_runs import SessionRuns
-from backend.api.sessions import Sessions
-from backend.api.shelf import Shelf
-from backend.api.tasks import Tasks
-from backend.api.tokens import TokenFiles, Tokens
-from backend.api.tuning_in_use import TuningInUse
-from backend.api.upkeep import Upkeep
+from backend.archive.downloads import Downloads
+from backend.archive.evaluations import Evaluations
+from backend.archive.history import History
+from backend.archive.maintenance import Maintenance
+from backend.archive.preferences import StoredPreferences
+from backend.archive.replay import Replay
+from backend.archive.retention import PART as RETENTION
+from backend.archive.retention import Retention
+from backend.archive.soundness import Soundness
+from backend.archive.stored_banks import StoredBanks
+from backend.archive.stored_identifications import StoredIdentifications
+from backend.archive.stored_runs import StoredRuns
+from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder, only_service_on
 from backend.ending import Ending, address_on
-from backend.experiments.evaluation import evaluate
-from backend.experiments.runner import Station
+from backend.experiments.playing.runner import Station
+from backend.experiments.results.evaluation import evaluate
 from backend.faults import Fault
 from backend.forks import refuse_forks
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
+from backend.messages.live import MarkKind, StateMessage
+from backend.operating.actuator import Actuator
+from backend.operating.bring_up import BringUp
+from backend.operating.dry_runs import DryRuns
+from backend.operating.journal import PART as JOURNAL
+from backend.operating.journal import Journal
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.live_stream import PART as LIVE
+from backend.operating.live_stream import LiveStream
+from backend.operating.ordered_runs import OrderedRuns
+from backend.operating.present_state import PresentState
+from backend.operating.safe_stop import SafeStop
+from backend.operating.saved_tunings import SavedTunings
+from backend.operating.session_runs import SessionRuns
+from backend.operating.tuning_in_use import TuningInUse
 from backend.private import UMASK, make_private
+from backend.processes import Processes
 from backend.recording.flight import PART as FLIGHTS
 from backend.recording.flight import FlightRecorder, Quota
 from backend.recording.recorder import PART as RECORDER
@@ -72,6 +73,8 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage import Database, open_database, runs
 from backend.supervision import Part, Supervision
+from backend.web_server.places import raise_limit
+from backend.web_server.server import Server, listening_on
 from plant.parameters import load_parameters
 
 SEED = 0
@@ -80,10 +83,6 @@ SWITCH_S = 0.5e-3
 """Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
 
 _log = logging.getLogger(__name__)
-
-
-class CannotListenError(Exception):
-    """The address cannot be listened on."""
 
 
 def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
@@ -95,7 +94,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     logs.begin()
     raise_limit()
     refuse_forks()
-    with only_service_on(settings.data) as folder, _listening(settings) as listening:
+    with only_service_on(settings.data) as folder, listening_on(settings.host, settings.port) as listening:
         make_private(settings.data)
         _ask_for_priority()
         sys.setswitchinterval(SWITCH_S)
@@ -106,7 +105,7 @@ async def _serve(
     settings: Settings, folder: HeldFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
 ) -> None:
     files = TokenFiles(settings.data) if settings.require_token else None
-    gate = Gate(files, Sessions(settings.data))
+    authentication = Authentication(files, Sessions(settings.data))
     parts, ending = AsyncExitStack(), Ending()
 
     @asynccontextmanager
@@ -118,13 +117,13 @@ async def _serve(
         # All that computes for long is done before the loop starts: it counts on the heartbeat.
         supervision = Supervision()
         parts.push_async_callback(supervision.close)
-        supervisor, recorder, service, scenes = _build(settings, folder, gate, supervision, parts)
+        supervisor, recorder, service, scenes = _build(settings, folder, authentication, supervision, parts)
         app = create_app(lifespan, scenes, settings.allowed_hosts)
-        app.state.service, app.state.gate = service, gate
+        app.state.service, app.state.authentication = service, authentication
         await put_routes_together(app)
         _collect_garbage()
         await _start_loop(supervisor, recorder, supervision, ending, parts)
-        parts.push_async_callback(lambda: service.tasks.close(ending.cause))
+        parts.push_async_callback(lambda: service.ordered_runs.close(ending.cause))
     except BaseException:
         await parts.aclose()
         raise
@@ -144,7 +143,11 @@ def _collect_garbage() -> None:
 
 
 def _build(
-    settings: Settings, folder: HeldFolder, gate: Gate, supervision: Supervision, stack: AsyncExitStack
+    settings: Settings,
+    folder: HeldFolder,
+    authentication: Authentication,
+    supervision: Supervision,
+    stack: AsyncExitStack,
 ) -> tuple[Supervisor, Recorder, Service, list[APIRouter]]:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
 
@@ -156,13 +159,14 @@ def _build(
     parameters = load_parameters(settings.params)
     database = open_database(settings.data, settings.database_url, settings.database_password())
     stack.callback(database.close)
-    care = Care(database, settings.data)
-    care.before_start()
+    soundness = Soundness(database, settings.data)
+    soundness.before_start()
     _close_interrupted(database)
     kept = KeptTuning(database)
     tuning, said = kept.restore(parameters)
     brought_up = brought_up_of(database, settings.plant_choice)
-    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up)
+    hands = KeptHands(database, settings.plant_choice)
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, hands.left is not None)
     supervisor = Supervisor(setup, supervision)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.hear)
@@ -174,8 +178,9 @@ def _build(
     keep(FLIGHTS, flights.run)
 
     def problems() -> list[str]:
-        parts = watch, care, recorder, flights, journal, supervisor.guard, retention, gate.sessions, bring_up
-        return [*(part.problem for part in parts if part.problem), *supervision.problems, *tasks.problems]
+        first = watch, soundness, recorder, flights, journal
+        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands
+        return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
@@ -185,32 +190,34 @@ def _build(
     keep(JOURNAL, journal.run)
     if said:
         journal.note(MarkKind.TUNING, said, tick=0)
-    picture = Picture(supervisor, parameters, tuning, problems)
-    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, picture.tick))
-    safe_stop = SafeStop(supervisor, picture, supervision)
+    present = PresentState(supervisor, parameters, tuning, problems)
+    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
+    safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name, parameters)
-    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
-    control = Control(bench.operator_lost, bench.note_control)
-    control.let_go = bench.let_go
-    picture.holder, picture.people = control.view, gate.people.view
-    keep(GATE, gate.run)
-    stack.push_async_callback(gate.sessions.save)
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    control = Control(actuator.operator_lost, actuator.note_control)
+    control.let_go = actuator.let_go
+    present.holder, present.people = control.view, authentication.people.view
+    keep(TOKENS, authentication.run)
+    stack.push_async_callback(authentication.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
-    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(picture.state())))
+    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
     journal.on_mark(live.announce)
-    bench.on_change(live.state_changed)
+    actuator.on_change(live.state_changed)
     keep(LIVE, live.run)
-    watch = FolderWatch((folder.problem, care.displaced), bench.changed)
+    watch = FolderWatch((folder.problem, soundness.displaced), actuator.changed)
     keep(FOLDER, watch.run)
-    care.start()
+    soundness.start()
 
-    history = History(database, parameters, lambda: _id_of_bank(picture.operators_tuning))
+    history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
     downloads = Downloads(database, processes.reports)
-    evaluations = Evaluations(database, processes.computing, lambda: picture.task)
-    library = Library(database, lambda: picture.task, lambda run: evaluations.includes(run) or tasks.is_evaluating(run))
-    shelf = Shelf(database, processes.computing, lambda: picture.tuning)
+    evaluations = Evaluations(database, processes.computing, lambda: present.task)
+    stored_runs = StoredRuns(
+        database, lambda: present.task, lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run)
+    )
+    banks = StoredBanks(database, processes.computing, lambda: present.tuning)
     station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
     def prepare() -> None:
@@ -218,8 +225,10 @@ def _build(
         processes.computing.prepare(evaluate)
         downloads.prepare()
 
-    tasks = Tasks(station, bench, shelf, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop)
-    evaluations.done = tasks.evaluated
+    ordered_runs = OrderedRuns(
+        station, actuator, banks, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop
+    )
+    evaluations.done = ordered_runs.evaluated
 
     replay = Replay(database)
     mirrors = {
@@ -230,24 +239,25 @@ def _build(
         stack.callback(mirror.close)
         stack.callback(supervision.keep_thread(SCENE, mirror.run, mirror.end).end, 2.0)
     scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
-    upkeep = Upkeep(database, settings.data, supervisor)
-    bring_up = BringUp(bench, supervisor, database, parameters)
+    bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
     service = Service(
-        bench,
-        control,
-        tasks,
-        library,
-        evaluations,
-        shelf,
-        Desk(database),
-        history,
-        replay,
-        downloads,
-        live,
-        upkeep,
-        retention,
-        bring_up,
+        actuator=actuator,
+        control=control,
+        ordered_runs=ordered_runs,
+        saved_tunings=SavedTunings(database),
+        bring_up=bring_up,
+        live=live,
+        runs=stored_runs,
+        identifications=StoredIdentifications(database, stored_runs.progress),
+        evaluations=evaluations,
+        banks=banks,
+        preferences=StoredPreferences(database),
+        history=history,
+        replay=replay,
+        downloads=downloads,
+        maintenance=Maintenance(database, settings.data, supervisor),
+        retention=retention,
     )
     return supervisor, recorder, service, scenes
 
@@ -283,17 +293,3 @@ def _ask_for_priority() -> None:
     """Come before ordinary programs where the machine grants it: the loop stops where it hears nothing."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-
-
-@contextmanager
-def _listening(settings: Settings) -> Iterator[socket.socket]:
-    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
-    try:
-        listening = socket.create_server((settings.host, settings.port), family=family)
-    except OSError as error:
-        reason = error.strerror or error
-        raise CannotListenError(
-            f"cannot listen on {settings.host} port {settings.port}: {reason}; choose another --host or --port"
-        ) from None
-    with listening:
-        yield listening

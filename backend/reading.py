@@ -43,6 +43,11 @@ _ANGLE = re.compile(
 """An angle or an angular speed in a text, or a range of one: "1.2 rad", "-1.4 to 1.4 rad"."""
 
 
+def counted(count: float, noun: str) -> str:
+    """Return a number of things as it is said: "1 day", "30 days"."""
+    return f"{count:g} {noun}" if count == 1 else f"{count:g} {noun}s"
+
+
 def reading_of(unit: str, angles: Angles) -> Reading:
     """Return how a quantity of this SI unit is read."""
     if angles is Angles.DEGREES and unit in _IN_DEGREES:

@@ -1,7 +1,9 @@
-"""What is said when a value is refused: which quantity in the operator's words, its value, the bounds, what to do."""
+"""What is said when something is refused: why, or which quantity in the operator's words, its bounds, what to do."""
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from enum import StrEnum
 
 from backend.reading import Angles, in_digits, read, reading_of, told
 
@@ -27,6 +29,42 @@ WORDS = {
     "theta_start": "motor position where a step starts",
 }
 """Operator's words for quantities that are refused at several places."""
+
+
+class Because(StrEnum):
+    """Why something is refused; the value is the code that programs see where nothing narrower is said."""
+
+    MALFORMED = "bad_request"
+    NOT_SIGNED_IN = "not_signed_in"
+    NOT_ALLOWED = "not_allowed"
+    UNKNOWN = "not_found"
+    NOT_NOW = "conflict"
+    TOO_LARGE = "too_large"
+    BAD_VALUE = "bad_value"
+    TOO_MANY = "too_many_attempts"
+    UNAVAILABLE = "unavailable"
+
+
+class RefusalError(Exception):
+    """Something asked for is not done. ``code`` tells programs why, ``legal`` lists what would be accepted.
+
+    ``retry_after_s`` is how long [s] to wait before asking again, 0 where waiting is not what helps.
+    """
+
+    def __init__(
+        self,
+        because: Because,
+        message: str,
+        *,
+        code: str | None = None,
+        legal: Iterable[str] | None = None,
+        retry_after_s: int = 0,
+    ) -> None:
+        super().__init__(message)
+        self.because = because
+        self.code = code or str(because)
+        self.legal = None if legal is None else list(legal)
+        self.retry_after_s = retry_after_s
 
 
 class RefusedValueError(ValueError, ABC):

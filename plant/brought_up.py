@@ -1,7 +1,8 @@
 """What bringing a rig up has found, and what takes effect of it at the start of the loop."""
 
+import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from plant.wiring import Wiring
 
@@ -30,6 +31,18 @@ class BroughtUp:
 
 
 NOT_BROUGHT_UP = BroughtUp()
+
+
+def fingerprint(wiring: Wiring) -> str:
+    """Return what tells a wiring from any other: all of its entries, whatever it is called and its sources say."""
+    entries = asdict(wiring)
+    del entries["sources"], entries["title"]
+    return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
+
+
+def found_with(wired: str, brought_up: BroughtUp) -> BroughtUp:
+    """Return what is known with the wiring of this fingerprint: nothing, where it was found with another."""
+    return brought_up if brought_up.wired == wired else BroughtUp(wired=wired)
 
 
 def calibrated(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:

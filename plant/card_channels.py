@@ -1,5 +1,10 @@
 """Which task owns which channel of the virtual card: what is taken, or not there, is refused as NI-DAQmx does."""
 
+from typing import Any
+
+import session_pb2
+from nidaqmx._stubs import nidaqmx_pb2 as pb
+from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.error_codes import DAQmxErrors
 
 from plant.in_process import CardError
@@ -46,3 +51,44 @@ class Channels(dict[str, list[str]]):
         """Raise CardError for a card of another name."""
         if device != self._device:
             raise CardError(DAQmxErrors.INVALID_DEVICE_ID, f"Device identifier is invalid: {device}")
+
+
+class TaskCalls(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made by a generator, without types
+    """The calls of NI's service that make a task and give it channels."""
+
+    def __init__(self, device: str) -> None:
+        self._channels = Channels(device)
+
+    def CreateTask(self, request: Any, context: Any) -> Any:
+        """Make a task; its name is free."""
+        self._channels.make(request.session_name)
+        return pb.CreateTaskResponse(task=session_pb2.Session(name=request.session_name), new_session_initialized=True)
+
+    def GetTaskAttributeString(self, request: Any, context: Any) -> Any:
+        """Tell a task's name."""
+        return pb.GetTaskAttributeStringResponse(value=request.task.name)
+
+    def CreateAIVoltageChan(self, request: Any, context: Any) -> Any:
+        """Take analog inputs."""
+        self._channels.take(request.task.name, request.physical_channel, "ai", 32)
+        return pb.CreateAIVoltageChanResponse()
+
+    def CreateAOVoltageChan(self, request: Any, context: Any) -> Any:
+        """Take analog outputs."""
+        self._channels.take(request.task.name, request.physical_channel, "ao", 4)
+        return pb.CreateAOVoltageChanResponse()
+
+    def CreateCIAngEncoderChan(self, request: Any, context: Any) -> Any:
+        """Take a counter."""
+        self._channels.take(request.task.name, request.counter, "ctr", 4)
+        return pb.CreateCIAngEncoderChanResponse()
+
+    def CreateDIChan(self, request: Any, context: Any) -> Any:
+        """Take lines to read."""
+        self._channels.take(request.task.name, request.lines, "port", 48)
+        return pb.CreateDIChanResponse()
+
+    def CreateDOChan(self, request: Any, context: Any) -> Any:
+        """Take lines to write."""
+        self._channels.take(request.task.name, request.lines, "port", 48)
+        return pb.CreateDOChanResponse()

@@ -6,6 +6,8 @@ from nidaqmx.error_codes import DAQmxErrors
 from plant.card import Card, WatchdogExpiredError
 from plant.in_process import CardError
 
+_CLEAR = WDTTaskAction.CLEAR_EXPIRATION.value
+
 
 class WatchdogTask:
     """At most one task; its timer and what it cuts are the registers' own. Raises CardError as NI-DAQmx would."""
@@ -41,7 +43,7 @@ class WatchdogTask:
 
     def control(self, action: int) -> None:
         """Reset the timer, or clear the expiration."""
-        if action == WDTTaskAction.CLEAR_EXPIRATION.value:
+        if action == _CLEAR:
             self._registers.clear_expiration()
             return
         try:

@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, calibrated
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, calibrated, fingerprint, found_with
 from plant.card import Card
 from plant.choice import PlantChoice, PlantKind
 from plant.interface import Plant, PlantError
@@ -36,11 +36,13 @@ def make_plant(
     seed: int,
     card: Card | None = None,
     brought_up: BroughtUp = NOT_BROUGHT_UP,
+    *,
+    drives_off: bool = False,
 ) -> Plant:
     """Make a plant, not yet open. Raises PlantError.
 
     ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
-    ``brought_up`` is what is known of a rig with this wiring.
+    ``brought_up`` is what is known of a rig with this wiring; with ``drives_off`` its drives stay off as it is opened.
     """
     if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are looked at as they are made
         require_available(choice)
@@ -50,9 +52,9 @@ def make_plant(
                 card.start_watchdog()  # its process comes up while the rehearsal computes
             return Simulator(parameters, seed, card=card)
         case PlantKind.RIG:
-            return _rig(choice, card, brought_up)
+            return _rig(choice, card, brought_up, drives_off)
         case PlantKind.VIRTUAL_CARD:
-            return _virtual_rig(choice, parameters, seed, card, brought_up)
+            return _virtual_rig(choice, parameters, seed, card, brought_up, drives_off)
         case PlantKind.REPLAY:
             return Replay(load_recording(choice.recording))
         case PlantKind.PACKAGE:
@@ -62,35 +64,52 @@ def make_plant(
 # What follows imports NI's package, which is not there in every installation.
 
 
-def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp) -> Plant:
+def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_off: bool) -> Plant:
     from plant.daq import Daq
     from plant.rig import Rig
 
-    wiring = calibrated(wiring_of_choice(choice), brought_up.calibrations)
-    proven, measured = brought_up.directions_proven, brought_up.load_cells_measured
-    if not choice.address:
-        return Rig(wiring, Daq(wiring), card, directions_proven=proven, load_cells_measured=measured)
-    from plant.device_server import DeviceServer
+    said = wiring_of_choice(choice)
+    known = found_with(fingerprint(said), brought_up)  # the file may have been edited since that was looked up
+    wiring = calibrated(said, known.calibrations)
+    daq = Daq(wiring)
+    if choice.address:
+        from plant.device_server import DeviceServer
 
-    server = choice.address
-    daq = Daq(wiring, DeviceServer(server).options)
-    return Rig(wiring, daq, card, directions_proven=proven, load_cells_measured=measured, server=server)
+        daq = Daq(wiring, DeviceServer(choice.address).options)
+    return Rig(
+        wiring,
+        daq,
+        card,
+        directions_proven=known.directions_proven,
+        load_cells_measured=known.load_cells_measured,
+        server=choice.address,
+        drives_off=drives_off,
+        wired=known.wired,
+    )
 
 
 def _virtual_rig(
-    choice: PlantChoice, parameters: PlantParameters, seed: int, card: Card | None, brought_up: BroughtUp
+    choice: PlantChoice,
+    parameters: PlantParameters,
+    seed: int,
+    card: Card | None,
+    brought_up: BroughtUp,
+    drives_off: bool,
 ) -> Plant:
     from plant.virtual_rig import VirtualRig
 
     true = wiring_of_choice(choice)
-    wiring = calibrated(true, brought_up.calibrations)
+    known = found_with(fingerprint(true), brought_up)
+    wiring = calibrated(true, known.calibrations)
     return VirtualRig(
         wiring,
         Simulator(parameters, seed),
         card,
         true,
-        directions_proven=brought_up.directions_proven,
-        load_cells_measured=brought_up.load_cells_measured,
+        directions_proven=known.directions_proven,
+        load_cells_measured=known.load_cells_measured,
+        drives_off=drives_off,
+        wired=known.wired,
     )
 
 

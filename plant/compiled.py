@@ -6,9 +6,10 @@ files. The cache folder is therefore named after the content of all compiled sou
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from operator import index
 from pathlib import Path
-from typing import Any, Generic, TypeVar, TypeVarTuple, cast
+from typing import Any, Generic, TypeVar, TypeVarTuple, cast, get_args, get_type_hints
 
 import numba
 import numpy as np
@@ -52,12 +53,14 @@ class Specialised(Generic[_R, *_Arguments]):
     numba looks at the type of each argument of each call, tuple by tuple: for the constants of the plant that takes ten
     times as long as the physics. Here it is done once, and nothing is ever compiled in the tick. So ``like`` has to say
     what will come in every call: where it has None or an array, None or an array of the same sort of numbers. A float
-    stands for whole numbers too. What has not as many numbers as ``like`` is refused with TypeError; whether they are
-    the right ones, mypy sees.
+    stands for whole numbers too, as does a whole number where the function says float; where it says int, a float is
+    refused with TypeError. So is what has not as many numbers as ``like``; whether they are the right ones, mypy sees.
     """
 
     def __init__(self, function: Callable[[*_Arguments], _R], *like: *_Arguments) -> None:
         self._made_from = function, like
+        like = cast(Any, _as_declared(like, tuple(get_type_hints(cast(Any, function).py_func).values())))
+        self._whole = tuple(_whole_numbers(like))
         kind = function, _kind(like)
         if kind not in _KNOWN:
             types = tuple(map(cast(Any, numba.typeof), like))
@@ -68,6 +71,11 @@ class Specialised(Generic[_R, *_Arguments]):
 
     def __call__(self, *arguments: *_Arguments) -> _R:
         """Call it."""
+        for path in self._whole:  # machine code would cut off the rest
+            value: Any = arguments
+            for at in path:
+                value = value[at]
+            index(value)
         return self._code(*arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -77,6 +85,30 @@ class Specialised(Generic[_R, *_Arguments]):
 
 _KNOWN: dict[object, Callable[..., Any]] = {}
 """Machine code by function and kind of arguments: asking numba for the types takes half a tick."""
+
+
+def _as_declared(value: Any, hint: Any) -> Any:
+    """Return a value of ``like`` with a float wherever one is declared, that being a tuple of hints or a type."""
+    if type(value) is int and hint is float:
+        return float(value)
+    if not isinstance(value, tuple):
+        return value
+    if hasattr(value, "_fields"):
+        named = get_type_hints(type(value))
+        return type(value)(*(_as_declared(part, named[name]) for name, part in zip(value._fields, value, strict=True)))
+    hints = hint if isinstance(hint, tuple) else get_args(hint)
+    if hints[1:] == (...,):
+        hints = hints[:1] * len(value)
+    return tuple(map(_as_declared, value, hints)) if len(hints) >= len(value) else value
+
+
+def _whole_numbers(value: object) -> Iterator[tuple[int, ...]]:
+    """Yield the way to each whole number of nested tuples."""
+    if isinstance(value, tuple):
+        for at, part in enumerate(value):
+            yield from ((at, *path) for path in _whole_numbers(part))
+    elif type(value) is int:
+        yield ()
 
 
 def _kind(value: object) -> object:

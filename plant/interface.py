@@ -1,10 +1,9 @@
 """What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from plant.breakage import Broken
+from plant.breakage import Broken
 
 T_s = 1e-3
 """Sampling period of everything [s] (method section 1)."""
@@ -120,7 +119,7 @@ class Plant(Protocol):
         """Load the motors' shafts. PlantError where nothing can load them to order (a rig)."""
         ...
 
-    def inject(self, broken: "Broken | None") -> None:
+    def inject(self, broken: Broken | None) -> None:
         """Break something, None to mend it. PlantError where nothing can be broken to order (a rig)."""
         ...
 
@@ -145,8 +144,18 @@ class Switched(Protocol):
     """A plant whose drives can be taken away while people have their hands in it."""
 
     def switch_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. PlantError."""
+        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. PlantError.
+
+        Off at any time, also where a watchdog has taken it away already; on at zero volts only.
+        """
         ...
+
+
+@runtime_checkable
+class Wired(Protocol):
+    """A plant behind a card; ``wired`` is the fingerprint of the wiring file as it was read for it."""
+
+    wired: str
 
 
 @runtime_checkable
@@ -160,7 +169,9 @@ class Proven(Protocol):
 
 @runtime_checkable
 class EndSwitched(Protocol):
-    """A plant whose joint can be driven to an end switch."""
+    """A plant whose joint can be driven to an end switch; ``zeroed`` tells that its encoder counts from its middle."""
+
+    zeroed: bool
 
     @property
     def at_end(self) -> bool:

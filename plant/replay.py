@@ -1,14 +1,12 @@
 """A recording played back as a Plant: what was measured comes again, whatever is written."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from plant.breakage import Broken
 from plant.interface import NO_RAW, Measurement, MotorCommand, PlantError, RawReading, ShaftLoad, require_numbers
 from plant.recording import Recording
-
-if TYPE_CHECKING:
-    from plant.breakage import Broken
 
 SAFETY_MODULE = 12.0
 """Number of the safety module's trip in the list of faults, as the column ``fault`` has it."""
@@ -95,7 +93,7 @@ class Replay:
         """Refuse."""
         raise PlantError(_REFUSED.format("be loaded"))
 
-    def inject(self, broken: "Broken | None") -> None:
+    def inject(self, broken: Broken | None) -> None:
         """Refuse."""
         raise PlantError(_REFUSED.format("be broken"))
 

@@ -3,11 +3,9 @@
 import math
 import statistics
 import time
-from bisect import bisect_right
 from contextlib import suppress
-from itertools import pairwise
-from typing import TYPE_CHECKING
 
+from plant.breakage import Broken
 from plant.card import Card, CardState
 from plant.daq import Daq, Raw
 from plant.interface import (
@@ -20,12 +18,9 @@ from plant.interface import (
     ShaftLoad,
     require_numbers,
 )
+from plant.load_cell import LoadCell
 from plant.stillness import Stillness
-from plant.terminals import SATURATED_V
-from plant.wiring import BEYOND_TABLE, EncoderWiring, LoadCellWiring, Wiring
-
-if TYPE_CHECKING:
-    from plant.breakage import Broken
+from plant.wiring import EncoderWiring, Wiring
 
 UNATTENDED = 0.8
 """Part of the watchdog's time that the loop may be late, before it stops by itself."""
@@ -48,7 +43,7 @@ class Rig:
 
     ``server`` is the address of the device server that it is reached through, if any. ``registers`` show other
     processes what is known of the card. An encoder counts from where it stands at the start:
-    ``zero`` says where that is.
+    ``zero`` says where that is. With ``drives_off`` hands may be at it when it is opened.
     """
 
     stepped = False
@@ -64,8 +59,11 @@ class Rig:
         directions_proven: bool = False,
         load_cells_measured: bool = False,
         server: str = "",
+        drives_off: bool = False,
+        wired: str = "",
     ) -> None:
         self.wiring = wiring
+        self.wired = wired
         self.raw: RawReading = NO_RAW
         self.description = ""
         self.paces_loop = False
@@ -75,15 +73,16 @@ class Rig:
         self._server = server
         self._scales = tuple(map(_radians_per_count, (wiring.encoder_q, wiring.encoder_A, wiring.encoder_B)))
         self._zeros = (0.0, 0.0, 0.0)
-        self._cells = _LoadCell(wiring.load_cell_A), _LoadCell(wiring.load_cell_B)
+        self._cells = LoadCell(wiring.load_cell_A), LoadCell(wiring.load_cell_B)
         self._gains = wiring.motor_A.gain, wiring.motor_B.gain
         self._seen: Raw | None = None
         self._tripped = False
-        self._zeroed = False
+        self.zeroed = False
         self._proven = directions_proven
         self._cells_measured = load_cells_measured
         self._put = ZERO_VOLTS
-        self._drives_wanted = True
+        self._drives_wanted = not drives_off
+        self._watchdog_tried = False
 
     @property
     def unproven(self) -> str:
@@ -97,7 +96,7 @@ class Rig:
     @property
     def unready(self) -> str:
         """Why the loop may not be closed on it yet."""
-        if self._cells_measured and not self._zeroed:
+        if self._cells_measured and not self.zeroed:
             return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
         return self.unproven
 
@@ -111,28 +110,48 @@ class Rig:
         self._proven = proven
 
     def switch_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on."""
+        """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on.
+
+        What was opened with the drives off has its watchdog tried before they come on, at zero volts, which takes the
+        watchdog's time. An expired watchdog has taken the line away already.
+        """
         self._drives_wanted = False  # also where the card does not obey: nothing is to bring them back by itself
         try:
-            self._daq.enable(on=on)
-            if self._daq.enabled is not on:
-                went = f"did not go {'on' if on else 'off'}"
-                raise PlantError(f"the drive-enable line {went}: look at what else is wired to it, hands away")
+            if on and not self._watchdog_tried:
+                self._prove_watchdog()
+                self._begin(drives=False)
+            if on or not self._daq.expired:
+                self._daq.enable(on=on)
+            self._require_read(on=on)
         except PlantError:
             with suppress(PlantError):  # what could not be read back is not to be left on
                 self._daq.enable(on=False)
+            if not self._watchdog_tried:
+                with suppress(PlantError):  # it is fed on
+                    self._begin(drives=False)
             raise
         self._drives_wanted = on
 
+    def _require_read(self, *, on: bool) -> None:
+        if self._daq.enabled is not on:
+            went = f"did not go {'on' if on else 'off'}"
+            raise PlantError(f"the drive-enable line {went}: look at what else is wired to it, hands away")
+
     def open(self) -> None:
-        """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError."""
+        """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError.
+
+        Where they are to be off, that is seen, and the watchdog is tried when somebody switches them on.
+        """
         try:
             self._daq.open()
-            self._drives_wanted = True
             self.paces_loop = self._daq.timed_by_card
             self.description = self._described()
-            self._prove_watchdog()
-            self._begin()
+            self._watchdog_tried = False
+            if self._drives_wanted:
+                self._prove_watchdog()
+            self._begin(drives=self._drives_wanted)
+            if not self._drives_wanted:
+                self._require_read(on=False)
             if not self.paces_loop:  # a card's clock ends the cycle itself
                 self._measure_cycle()
         except BaseException:
@@ -145,7 +164,7 @@ class Rig:
 
     def _prove_watchdog(self) -> None:
         """See the drive-enable line itself fall: a watchdog that only says so cuts nothing."""
-        self._begin()
+        self._begin(drives=True)
         line = self.wiring.drive_enable.line
         if not (self._daq.enabled or self._daq.expired):
             raise PlantError(f"drive-enable ({line}) was switched on and reads off: look at drive_enable and its wires")
@@ -159,6 +178,7 @@ class Rig:
                     "cannot be cut; look at drive_enable and its wires, and do not go on while this comes back"
                 )
             time.sleep(_SETTLING_S)
+        self._watchdog_tried = True
 
     def _measure_cycle(self) -> None:
         taken_s = []
@@ -180,28 +200,26 @@ class Rig:
             )
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
-    def _begin(self) -> None:
+    def _begin(self, *, drives: bool) -> None:
         self._put_out(ZERO_VOLTS)
         self._daq.start_watchdog()
-        self._daq.enable(on=self._drives_wanted)
+        self._daq.enable(on=drives)
         self._show()
 
     def read(self) -> Measurement:
         """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
-        raw = self._seen = self._daq.read()
-        self._tripped = raw.tripped
-        self.raw = RawReading(raw.V_A, raw.V_B, raw.n_q, raw.n_A, raw.n_B)
-        F_A, F_B = self._cells[0].force(raw.V_A), self._cells[1].force(raw.V_B)
+        V_A, V_B, n_q, n_A, n_B, self._tripped, _ = self._seen = self._daq.read()
+        self.raw = RawReading(V_A, V_B, n_q, n_A, n_B)
         (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
         return Measurement(
-            q + to_q * raw.n_q,
-            theta_A + to_A * raw.n_A,
-            theta_B + to_B * raw.n_B,
-            F_A,
-            F_B,
+            q + to_q * n_q,
+            theta_A + to_A * n_A,
+            theta_B + to_B * n_B,
+            self._cells[0].force(V_A),
+            self._cells[1].force(V_B),
             math.nan,
             0.0,
-            1.0 if raw.tripped else 0.0,
+            1.0 if self._tripped else 0.0,
         )
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
@@ -217,7 +235,7 @@ class Rig:
         given = q, theta_A, theta_B
         q_0, A_0, B_0 = (angle - scale * count for angle, scale, count in zip(given, self._scales, counts, strict=True))
         self._zeros = q_0, A_0, B_0
-        self._zeroed = True
+        self.zeroed = True
 
     def write(self, command: MotorCommand) -> None:
         """Put out the voltages and feed the watchdog. PlantError; WatchdogExpiredError once it has cut the drives."""
@@ -240,7 +258,7 @@ class Rig:
         """Refuse: nothing here can load the shafts to order."""
         raise PlantError("this rig cannot load its motors' shafts by itself: play it as a dry run")
 
-    def inject(self, broken: "Broken | None") -> None:
+    def inject(self, broken: Broken | None) -> None:
         """Refuse: nothing of a rig is broken on purpose."""
         raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
 
@@ -254,7 +272,7 @@ class Rig:
             raise PlantError(f"drive-enable ({line}) was switched off and stays on: look at drive_enable and its wires")
         if self._daq.read().tripped:
             raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
-        self._begin()
+        self._begin(drives=self._drives_wanted)
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card. Safe to call twice."""
@@ -268,31 +286,6 @@ class Rig:
             daq, tripped = self._daq, self._tripped
             flags = daq.watched, daq.drives, daq.known_expired, tripped, False, True
             self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *self._put))
-
-
-class _LoadCell:
-    """Newtons from volts, by slope and offset or along the pieces of a table."""
-
-    def __init__(self, wired: LoadCellWiring) -> None:
-        self._slope, self._offset = wired.slope, wired.offset
-        self._low = self._high = 0.0
-        self._pieces = [(V, F, (F_next - F) / (V_next - V)) for (V, F), (V_next, F_next) in pairwise(wired.table)]
-        self._starts = [V for V, _, _ in self._pieces[1:]]
-        if wired.table:
-            first, last = wired.table[0][0], wired.table[-1][0]
-            beyond = BEYOND_TABLE * (last - first)
-            self._low, self._high = first - beyond, last + beyond
-
-    def force(self, V: float) -> float:
-        """Return the tension [N] behind V volts; nan beyond what was calibrated."""
-        if not abs(V) < SATURATED_V:
-            return math.nan
-        if not self._pieces:
-            return self._slope * (V - self._offset)
-        if not self._low <= V <= self._high:
-            return math.nan
-        V_0, F_0, slope = self._pieces[bisect_right(self._starts, V)]
-        return F_0 + slope * (V - V_0)
 
 
 def _radians_per_count(encoder: EncoderWiring) -> float:

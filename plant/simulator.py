@@ -3,8 +3,10 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, BrokenPart
+from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken
+from plant.broken_part import BrokenPart
 from plant.card import Card
 from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
@@ -43,6 +45,32 @@ def actuate(
     return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load)
 
 
+@compiled
+def period(
+    plant: Dynamics,
+    sensors: SensorModel,
+    bounds: SafetyBounds,
+    u_max: float,
+    x: PlantState,
+    command: MotorCommand,
+    load: ShaftLoad,
+    F_push: float,
+    tripped: bool,
+    line: NDArray[np.float64],
+    tick: int,
+    noise: NDArray[np.float64],
+    row: int,
+) -> tuple[PlantState, bool, Measurement]:
+    """State after a period, whether the safety module has tripped by then, and what is measured in ``tick``, its end.
+
+    In one call: that numba reads the plant's constants out of their tuples costs as much as the physics.
+    """
+    x = actuate(plant, sensors, u_max, x, command, F_push, load)
+    tripped = tripped or exceeded(plant, bounds, x)
+    trip = 1.0 if tripped else 0.0
+    return x, tripped, sense(plant, sensors, x, line, tick, noise[row, 0], noise[row, 1], F_push, trip)
+
+
 class Simulator:
     """A plant that advances one period at each write; the same seed gives the same run to the last bit.
 
@@ -74,6 +102,7 @@ class Simulator:
         self._noise_block = -1
         self._line = np.zeros((2, DELAY_SLOTS))
         self._tick = 0
+        self._m: Measurement | None = None
         self._F_push = 0.0
         self._load = NO_LOAD
         self._tripped = False
@@ -82,7 +111,22 @@ class Simulator:
         self.module_cuts = True, True
         plant, sensors = self._plant, self._sensors
         self._sense = Specialised(sense, plant, sensors, AT_REST, self._line, 0, 0.0, 0.0, 0.0, 0.0)
-        self._actuate = Specialised(actuate, plant, sensors, 0.0, AT_REST, ZERO_VOLTS, 0.0, NO_LOAD)
+        self._period = Specialised(
+            period,
+            plant,
+            sensors,
+            self._bounds,
+            0.0,
+            AT_REST,
+            ZERO_VOLTS,
+            NO_LOAD,
+            0.0,
+            False,
+            self._line,
+            0,
+            self._noise,
+            0,
+        )
         self._exceeded = Specialised(exceeded, plant, self._bounds, AT_REST)
 
     def open(self) -> None:
@@ -92,13 +136,12 @@ class Simulator:
 
     def read(self) -> Measurement:
         """Return the sensors' view of the present state."""
-        block, row = divmod(self._tick, _NOISE_BLOCK)
-        if (row == 0 or block != self._noise_block) and self._noise_N > 0.0:
-            self._noise_block = block
-            self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
-        noise_A, noise_B = self._noise[row]
-        F_push, trip = self._F_push, 1.0 if self._tripped else 0.0
-        m = self._sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, F_push, trip)
+        m = self._m
+        if m is None:  # nothing has been written yet, or what is read has changed since
+            row = self._noise_row()
+            noise_A, noise_B = self._noise[row]
+            F_push, trip = self._F_push, 1.0 if self._tripped else 0.0
+            m = self._sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, F_push, trip)
         return m if self._broken is None else self._broken.seen(m)
 
     def write(self, command: MotorCommand) -> None:
@@ -111,11 +154,33 @@ class Simulator:
             driven = ZERO_VOLTS
         elif self._tripped:
             driven = self._cut(command)
-        self.x = self._actuate(self._plant, self._sensors, self._u_max, self.x, driven, self._F_push, self._load)
-        self._tripped = self._tripped or self._exceeded(self._plant, self._bounds, self.x)
         self._tick += 1
+        row = self._noise_row()
+        self.x, self._tripped, self._m = self._period(
+            self._plant,
+            self._sensors,
+            self._bounds,
+            self._u_max,
+            self.x,
+            driven,
+            self._load,
+            self._F_push,
+            self._tripped,
+            self._line,
+            self._tick,
+            self._noise,
+            row,
+        )
         if self._card is not None:
             self._card.put(driven, self._tripped)
+
+    def _noise_row(self) -> int:
+        """Row of ``_noise`` for this tick; a block is drawn where it begins, and by each reading before all writes."""
+        block, row = divmod(self._tick, _NOISE_BLOCK)
+        if (block != self._noise_block or self._tick == 0) and self._noise_N > 0.0:
+            self._noise_block = block
+            self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
+        return row
 
     def _cut(self, command: MotorCommand) -> MotorCommand:
         cuts_A, cuts_B = self.module_cuts
@@ -129,6 +194,7 @@ class Simulator:
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
         self._F_push = float(F_push)
+        self._m = None
 
     def load(self, load: ShaftLoad) -> None:
         """Load the motors' shafts from the next period on. Raises PlantError for a load that would pull backwards."""
@@ -145,6 +211,7 @@ class Simulator:
         self._broken = None if broken is None else BrokenPart(broken)
         if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
             self._tripped = True
+            self._m = None
         if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH and self._card is not None:
             self._card.kill_watchdog()
 
@@ -163,6 +230,7 @@ class Simulator:
         if self._exceeded(self._plant, self._bounds, self.x):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._tripped = False
+        self._m = None
         if self._card is not None:
             self._card.rearm()
 

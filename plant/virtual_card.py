@@ -10,41 +10,41 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import session_pb2
 from nidaqmx import GrpcSessionOptions
 from nidaqmx._stubs import nidaqmx_pb2 as pb
-from nidaqmx._stubs import nidaqmx_pb2_grpc
 from nidaqmx.constants import AcquisitionType, Level
 from nidaqmx.error_codes import DAQmxErrors
 
+from plant.breakage import Broken
 from plant.card import Card
-from plant.card_channels import Channels
+from plant.card_channels import TaskCalls
 from plant.card_faults import CardFaults, miswired
 from plant.card_watchdog import WatchdogTask
+from plant.compiled import Specialised
 from plant.hand import NO_HAND, Hand
 from plant.in_process import CardError, Context, InProcess, UnknownCallError
-from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
+from plant.interface import NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, PlantError, T_s
 from plant.simulator import Simulator
-from plant.terminals import converted, counts_of, volts_of
+from plant.terminals import at_terminals, converted, wires_of
 from plant.wiring import Wiring
 
-if TYPE_CHECKING:
-    from plant.breakage import Broken
 
-_F_A, _F_B = Measurement._fields.index("F_A"), Measurement._fields.index("F_B")
-
-
-class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made by a generator, without types
+class VirtualCard(TaskCalls):
     """The calls that ``plant/daq.py`` makes; any other is answered as a server too old for it would.
 
     Method names and messages are those of NI's service.
     """
 
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
+        super().__init__(wiring.card.device)
         self._sound = wiring
+        self._hand = NO_HAND
+        self._raw: tuple[float, ...] | None = None
         self._connect(wiring)
+        self._at_terminals = Specialised(at_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
         self.faults = CardFaults()
         self._held = ZERO_VOLTS
         self._unheard_s = self._next_s = 0.0
@@ -52,10 +52,15 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._has_clock = has_clock
         self._clocked: set[str] = set()
         self._watchdog = WatchdogTask(registers)
-        self._channels = Channels(wiring.card.device)
         self._seen: Measurement | None = None
         self._counted_from: dict[str, float] = {}
-        self._hand = NO_HAND
+        # Filled anew by each call: the client takes out what it needs before the next one, and making one takes longer
+        # than everything else in a call.
+        self._volts_read = pb.ReadAnalogF64Response(samps_per_chan_read=1)
+        self._count_read = pb.ReadCounterScalarF64Response()
+        self._levels_read = pb.ReadDigitalLinesResponse(samps_per_chan_read=1, num_bytes_per_samp=1)
+        self._volts_written = pb.WriteAnalogF64Response(samps_per_chan_written=1)
+        self._watchdog_told = pb.ControlWatchdogTaskResponse()
 
     def options(self) -> GrpcSessionOptions:
         """Return what makes a nidaqmx task one of this card."""
@@ -66,6 +71,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         if self._hand.q is not None:
             self._simulator.push(0.0)
         self._hand = hand
+        self._raw = None
         self._simulator.limit_tension(hand.F_limit)
 
     def answering(self, method: str) -> Callable[..., Any]:
@@ -84,7 +90,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
 
         return answer
 
-    def inject(self, broken: "Broken | None") -> None:
+    def inject(self, broken: Broken | None) -> None:
         """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
         before = {counter: self._angle_counts(counter) for counter in self._counted_from}
         self.faults.inject(broken)
@@ -94,10 +100,23 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
             self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
 
     def _connect(self, wiring: Wiring) -> None:
-        """Say what is at each terminal, and its place in a measurement."""
+        """Say what is at each terminal, and its place in ``_raw``."""
         w = self._wiring = wiring
-        self._cells = {w.load_cell_B.channel: (w.load_cell_B, _F_B), w.load_cell_A.channel: (w.load_cell_A, _F_A)}
-        self._encoders = {e.counter: (e, place) for place, e in enumerate((w.encoder_q, w.encoder_A, w.encoder_B))}
+        self._wires = wires_of(w)
+        self._places = {
+            w.load_cell_B.channel: 1,
+            w.load_cell_A.channel: 0,
+            w.encoder_q.counter: 2,
+            w.encoder_A.counter: 3,
+            w.encoder_B.counter: 4,
+        }
+        enables, trips, ends = (line.active == "high" for line in (w.drive_enable, w.safety_tripped, w.end_switch))
+        self._levels = {
+            w.end_switch.line: lambda: w.end_switch.held(self._simulator.x.q) == ends,
+            w.safety_tripped.line: lambda: (self._measured().safety_trip > 0.0) == trips,
+            w.drive_enable.line: lambda: self._drives == enables,
+        }
+        self._raw = None
 
     def _go_on_alone(self) -> None:
         """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
@@ -113,33 +132,24 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
             self._seen = self._simulator.read()
         return self._seen
 
+    def _look(self) -> tuple[float, ...]:
+        """Volts and counts at the terminals, in one compiled call for all of them."""
+        hand = self._hand
+        raw = self._raw = self._at_terminals(self._wires, self._measured(), hand.pull_A, hand.pull_B)
+        return raw
+
     def _volts(self, channel: str) -> float:
-        if channel not in self._cells:
-            return 0.0
-        wired, place = self._cells[channel]
-        pull = self._hand.pull_A if place == _F_A else self._hand.pull_B
-        return converted(volts_of(wired, self._measured()[place] + pull))
+        place = self._places.get(channel)
+        return 0.0 if place is None else (self._raw or self._look())[place]
 
     def _angle_counts(self, counter: str) -> float:
-        if counter not in self._encoders:
-            return 0.0
-        wired, place = self._encoders[counter]
-        return counts_of(wired, self._measured()[place])
+        place = self._places.get(counter)
+        return 0.0 if place is None else (self._raw or self._look())[place]
 
     def _level(self, line: str) -> bool:
-        w = self._wiring
-        if line == w.drive_enable.line:
-            return self._drives == (w.drive_enable.active == "high")
-        if line == w.safety_tripped.line:
-            return (self._measured().safety_trip > 0.0) == (w.safety_tripped.active == "high")
-        return line == w.end_switch.line and w.end_switch.held(self._simulator.x.q) == (w.end_switch.active == "high")
+        return line in self._levels and self._levels[line]()
 
     # Tasks.
-
-    def CreateTask(self, request: Any, context: Any) -> Any:
-        """Make a task; its name is free."""
-        self._channels.make(request.session_name)
-        return pb.CreateTaskResponse(task=session_pb2.Session(name=request.session_name), new_session_initialized=True)
 
     def CreateWatchdogTimerTaskEx(self, request: Any, context: Any) -> Any:
         """Make the watchdog's task."""
@@ -170,58 +180,30 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._watchdog.stop(request.task.name)
         return pb.StopTaskResponse()
 
-    def GetTaskAttributeString(self, request: Any, context: Any) -> Any:
-        """Tell a task's name."""
-        return pb.GetTaskAttributeStringResponse(value=request.task.name)
-
     def GetSystemInfoAttributeUInt32(self, request: Any, context: Any) -> Any:
         """Tell the driver's version: none, as there is no driver."""
         return pb.GetSystemInfoAttributeUInt32Response(value=0)
-
-    def CreateAIVoltageChan(self, request: Any, context: Any) -> Any:
-        """Take analog inputs."""
-        self._channels.take(request.task.name, request.physical_channel, "ai", 32)
-        return pb.CreateAIVoltageChanResponse()
-
-    def CreateAOVoltageChan(self, request: Any, context: Any) -> Any:
-        """Take analog outputs."""
-        self._channels.take(request.task.name, request.physical_channel, "ao", 4)
-        return pb.CreateAOVoltageChanResponse()
-
-    def CreateCIAngEncoderChan(self, request: Any, context: Any) -> Any:
-        """Take a counter."""
-        self._channels.take(request.task.name, request.counter, "ctr", 4)
-        return pb.CreateCIAngEncoderChanResponse()
-
-    def CreateDIChan(self, request: Any, context: Any) -> Any:
-        """Take lines to read."""
-        self._channels.take(request.task.name, request.lines, "port", 48)
-        return pb.CreateDIChanResponse()
-
-    def CreateDOChan(self, request: Any, context: Any) -> Any:
-        """Take lines to write."""
-        self._channels.take(request.task.name, request.lines, "port", 48)
-        return pb.CreateDOChanResponse()
 
     # Reading and writing.
 
     def ReadAnalogF64(self, request: Any, context: Any) -> Any:
         """Read the load cells; a clocked task waits for the next edge of the card's clock."""
-        if request.task.name in self._clocked:
+        task = request.task.name
+        if task in self._clocked:
             self._wait_for_clock()
-        volts = [self._volts(channel) for channel in self._channels[request.task.name]]
-        return pb.ReadAnalogF64Response(read_array=volts, samps_per_chan_read=1)
+        self._volts_read.read_array[:] = [self._volts(channel) for channel in self._channels[task]]
+        return self._volts_read
 
     def ReadCounterScalarF64(self, request: Any, context: Any) -> Any:
         """Read an encoder."""
         (counter,) = self._channels[request.task.name]
-        counts = self._angle_counts(counter) - self._counted_from.get(counter, 0.0)
-        return pb.ReadCounterScalarF64Response(value=counts)
+        self._count_read.value = self._angle_counts(counter) - self._counted_from.get(counter, 0.0)
+        return self._count_read
 
     def ReadDigitalLines(self, request: Any, context: Any) -> Any:
         """Read lines, a byte each."""
-        levels = bytes([self._level(line) for line in self._channels[request.task.name]])
-        return pb.ReadDigitalLinesResponse(read_array=levels, samps_per_chan_read=1, num_bytes_per_samp=1)
+        self._levels_read.read_array = bytes([self._level(line) for line in self._channels[request.task.name]])
+        return self._levels_read
 
     def WriteAnalogF64(self, request: Any, context: Any) -> Any:
         """Write both outputs: the physics goes on by one period."""
@@ -232,7 +214,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
         self._registers.set_outputs(self._held)
         self._unheard_s = 0.0
         self._move()
-        return pb.WriteAnalogF64Response(samps_per_chan_written=1)
+        return self._volts_written
 
     @property
     def _drives(self) -> bool:
@@ -241,7 +223,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def _move(self) -> None:
         driven = self._held if self._drives else ZERO_VOLTS
         self._simulator.write(driven if self._hand is NO_HAND else self._handled(driven))
-        self._seen = None
+        self._seen = self._raw = None
         self._registers.show_trip(self._measured().safety_trip > 0.0)
 
     def _handled(self, driven: MotorCommand) -> MotorCommand:
@@ -271,7 +253,7 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def ControlWatchdogTask(self, request: Any, context: Any) -> Any:
         """Reset its timer, or clear its expiration."""
         self._watchdog.control(request.action_raw)
-        return pb.ControlWatchdogTaskResponse()
+        return self._watchdog_told
 
     def GetWatchdogAttributeBool(self, request: Any, context: Any) -> Any:
         """Tell whether it has expired."""
@@ -297,4 +279,4 @@ class VirtualCard(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # ma
     def _rearm_safety_module(self) -> None:
         with suppress(PlantError):  # its cause is still there: it stays tripped, and says so
             self._simulator.acknowledge()
-        self._seen = None
+        self._seen = self._raw = None

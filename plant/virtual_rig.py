@@ -37,6 +37,8 @@ class VirtualRig(Rig):
         directions_proven: bool = False,
         load_cells_measured: bool = False,
         has_clock: bool | None = None,
+        drives_off: bool = False,
+        wired: str = "",
     ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
         self._watched = registers is not None
@@ -54,8 +56,10 @@ class VirtualRig(Rig):
             Daq(wiring, self.card.options),
             directions_proven=directions_proven or right,
             load_cells_measured=load_cells_measured or right,
+            drives_off=drives_off,
+            wired=wired,
         )
-        self._zeroed = right
+        self.zeroed = right
 
     def _described(self) -> str:
         return f"virtual card, {super()._described()}"
@@ -66,6 +70,7 @@ class VirtualRig(Rig):
     def _prove_watchdog(self) -> None:
         if self._watched:
             super()._prove_watchdog()
+        self._watchdog_tried = True
 
     def card_state(self) -> CardState:
         """Return what the card puts out, as anybody may see it."""
@@ -73,8 +78,8 @@ class VirtualRig(Rig):
 
     def read(self) -> Measurement:
         """Return what the sensors say now, and the push. Raises PlantError."""
-        q, theta_A, theta_B, F_A, F_B, S_true, _, trip = super().read()
-        return Measurement(q, theta_A, theta_B, F_A, F_B, S_true, self._simulator.F_push, trip)
+        m, F_push = super().read(), self._simulator.F_push
+        return m._replace(F_push=F_push) if F_push else m
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""

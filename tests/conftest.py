@@ -22,6 +22,7 @@ ONLY_COMPUTES = {
     "identification",
     "loop",
     "migrations",
+    "mutate",
     "packaging",
     "plant",
     "recording",
@@ -39,6 +40,12 @@ new folders too, tests are taken to be live."""
 
 SESSION_LONG = {"api", "fuzz"}
 """Their one service stays up until the end: so they come last, and it is in nobody's way."""
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave alone, where only what computes is asked for, what is live anyway: to import it takes seconds."""
+    live = collection_path.parent == TESTS and collection_path.name not in ONLY_COMPUTES
+    return True if live and config.getoption("markexpr") == "not live" else None
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -18,7 +18,14 @@ from rich.console import Console
 from rich.table import Table
 
 ROOT = Path(__file__).parents[1]
-LANES = {"pure": ("-m", "not live", "-n", "auto"), "live": ("-m", "live", "-p", "no:xdist")}
+LANES = {
+    "pure": ("-m", "not live", "-n", "auto", "--dist", "worksteal", "-p", "no:schemathesis"),
+    "live": ("-m", "live", "-p", "no:xdist"),
+}
+"""Worksteal leaves the tests of a file beside each other, in the process that has what they share; schemathesis, which
+takes a process seconds to load, makes requests to a live service only."""
+
+
 NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.reading import Angles, in_words, read, told, typed
+from backend.reading import Angles, counted, in_words, read, told, typed
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 
@@ -91,3 +91,13 @@ def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> 
 def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> None:
     for angles in Angles:
         assert told(10**399, unit, angles).startswith("a number of 400 digits")
+
+
+def test_one_is_one_day_and_all_else_are_days() -> None:
+    assert [counted(days, "day") for days in (1, 1.0, 0, 30.0, 0.5)] == [
+        "1 day",
+        "1 day",
+        "0 days",
+        "30 days",
+        "0.5 days",
+    ]

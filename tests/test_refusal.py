@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.sequence_plan import SequencePlan
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError, from_values
 from backend.reading import Angles
 from backend.refusal import OutOfRangeError, bound_text, require_within

@@ -6,7 +6,8 @@ from typing import Annotated
 from fastapi import Depends, Query, Request
 from starlette.requests import HTTPConnection
 
-from backend.api.auth import gate_of
+from backend.api.auth import authentication_of
+from backend.api.cookies import shown_by
 from backend.api.service import service_of
 from backend.reading import Angles
 from backend.storage import StorageError
@@ -17,12 +18,12 @@ PATIENCE_S = 1.0
 
 async def angles_of(connection: HTTPConnection) -> Angles:
     """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
-    person = gate_of(connection).recognise(connection)
+    person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
         return Angles.DEGREES
     try:
         async with asyncio.timeout(PATIENCE_S):
-            return (await service_of(connection).desk.preferences(person)).angles
+            return (await service_of(connection).preferences.of(person)).angles
     except (StorageError, TimeoutError):
         return Angles.DEGREES
 

@@ -10,10 +10,8 @@ from starlette.types import ASGIApp
 
 from backend import __version__
 from backend.api import errors
+from backend.api.admission import Admission
 from backend.api.angles import angles_of
-from backend.api.attendance import Attendance
-from backend.api.entrance import Entrance
-from backend.api.pace import Pace
 from backend.api.routes import (
     banks,
     bring_up,
@@ -31,7 +29,9 @@ from backend.api.routes import (
     system,
     tuning,
 )
-from backend.api.security import Guard
+from backend.api.session_ends import SessionEnds
+from backend.web_server.guard import Guard
+from backend.web_server.request_turns import RequestTurns
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "
@@ -62,7 +62,7 @@ class _Application(FastAPI):
 def create_app(
     lifespan: Lifespan = _nothing, further_routes: Iterable[APIRouter] = (), allowed_hosts: Iterable[str] = ()
 ) -> FastAPI:
-    """Build the application; ``lifespan`` gives ``app.state`` its gate and its service."""
+    """Build the application; ``lifespan`` gives ``app.state`` its authentication and its service."""
     app = _Application(
         tuple(allowed_hosts),
         title="Sinew",
@@ -93,9 +93,9 @@ def create_app(
         app.include_router(router)
     site.mount_static(app)
     errors.install(app, angles_of)
-    app.add_middleware(Pace)
-    app.add_middleware(Attendance)
-    app.add_middleware(Entrance)
+    app.add_middleware(RequestTurns)
+    app.add_middleware(SessionEnds)
+    app.add_middleware(Admission)
     return app
 
 

@@ -6,35 +6,36 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
-from backend.api.errors import ApiError
-from backend.api.gate import COOKIE, Gate
-from backend.api.people import BEARER, OPEN, Person
-from backend.api.schemas.session import Role
+from backend.access.authentication import Authentication
+from backend.access.people import BEARER, OPEN, Person
+from backend.api.cookies import COOKIE, shown_by
+from backend.messages.session import Role
+from backend.refusal import Because, RefusalError
 
-__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "gate_of", "may_stop", "signed_in"]
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "authentication_of", "may_stop", "signed_in"]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
 
 
-def gate_of(connection: HTTPConnection) -> Gate:
-    """Return the gate of the running service."""
-    gate: Gate = connection.app.state.gate
-    return gate
+def authentication_of(connection: HTTPConnection) -> Authentication:
+    """Return what tells who asks, of the running service."""
+    authentication: Authentication = connection.app.state.authentication
+    return authentication
 
 
 def signed_in(connection: HTTPConnection) -> Person:
-    """Return the signed-in person. Raises ApiError 401 for anybody else."""
-    person = gate_of(connection).recognise(connection)
+    """Return the signed-in person. Raises RefusalError for anybody else."""
+    person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
-        raise ApiError(401, f"not signed in: {_SIGN_IN}")
+        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
     return person
 
 
 def may_stop(connection: HTTPConnection) -> Person:
-    """Return who presses STOP: also somebody whose session is not live any more. Raises ApiError 401."""
-    person = gate_of(connection).recognise_for_stop(connection)
+    """Return who presses STOP: also somebody whose session is not live any more. Raises RefusalError."""
+    person = authentication_of(connection).recognise_for_stop(shown_by(connection))
     if person is None:
-        raise ApiError(401, f"not signed in, nothing was stopped: {_SIGN_IN}")
+        raise RefusalError(Because.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
 
 
@@ -67,7 +68,9 @@ MayStop = Annotated[Person, Depends(_may_stop)]
 
 async def _operator(person: SignedIn) -> Person:
     if person.role is not Role.OPERATOR:
-        raise ApiError(403, f"{person.name} is signed in as {person.role}; this needs the operator's token")
+        raise RefusalError(
+            Because.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
+        )
     return person
 
 

@@ -11,21 +11,21 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from backend.api.invalid import SHOWN, problem_of_form
-from backend.api.offload import WorkerDiedError
-from backend.api.schemas.base import Problem, Refusal
-from backend.experiments.again import NotEvaluableError
-from backend.experiments.bank_consistency import BankError
-from backend.experiments.playing import BenchNotReadyError
+from backend.experiments.banks.bank_consistency import BankError
+from backend.experiments.playing.play import NotReadyError
+from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.settings import SettingError
 from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
+from backend.messages.base import Problem, Refusal
+from backend.messages.malformed import SHOWN, problem_of_form
+from backend.offload import WorkerDiedError
 from backend.reading import Angles, in_words
 from backend.recording.reader import UnknownSignalError
 from backend.recording.retention import NotRemovableError
-from backend.refusal import OutOfRangeError
+from backend.refusal import Because, OutOfRangeError, RefusalError
 from backend.storage import StorageError
 from backend.storage.maintenance import BackupError
 from backend.storage.records import UnknownRecordError
@@ -36,19 +36,20 @@ _log = logging.getLogger(__name__)
 _LARGEST = 2**53
 """Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
-_CODES = {
-    400: "bad_request",
-    401: "not_signed_in",
-    403: "not_allowed",
-    404: "not_found",
-    405: "method_not_allowed",
-    409: "conflict",
-    413: "too_large",
-    422: "bad_value",
-    429: "too_many_attempts",
-    500: "internal_error",
-    503: "unavailable",
+STATUS = {
+    Because.MALFORMED: 400,
+    Because.NOT_SIGNED_IN: 401,
+    Because.NOT_ALLOWED: 403,
+    Because.UNKNOWN: 404,
+    Because.NOT_NOW: 409,
+    Because.TOO_LARGE: 413,
+    Because.BAD_VALUE: 422,
+    Because.TOO_MANY: 429,
+    Because.UNAVAILABLE: 503,
 }
+"""What HTTP calls each reason."""
+
+_CODES = {405: "method_not_allowed", 500: "internal_error"} | {status: str(why) for why, status in STATUS.items()}
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"model": Refusal, "description": description}
@@ -68,39 +69,21 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 """The refusals that any route may answer with, for the documentation."""
 
 
-_STATUS: dict[type[Exception], int] = {
-    UnknownRecordError: 404,
-    BackupError: 503,
-    BankError: 422,
-    IdentificationError: 422,
-    TuningError: 422,
-    UnknownSignalError: 422,
-    ChannelError: 422,
-    NotRemovableError: 409,
-    LoopDiedError: 503,
-    NotEvaluableError: 409,
-    StorageError: 503,
-    WorkerDiedError: 503,
+_BECAUSE: dict[type[Exception], Because] = {
+    UnknownRecordError: Because.UNKNOWN,
+    BackupError: Because.UNAVAILABLE,
+    BankError: Because.BAD_VALUE,
+    IdentificationError: Because.BAD_VALUE,
+    TuningError: Because.BAD_VALUE,
+    UnknownSignalError: Because.BAD_VALUE,
+    ChannelError: Because.BAD_VALUE,
+    NotRemovableError: Because.NOT_NOW,
+    LoopDiedError: Because.UNAVAILABLE,
+    NotEvaluableError: Because.NOT_NOW,
+    StorageError: Because.UNAVAILABLE,
+    WorkerDiedError: Because.UNAVAILABLE,
 }
 """Refusals of the parts below whose message says everything."""
-
-
-class ApiError(Exception):
-    """A refusal with its HTTP status; ``legal`` lists what would be accepted."""
-
-    def __init__(
-        self,
-        status: int,
-        message: str,
-        *,
-        code: str | None = None,
-        legal: list[str] | None = None,
-        headers: Mapping[str, str] | None = None,
-    ) -> None:
-        super().__init__(message)
-        self.status = status
-        self.problem = Problem(code=code or _CODES[status], message=message, legal=legal)
-        self.headers = dict(headers or {})
 
 
 Handler = Callable[[Request, Exception], Awaitable[JSONResponse]]
@@ -119,9 +102,11 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
             said = problem(await angles_of(request))
         return _answer(status, said, headers)
 
-    @app.exception_handler(ApiError)
-    async def refused(request: Request, error: ApiError) -> JSONResponse:
-        return await answer(request, error.status, partial(_in_words, error.problem), error.headers)
+    @app.exception_handler(RefusalError)
+    async def refused(request: Request, error: RefusalError) -> JSONResponse:
+        return await answer(
+            request, STATUS[error.because], partial(_in_words, _problem_of_refusal(error)), _headers(error)
+        )
 
     @app.exception_handler(OutOfRangeError)
     async def out_of_range(request: Request, error: OutOfRangeError) -> JSONResponse:
@@ -131,12 +116,12 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
     async def setting_refused(request: Request, error: SettingError) -> JSONResponse:
         return await answer(request, 422, partial(_setting_problem, error))
 
-    @app.exception_handler(BenchNotReadyError)
-    async def not_ready(_request: Request, error: BenchNotReadyError) -> JSONResponse:
+    @app.exception_handler(NotReadyError)
+    async def not_ready(_request: Request, error: NotReadyError) -> JSONResponse:
         return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
 
-    for kind, status in _STATUS.items():
-        app.add_exception_handler(kind, _plain_handler(answer, status))
+    for kind, because in _BECAUSE.items():
+        app.add_exception_handler(kind, _plain_handler(answer, because))
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -153,14 +138,22 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
         return _answer(500, Problem(code="internal_error", message="the service failed on this request; see its log"))
 
 
-def answer_to(error: ApiError) -> JSONResponse:
+def answer_to(error: RefusalError) -> JSONResponse:
     """Return the answer that a refusal is."""
-    return _answer(error.status, error.problem, error.headers)
+    return _answer(STATUS[error.because], _problem_of_refusal(error), _headers(error))
 
 
-def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], status: int) -> Handler:
+def _problem_of_refusal(error: RefusalError) -> Problem:
+    return Problem(code=error.code, message=str(error), legal=error.legal)
+
+
+def _headers(error: RefusalError) -> dict[str, str]:
+    return {"Retry-After": str(error.retry_after_s)} if error.retry_after_s else {}
+
+
+def _plain_handler(answer: Callable[..., Awaitable[JSONResponse]], because: Because) -> Handler:
     async def handle(request: Request, error: Exception) -> JSONResponse:
-        return await answer(request, status, partial(_in_words, Problem(code=_CODES[status], message=str(error))))
+        return await answer(request, STATUS[because], partial(_in_words, Problem(code=because, message=str(error))))
 
     return handle
 

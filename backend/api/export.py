@@ -12,9 +12,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from backend.api.app import create_app
-from backend.api.schemas.live import LiveMessage, Ping
 from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
+from backend.messages.live import LiveMessage, Ping
 from backend.sample import STORED
 from backend.wire import HEADER_BYTES
 from plant.interface import T_s

@@ -1,214 +1,44 @@
-"""The websocket /api/live: one frame is built per tick of the stream and shared by all clients.
+"""The websocket /api/live: sends what the live stream has for its client.
 
-A client that reads slowly loses frames, never delays another, and is told how many samples it was not sent. One that
-reads nothing for ``PATIENCE_S`` is dropped.
+One that reads nothing for ``PATIENCE_S`` is dropped.
 """
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from itertools import chain
-from typing import Protocol
 
-import numpy as np
 from fastapi import WebSocket, WebSocketDisconnect
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from backend import wire
-from backend.api.schemas.live import EventMessage, FieldView, LayoutMessage, Ping, Pong, StateMessage
-from backend.faults import FAULTS, Limit
-from backend.loop.mode import MODES
-from backend.sample import STORED
-from backend.supervision import Part
-from plant.interface import T_s
+from backend.messages.live import Ping, Pong
+from backend.operating.live_stream import Client, LiveStream
 
-PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
+PATIENCE_S = 20.0
 
 _log = logging.getLogger(__name__)
 
-RATE_HZ = 30.0
-STATE_PERIOD_S = 0.5
-HISTORY_S = 30.0
-FRAME_SAMPLES = 4096
-QUEUE_FRAMES = 60
-PATIENCE_S = 20.0
-MARKS = 200
 
-
-class Samples(Protocol):
-    """What the stream reads from: the ring of the loop that runs at present."""
-
-    @property
-    def count(self) -> int:
-        """Ticks appended so far."""
-        ...
-
-    def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
-        """Return (first tick, rows, samples overwritten before they could be read)."""
-        ...
-
-
-class Client:
-    """One open websocket: what waits to be sent to it, and what it has missed."""
-
-    def __init__(self) -> None:
-        self._frames: deque[bytes] = deque()
-        self._texts: deque[str] = deque(maxlen=MARKS)
-        self._state: str | None = None
-        self._missed = 0
-        self._wake = asyncio.Event()
-
-    def offer_frame(self, frame: bytes) -> None:
-        """Queue a frame; when the queue is full it is not sent, and its samples are counted as missed."""
-        if len(self._frames) >= QUEUE_FRAMES:
-            self._missed += wire.count_of(frame)
-            return
-        self._frames.append(wire.with_missed(frame, self._missed) if self._missed else frame)
-        self._missed = 0
-        self._wake.set()
-
-    def offer_state(self, state: str) -> None:
-        """Replace the state that waits to be sent: the newest wins."""
-        self._state = state
-        self._wake.set()
-
-    def offer_text(self, text: str) -> None:
-        """Queue a message that must arrive in order: an event mark, a pong."""
-        self._texts.append(text)
-        self._wake.set()
-
-    async def next(self) -> str | bytes:
-        """Wait for what is to be sent next."""
-        while True:
-            if self._texts:
-                return self._texts.popleft()
-            if self._state is not None:
-                state, self._state = self._state, None
-                return state
-            if self._frames:
-                return self._frames.popleft()
-            self._wake.clear()
-            await self._wake.wait()
-
-
-class LiveStream:
-    """Reads the ring at 30 Hz and hands each frame to all clients.
-
-    ``samples`` returns the ring in use (another one after the loop process was started anew), ``state`` the state to
-    tell. ``announce`` marks an event; ``state_changed`` sends the state with the next frame instead of at its turn.
-    """
-
-    def __init__(self, samples: Callable[[], Samples], state: Callable[[], StateMessage]) -> None:
-        self._samples = samples
-        self._state = state
-        self._clients: set[Client] = set()
-        self._marks: deque[str] = deque(maxlen=MARKS)
-        self._ring = samples()
-        self._position = self._ring.count
-        self._state_due = 0.0
-
-    @property
-    def clients(self) -> int:
-        """How many websockets are open."""
-        return len(self._clients)
-
-    def announce(self, mark: EventMessage) -> None:
-        """Put a mark on the time axis of all clients and of those who come later."""
-        text = mark.model_dump_json()
-        self._marks.append(text)
-        for client in self._clients:
-            client.offer_text(text)
-
-    def state_changed(self) -> None:
-        """Send the state with the next frame."""
-        self._state_due = 0.0
-
-    async def run(self) -> None:
-        """Stream until cancelled."""
-        clock = asyncio.get_running_loop().time
-        due = clock()
-        while True:
-            due = max(due + 1.0 / RATE_HZ, clock())
-            await asyncio.sleep(due - clock())
-            self.step(clock())
-
-    def step(self, now_s: float) -> None:
-        """Hand what is new to every client."""
-        if self._samples() is not self._ring:
-            self._restart()
-        if now_s >= self._state_due:
-            self._state_due = now_s + STATE_PERIOD_S
-            self._broadcast_state()
-        for frame in self._new_frames():
-            for client in self._clients:
-                client.offer_frame(frame)
-
-    async def serve(self, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
-        """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
-        client = Client()
-        greeting = [layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
-        history = _frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
-        self._clients.add(client)
+async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
+    """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
+    with stream.attending() as (client, first):
         tasks = {
             asyncio.create_task(_receive(websocket, client, heard)),
-            asyncio.create_task(_send(websocket, client, chain(greeting, history))),
+            asyncio.create_task(_send(websocket, client, first)),
         }
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            self._clients.discard(client)
             for task in tasks:
                 task.cancel()
             for ended in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(ended, Exception):
                     _log.error("a live stream to a page failed; the page connects again", exc_info=ended)
 
-    def _restart(self) -> None:
-        self._ring = self._samples()
-        self._position = 0
-        self._marks.clear()
-        again = layout().model_dump_json()
-        for client in self._clients:
-            client.offer_text(again)
 
-    def _broadcast_state(self) -> None:
-        if self._clients:
-            state = self._state().model_dump_json()
-            for client in self._clients:
-                client.offer_state(state)
-
-    def _new_frames(self) -> Iterator[bytes]:
-        end = self._ring.count
-        yield from _frames(self._ring, self._position, end)
-        self._position = end
-
-
-def layout() -> LayoutMessage:
-    """Return the message that tells how to read all others."""
-    return LayoutMessage(
-        fields=[FieldView(name=f.name, symbol=f.symbol, unit=f.unit, meaning=f.meaning) for f in STORED],
-        period_s=T_s,
-        modes=[str(mode) for mode in MODES],
-        faults=[str(fault) for fault in FAULTS],
-        limits={str(limit.name): limit.value for limit in Limit},
-    )
-
-
-def _frames(ring: Samples, since: int, end: int) -> Iterator[bytes]:
-    while since < end:
-        first, rows, missed = ring.read(since, min(FRAME_SAMPLES, end - since))
-        if len(rows) == 0:
-            return
-        yield wire.pack(first, rows, missed)
-        since = first + len(rows)
-
-
-async def _send(websocket: WebSocket, client: Client, greeting: Iterable[str | bytes]) -> None:
+async def _send(websocket: WebSocket, client: Client, first: Iterable[str | bytes]) -> None:
     try:
-        for message in greeting:
+        for message in first:
             await _send_one(websocket, message)
         while True:
             await _send_one(websocket, await client.next())

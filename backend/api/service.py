@@ -7,22 +7,24 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Request
 from starlette.requests import HTTPConnection
 
+from backend.access.control import HEADER, Control, read_stamp
+from backend.access.people import Person
 from backend.api.auth import Operator
-from backend.api.bench import Bench
-from backend.api.bring_up import BringUp
-from backend.api.control import HEADER, Control, read_stamp
-from backend.api.desk import Desk
-from backend.api.downloads import Downloads
-from backend.api.evaluations import Evaluations
-from backend.api.history import History
-from backend.api.library import Library
-from backend.api.live import LiveStream
-from backend.api.people import Person
-from backend.api.replay import Replay
-from backend.api.retention import Retention
-from backend.api.shelf import Shelf
-from backend.api.tasks import Tasks
-from backend.api.upkeep import Upkeep
+from backend.archive.downloads import Downloads
+from backend.archive.evaluations import Evaluations
+from backend.archive.history import History
+from backend.archive.maintenance import Maintenance
+from backend.archive.preferences import StoredPreferences
+from backend.archive.replay import Replay
+from backend.archive.retention import Retention
+from backend.archive.stored_banks import StoredBanks
+from backend.archive.stored_identifications import StoredIdentifications
+from backend.archive.stored_runs import StoredRuns
+from backend.operating.actuator import Actuator
+from backend.operating.bring_up import BringUp
+from backend.operating.live_stream import LiveStream
+from backend.operating.ordered_runs import OrderedRuns
+from backend.operating.saved_tunings import SavedTunings
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -31,20 +33,22 @@ RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the datab
 class Service:
     """What the routes act on."""
 
-    bench: Bench
+    actuator: Actuator
     control: Control
-    tasks: Tasks
-    library: Library
+    ordered_runs: OrderedRuns
+    saved_tunings: SavedTunings
+    bring_up: BringUp
+    live: LiveStream
+    runs: StoredRuns
+    identifications: StoredIdentifications
     evaluations: Evaluations
-    shelf: Shelf
-    desk: Desk
+    banks: StoredBanks
+    preferences: StoredPreferences
     history: History
     replay: Replay
     downloads: Downloads
-    live: LiveStream
-    upkeep: Upkeep
+    maintenance: Maintenance
     retention: Retention
-    bring_up: BringUp
 
 
 def service_of(connection: HTTPConnection) -> Service:

@@ -6,7 +6,6 @@ With the joint free, a motor that winds its tendon makes both tensions rise and 
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from backend.loop.motor_trial import COAST_S, TRIAL_MAX_V
 from backend.sample import INDEX
 from plant.hand import Hand
 from plant.interface import T_s
+from plant.parameter_sections import SIDES, Side
 from plant.spring import elongation
 
 START_N = 2.0
@@ -44,7 +44,7 @@ class Seen:
 async def direction(work: Work) -> Finding:
     """Try both motors in turn and say what is wrong with the wiring, if anything."""
     r_m = work.parameters.geometry.r_m
-    theta_A, theta_B = (elongation(work.parameters.identified_spring(side), START_N) / r_m for side in ("A", "B"))
+    theta_A, theta_B = (elongation(work.parameters.identified_spring(side), START_N) / r_m for side in SIDES)
     low, high = START_RANGE_N
     await work.drives_off()
     await work.ask(
@@ -74,11 +74,12 @@ async def direction(work: Work) -> Finding:
     return Finding(not problems, text, tuple(figures))
 
 
-async def _tried(work: Work, motor: Literal["A", "B"]) -> Seen:
+async def _tried(work: Work, motor: Side) -> Seen:
     work.phase(f"motor {motor}")
     first = work.loop.ring.count
     await work.recorded(0.2)
     began = work.loop.ring.count
+    work.tried_motors = True
     await work.send(TryMotor(motor))
     # Both ends are seen in the samples: that it began, and that it is over.
     await work.loop.advance_until(lambda: work.loop.ring.count > began + round(0.1 / T_s), 1.0)

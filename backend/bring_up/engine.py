@@ -1,5 +1,6 @@
 """Plays one step, whatever becomes of it: at its end nothing is driven and no hand is left."""
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 
@@ -49,7 +50,10 @@ def values_of(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
 
 
 async def perform(step: StepId, work: Work) -> Finding:
-    """Play a step; what it fails on is its finding. Raises LoopDiedError, and CancelledError where it is given up."""
+    """Play a step; what it fails on is its finding. Raises LoopDiedError, and CancelledError where it is given up.
+
+    To give up the trial of a motor is a finding: who does may have seen it go the wrong way.
+    """
     try:
         finding = await _WORK[step](work)
         if step is StepId.DIRECTION and finding.passed:
@@ -58,6 +62,10 @@ async def perform(step: StepId, work: Work) -> Finding:
         finding = Finding(False, str(failed), disproves_directions=isinstance(failed, DirectionsDisprovedError))
     except TimeoutError as late:
         finding = Finding(False, str(late))
+    except asyncio.CancelledError:
+        if not work.tried_motors:
+            raise
+        finding = Finding(False, "it was given up after a motor had been tried: do it again")
     finally:
         await _left_safe(work)
     doubted = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)

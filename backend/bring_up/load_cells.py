@@ -25,8 +25,8 @@ OFF_LINE_N = 0.5
 """So far may a weight lie off the line through all of them [N]: ten times the noise of a single reading."""
 
 _TAKEN_UP = (
-    "Take everything off the load cells and your hands off the rig, and confirm: the loop starts anew with what was "
-    "measured, with the drives on for a moment at zero volts, and the encoders lose their zero"
+    "Take everything off the load cells, and confirm: the loop starts anew with what was measured, the drives stay "
+    "off, and the encoders lose their zero"
 )
 
 

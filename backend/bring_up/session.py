@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 from backend.bring_up import standing
 from backend.bring_up.engine import perform
+from backend.bring_up.hands import KeptHands, switch_drives
 from backend.bring_up.standing import Standing, blocked_by
 from backend.bring_up.steps import STEP, StepId
 from backend.bring_up.work import Confirmed, Finding, Work
@@ -16,7 +17,7 @@ from backend.loop.supervisor import Supervisor
 from backend.storage import Database
 from backend.storage.bring_up import StepResult
 from backend.supervision import Supervision
-from plant.brought_up import calibrated
+from plant.brought_up import calibrated, fingerprint
 from plant.catalog import wiring_of_choice
 from plant.parameters import PlantParameters
 from plant.wiring import Wiring
@@ -39,14 +40,26 @@ class Session:
     """Steps over one loop. What a calibration measured takes effect with a new start of it, as in the service."""
 
     def __init__(
-        self, database: Database, supervisor: Supervisor, parameters: PlantParameters, person: Person, wiring: Wiring
+        self,
+        database: Database,
+        supervisor: Supervisor,
+        parameters: PlantParameters,
+        person: Person,
+        wiring: Wiring,
+        hands: KeptHands,
     ) -> None:
         self._database = database
         self.supervisor = supervisor
         self._parameters = parameters
         self._person = person
         self._wiring = wiring
+        self._hands = hands
         self._started = datetime.now(UTC)
+
+    @property
+    def unkept(self) -> str:
+        """What of the drives' lock could not be kept for the next start; empty where all was."""
+        return self._hands.problem
 
     def states(self) -> dict[StepId, Standing]:
         """Return how each step stands now."""
@@ -54,14 +67,18 @@ class Session:
 
     def require_free(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
-        if standing.fingerprint(wiring_of_choice(self.supervisor.setup.plant)) != standing.fingerprint(self._wiring):
+        file = wiring_of_choice(self.supervisor.setup.plant)
+        if {fingerprint(file), fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
             raise BlockedError("the wiring file has changed since the loop was started: give the command again")
         blocked = blocked_by(STEP[step], self.states())
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
 
     async def play(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StepResult:
-        """Play a step and keep what it came to; of a step that is given up nothing is stored. Raises BlockedError."""
+        """Play a step and keep what it came to. Raises BlockedError.
+
+        Of a step that is given up nothing is stored; but once a motor was tried, directions are not proven any more.
+        """
         self.require_free(step)
         setup = self.supervisor.setup
         work = Work(
@@ -71,6 +88,7 @@ class Session:
             dict(values),
             computed=setup.plant.simulated,
             confirmed=self._person.confirmed,
+            switch=lambda on: switch_drives(self.supervisor, self._hands, on, self._person.name),
             phase=self._person.phase,
             cells=cells,
         )
@@ -99,6 +117,7 @@ async def session(
 ) -> AsyncIterator[Session]:
     """Start a loop process; at the end of the block, however it comes, zero volts, and let go of the card.
 
+    Who starts it has said that no hand is at the rig.
     Raises LoopDiedError, PlantError.
     """
     wiring = wiring_of_choice(setup.plant)
@@ -106,8 +125,11 @@ async def session(
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:
+        hands = KeptHands(database, setup.plant)
         await supervisor.start()
-        yield Session(database, supervisor, parameters, person, wiring)
+        if hands.left is not None:
+            await hands.put(False, person.name)
+        yield Session(database, supervisor, parameters, person, wiring, hands)
     finally:
         await supervisor.stop("the bring-up has ended")
         await supervision.close()

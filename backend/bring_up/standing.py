@@ -1,6 +1,5 @@
 """How the steps stand: what is stored of them against the wiring of today, and what takes effect of it."""
 
-import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -10,9 +9,10 @@ from typing import NamedTuple
 
 from backend.bring_up.steps import INSTEAD, STEP, STEPS, Step, StepId
 from backend.bring_up.work import Finding
+from backend.reading import counted
 from backend.storage import Database, bring_up
 from backend.storage.bring_up import NewStepResult, StepResult
-from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, CellCalibration
+from plant.brought_up import NOT_BROUGHT_UP, BroughtUp, CellCalibration, fingerprint
 from plant.catalog import wiring_of_choice
 from plant.choice import PlantChoice, PlantKind
 from plant.wiring import Wiring
@@ -42,13 +42,6 @@ class Kept(NamedTuple):
     test_failed: int
 
 
-def fingerprint(wiring: Wiring) -> str:
-    """Return what tells a wiring from any other: all of its entries, whatever it is called and its sources say."""
-    entries = asdict(wiring)
-    del entries["sources"], entries["title"]
-    return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
-
-
 def standing(step: Step, result: StepResult | None, wired: str, loop_started: datetime) -> Standing:
     """Tell how a step stands with the wiring ``wired`` (its fingerprint) under a loop started at ``loop_started``."""
     if result is None:
@@ -61,9 +54,10 @@ def standing(step: Step, result: StepResult | None, wired: str, loop_started: da
         return Standing(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
     if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
         return Standing(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
+    days = counted(step.holds_days, "day")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
-        return Standing(StepState.OUT_OF_DATE, f"it holds good for {step.holds_days:g} days", aged=True)
-    return Standing(StepState.CURRENT, f"it holds good for {step.holds_days:g} days from when it was done")
+        return Standing(StepState.OUT_OF_DATE, f"it holds good for {days}", aged=True)
+    return Standing(StepState.CURRENT, f"it holds good for {days} from when it was done")
 
 
 def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[StepId, Standing]:

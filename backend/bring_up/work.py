@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.loop.access import LoopAccess
-from backend.loop.commands import ByHand, Command, Refused, SwitchDrives
+from backend.loop.commands import Accepted, ByHand, Command, Refused
 from backend.loop.mode import MODES, Mode
 from backend.sample import INDEX
 from plant.brought_up import CellCalibration
@@ -68,10 +68,14 @@ Confirmed = Callable[[str], Awaitable[None]]
 """Asks a person to do something and returns once it is confirmed."""
 
 
+Switch = Callable[[bool], Awaitable[Accepted | Refused]]
+"""Switches the drives on or off, and keeps whether hands may be at the rig."""
+
+
 class Work:
     """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for.
 
-    ``cells`` are the load cells to calibrate.
+    ``cells`` are the load cells to calibrate. ``tried_motors``: the loop takes directions for unproven since.
     """
 
     def __init__(
@@ -83,6 +87,7 @@ class Work:
         *,
         computed: bool,
         confirmed: Confirmed,
+        switch: Switch,
         phase: Callable[[str], None],
         cells: str = "AB",
     ) -> None:
@@ -93,7 +98,9 @@ class Work:
         self.phase = phase
         self.computed = computed
         self.cells = cells
+        self.tried_motors = False
         self._confirmed = confirmed
+        self._switch = switch
 
     @property
     def mode(self) -> Mode:
@@ -103,17 +110,15 @@ class Work:
 
     async def send(self, command: Command) -> None:
         """Hand over a command. Raises StepFailedError with the loop's reason where it is refused."""
-        answer = await self.loop.send(command)
-        if isinstance(answer, Refused):
-            raise StepFailedError(answer.reason)
+        _require_accepted(await self.loop.send(command))
 
     async def drives_off(self) -> None:
         """Take the drives away before hands are asked for; they stay off until somebody has them switched on."""
-        await self.send(SwitchDrives(on=False))
+        _require_accepted(await self._switch(False))
 
     async def drives_on(self) -> None:
         """Give the drives back, at zero volts: only after it was confirmed that no hand is at the rig."""
-        await self.send(SwitchDrives(on=True))
+        _require_accepted(await self._switch(True))
 
     async def ask(self, words: str, hand: Hand = NO_HAND) -> None:
         """Ask a person to do something and wait until it is confirmed; at a virtual card, ``hand`` does it then."""
@@ -144,6 +149,11 @@ class Work:
         """Return the samples [n, fields] from the one numbered ``first`` on."""
         _, rows, _ = self.loop.ring.read(first, self.loop.ring.capacity)
         return rows
+
+
+def _require_accepted(answer: Accepted | Refused) -> None:
+    if isinstance(answer, Refused):
+        raise StepFailedError(answer.reason)
 
 
 def known(value: float) -> float | None:

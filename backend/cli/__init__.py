@@ -53,21 +53,21 @@ def main() -> None:
 
 def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
-    from backend.api.tokens import TokenError
+    from backend.access.tokens import TokenError
     from backend.data_folder import AlreadyRunningError, DataFolderError
-    from backend.experiments.again import NotEvaluableError
-    from backend.experiments.bank_consistency import BankError
+    from backend.experiments.banks.bank_consistency import BankError
+    from backend.experiments.results.again import NotEvaluableError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
-    from backend.main import CannotListenError
     from backend.recording.recorder import RecordingError
-    from backend.refusal import OutOfRangeError
+    from backend.refusal import OutOfRangeError, RefusalError
     from backend.settings import UnusableSettingError
     from backend.storage import StorageError
     from backend.storage.maintenance import BackupError
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError
     from backend.tuning.formulas import TuningError
+    from backend.web_server.server import CannotListenError
     from plant.interface import PlantError
     from plant.parameters import ParameterError
 
@@ -83,6 +83,7 @@ def _expected() -> tuple[type[Exception], ...]:
         OutOfRangeError,
         ParameterError,
         PlantError,
+        RefusalError,
         RecordingError,
         SchemaError,
         SettingError,

@@ -13,7 +13,7 @@ from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
 from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
 
 if TYPE_CHECKING:
-    from backend.experiments.bank_difference import EntryDifference, LoopFigures
+    from backend.experiments.banks.bank_difference import EntryDifference, LoopFigures
     from backend.storage import Database, Session
     from backend.storage.bank_entry import ChannelFit
     from backend.storage.banks import Bank
@@ -68,7 +68,7 @@ def build(
     as_json: AsJson = False,
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
-    from backend.experiments.bank_building import build_bank
+    from backend.experiments.banks.bank_building import build_bank
     from backend.storage import identifications as identifications_
     from plant.parameters import load_parameters
 
@@ -98,9 +98,9 @@ def diff(
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
-    from backend.experiments.bank_building import entry_of
-    from backend.experiments.bank_difference import difference, with_entries
-    from backend.experiments.loop_settings import LoopSettings
+    from backend.experiments.banks.bank_building import entry_of
+    from backend.experiments.banks.bank_difference import difference, with_entries
+    from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.settings import from_values
     from backend.storage import banks, identifications
     from plant.parameters import load_parameters
@@ -129,7 +129,7 @@ def export(
     data: DataFolder = None,
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
-    from backend.experiments.bank_files import to_document
+    from backend.experiments.banks.bank_files import to_document
     from backend.storage import banks
 
     with database_of(settings_with(data=data)) as database, database.reading() as session:
@@ -147,7 +147,7 @@ def import_file(
     as_json: AsJson = False,
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
-    from backend.experiments.bank_files import import_bank, read_file
+    from backend.experiments.banks.bank_files import import_bank, read_file
     from plant.parameters import load_parameters
 
     settings = settings_with(data=data, params=params)

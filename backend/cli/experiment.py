@@ -40,8 +40,8 @@ def experiment(
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.catalogue import experiment as entry_of
-    from backend.experiments.runner import Order
+    from backend.experiments.plans.catalogue import experiment as entry_of
+    from backend.experiments.playing.runner import Order
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)

@@ -23,8 +23,8 @@ from backend.cli.place import (
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.experiments.plans import IdentificationPlan
-    from backend.experiments.runner import Order
+    from backend.experiments.plans.plan import IdentificationPlan
+    from backend.experiments.playing.runner import Order
 
 app = typer.Typer(
     help="Identify models from experiments on the simulator or from files.", no_args_is_help=True, rich_markup_mode=None
@@ -58,7 +58,7 @@ def motor(
     Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.identification_plans import MotorIdentificationPlan
+    from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 
     _identify(
         MotorIdentificationPlan,
@@ -86,7 +86,7 @@ def spring(
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
     Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.identification_plans import SpringIdentificationPlan
+    from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 
     settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
     if table is None:
@@ -115,7 +115,7 @@ def actuator(
     estimator (default or arx, the paper's).
     Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
     """
-    from backend.experiments.plans import ActuatorIdentificationPlan
+    from backend.experiments.plans.plan import ActuatorIdentificationPlan
 
     settings, chosen = (
         settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data),
@@ -145,7 +145,7 @@ def _identify(
 
 
 def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":
-    from backend.experiments.runner import Order
+    from backend.experiments.playing.runner import Order
 
     chosen, loop_settings, tuning = ordered(plan, values, standing)
     return Order(chosen, loop_settings, current_user()), tuning
@@ -153,7 +153,7 @@ def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing
 
 def _identify_table(table: Path, settings: Settings, *, as_json: bool) -> None:
     from backend import __version__
-    from backend.experiments.spring_identification import from_table
+    from backend.experiments.results.spring_identification import from_table
     from backend.identification.errors import IdentificationError
     from backend.storage import identifications
 

@@ -14,8 +14,8 @@ from backend.cli.run_tables import show_run
 from backend.settings import Settings
 
 if TYPE_CHECKING:
-    from backend.experiments.loop_settings import LoopSettings
-    from backend.experiments.runner import Order, Outcome
+    from backend.experiments.plans.loop_settings import LoopSettings
+    from backend.experiments.playing.runner import Order, Outcome
     from plant.parameters import PlantParameters
 
 _Plan = TypeVar("_Plan")
@@ -51,7 +51,7 @@ def ordered(plan: "type[_Plan]", values: dict[str, object], standing: Standing) 
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
-    from backend.experiments.loop_settings import split_values
+    from backend.experiments.plans.loop_settings import split_values
 
     chosen, loop = split_values(plan, {**standing.parts, **values})
     parts = [f"{text} ({'set' if name in values else standing.origin})" for name, text in loop.parts_in_words().items()]
@@ -60,7 +60,7 @@ def ordered(plan: "type[_Plan]", values: dict[str, object], standing: Standing) 
 
 def in_force(settings: Settings) -> Standing:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
-    from backend.experiments import kept_choice
+    from backend.experiments.banks import kept_choice
     from backend.experiments.settings import SettingError
     from backend.refusal import OutOfRangeError
     from plant.parameters import load_parameters
@@ -81,7 +81,7 @@ def in_force(settings: Settings) -> Standing:
 
 
 def _defaults(parameters: "PlantParameters") -> Standing:
-    from backend.experiments.default_choice import default_choice
+    from backend.experiments.banks.default_choice import default_choice
 
     default = default_choice(parameters)
     if default.moved:
@@ -123,8 +123,8 @@ def run_in_turn(
 @contextmanager
 def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
-    from backend.experiments.headless_station import headless_station
-    from backend.experiments.runner import run_experiment
+    from backend.experiments.playing.headless_station import headless_station
+    from backend.experiments.playing.runner import run_experiment
     from backend.reports.files import metrics_document, write_files
     from backend.reports.source import load_source
     from plant.parameters import load_parameters

@@ -1,5 +1,6 @@
 """``sinew rig``."""
 
+import sys
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -50,6 +51,7 @@ def conformance(
 ) -> None:
     """Check a plant against the contract that the loop relies on; exit 1 when it does not keep it."""
     from plant.catalog import make_plant
+    from plant.choice import PlantKind
     from plant.contract import run_contract
     from plant.parameters import load_parameters
     from plant.promises import Outcome, Subject
@@ -65,6 +67,8 @@ def conformance(
     )
     choice, parameters = settings.plant_choice, load_parameters(settings.params)
     first = make_plant(choice, parameters, 0)
+    if choice.kind is PlantKind.RIG:
+        _require_hands_off()
     allowed = voltage if voltage is not None else STEPPED_VOLTAGE if first.stepped else 0.0
     subject = Subject(lambda: make_plant(choice, parameters, 0), parameters, allowed)
     if isinstance(first, Replay):
@@ -80,6 +84,13 @@ def conformance(
     if broken:
         fail(f"{choice.name}: {len(broken)} of {len(findings)} promises are not kept")
     errors.print(f"{choice.name}: keeps what a plant promises", highlight=False, markup=False)
+
+
+def _require_hands_off() -> None:
+    """End the command but for a person at the rig: the drives come on, also where a service keeps them off."""
+    if not sys.stdin.isatty():
+        fail("standard input is no terminal: a person at the rig has to say that no hand is in it; the drives come on")
+    typer.confirm("Its drives come on. Has everybody taken their hands off the rig?", abort=True, err=True)
 
 
 def _show(finding: "Finding") -> None:

@@ -46,7 +46,7 @@ def bring_up(
     """Bring a rig up, guided: small steps at low voltage, each kept with date and person; exit 1 where one fails.
 
     Each step says what to do at the rig and waits for Enter; Ctrl-C ends it at zero volts, and nothing is kept of a
-    step that has not ended.
+    step that has not ended; but directions whose trial is given up are not proven any more.
     On the virtual card the program's own hand does what is asked for, and answers may come from a pipe, a line each.
     """
     settings = settings_with(

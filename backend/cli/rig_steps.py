@@ -108,8 +108,8 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ord
 async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> dict[str, Any]:
     from backend.bring_up.session import BlockedError, Person, session
     from backend.bring_up.standing import brought_up_of
-    from backend.experiments.bank_building import tuning_command
-    from backend.experiments.default_choice import default_choice
+    from backend.experiments.banks.bank_building import tuning_command
+    from backend.experiments.banks.default_choice import default_choice
     from backend.loop.channel import Setup
     from plant.parameters import load_parameters
 
@@ -140,7 +140,11 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
             if not result.passed:
                 ended = f"{STEP[order.step].title}: {result.text}"
                 break
-        states = at_rig.states()
+        states, locked, unkept = at_rig.states(), at_rig.supervisor.setup.drives_off, at_rig.unkept
+    if unkept:
+        say(unkept, style="red")
+    elif locked:
+        say("The drives stay off where the rig is driven next, until somebody there switches them on.")
     if any(order.step in INSTEAD for order in orders):
         say("The zero ends with this command's loop: set it again where the rig is driven next.")
     return {**_document(settings, states, database), "ended": ended}

@@ -24,7 +24,7 @@ def show_run(document: dict[str, Any]) -> None:
 
 def show_settings(document: dict[str, Any]) -> None:
     """Print what a run was set to."""
-    from backend.experiments.used_settings import used_settings
+    from backend.experiments.results.used_settings import used_settings
 
     used = used_settings(document["settings"])
     rows = [

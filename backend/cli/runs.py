@@ -59,7 +59,7 @@ def show(run: RunNumber, data: DataFolder = None, as_json: AsJson = False) -> No
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None) -> None:
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
-    from backend.experiments.again import evaluate_again
+    from backend.experiments.results.again import evaluate_again
 
     with database_of(settings_with(data=data)) as database:
         evaluation = evaluate_again(database, run)

@@ -18,7 +18,7 @@ from backend.cli.place import (
 )
 
 if TYPE_CHECKING:
-    from backend.api.tokens import Tokens
+    from backend.access.tokens import Tokens
 
 
 def serve(
@@ -66,7 +66,7 @@ def serve(
 
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
-    from backend.api.tokens import load_tokens
+    from backend.access.tokens import load_tokens
     from backend.data_folder import address_of_service
 
     settings = settings_with(data=data)

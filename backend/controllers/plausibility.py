@@ -1,11 +1,47 @@
-"""What the encoders say about the tendons: each tension twice, by its load cell and by the spring that it stretches."""
+"""Can the readings be true? Each sensor against its own past, and encoders against load cells.
 
+What the encoders say about the tendons: each tension is known twice, by its load cell and by the spring it stretches.
+"""
+
+import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from plant.compiled import compiled
-from plant.interface import Measurement
+from plant.interface import Measurement, MotorCommand, T_s
 from plant.parameters import PlantParameters
 from plant.spring import Spring, tension
+
+CONTRADICTION_N = 6.0
+"""Difference between load cell and spring that is a fault [N]: several times a spring's misfit and a cell's error."""
+
+CONTRADICTION_S = 0.2
+"""How long it must last to one side [s]: load cells lag by 10-15 ms, and a joint that swings after a blow makes the
+difference swing with it, twenty times a second."""
+
+UNMOVED_S = 0.1
+"""How long a motor may be driven without its encoder moving by a count [s]."""
+
+REVERSED_S = 0.05
+"""A motor that is driven turns against its voltage, and faster in the second of two such times than in the first [s]:
+something is connected the wrong way round. One that is being turned round by its voltage gets slower."""
+
+_REVERSED_RAD = 5e-3
+"""How much faster, as an angle in that time [rad]: some counts of the encoder."""
+
+TURNED_RAD = 2.0
+"""A load cell that does not change in its last digit while its motor turns this far [rad] is stuck; slack before
+pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
+
+_REVERSED_TICKS = round(REVERSED_S / T_s)
+
+CREDIBLE, JUMPED, REVERSED, UNMOVED, STUCK, CONTRADICTED = range(6)
+"""What ``look`` may say of a tick's readings."""
+
+_PAST, _UNCHANGED_S, _UNMOVED_S, _TURNED_FROM, _CONTRADICTED_S, _SIGN, _TICKS, _BEFORE, _MIDDLE = range(9)
+"""Rows of what is remembered: the first two by reading, the others by side."""
 
 
 class Tendons(NamedTuple):
@@ -15,6 +51,26 @@ class Tendons(NamedTuple):
     r_j: float
     spring_A: Spring
     spring_B: Spring
+
+
+class Limits(NamedTuple):
+    """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick; ``driven_V`` [V] is sure to turn a motor."""
+
+    reach: tuple[float, float, float, float, float]
+    driven_V: tuple[float, float]
+
+
+class Verdict(NamedTuple):
+    """What ``look`` says, and of which reading or side.
+
+    ``still`` is a reading that has stood still all the while, -1 for none; ``excess`` is load cell minus spring [N],
+    where they contradict each other.
+    """
+
+    what: int
+    which: int
+    still: int
+    excess: float
 
 
 @compiled
@@ -28,6 +84,117 @@ def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
     F_A = min(tension(tendons.spring_A, x_A), tendons.spring_A.F_solid)
     F_B = min(tension(tendons.spring_B, x_B), tendons.spring_B.F_solid)
     return m.F_A - F_A, m.F_B - F_B
+
+
+def remembered(raw: Measurement) -> NDArray[np.float64]:
+    """Make what ``look`` remembers after the first readings; it changes in place."""
+    memory = np.zeros((9, 5))
+    memory[_PAST] = raw[:5]
+    memory[_TURNED_FROM, :2] = raw.theta_A, raw.theta_B
+    return memory
+
+
+@compiled
+def look(
+    limits: Limits,
+    tendons: Tendons,
+    memory: NDArray[np.float64],
+    raw: Measurement,
+    m: Measurement,
+    command: MotorCommand,
+    zeroed: bool,
+    periods: int,
+) -> tuple[int, int, int, float]:
+    """Look at the readings of a tick, ``periods`` after those before; the first doubt counts. Gives a ``Verdict``.
+
+    ``raw`` is as read, ``m`` has the motor encoders' zeros, which are known where ``zeroed``; ``command`` is what was
+    written in the tick before. All readings are numbers.
+    """
+    readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
+    jumped = _jumped(limits, memory, readings, periods)
+    for index in range(5):
+        memory[_PAST, index] = readings[index]
+    if jumped >= 0:
+        return JUMPED, jumped, -1, 0.0
+    excess = contradictions(tendons, m) if zeroed else (0.0, 0.0)
+    turned, volts = (raw.theta_A, raw.theta_B), (command.u_A, command.u_B)
+    for side in range(2):
+        driven = volts[side] if abs(volts[side]) > limits.driven_V[side] else 0.0
+        if _is_reversed(memory, side, turned[side], driven):
+            return REVERSED, side, -1, 0.0
+    tensions = m.F_A, m.F_B
+    for side in range(2):
+        driven_still = abs(volts[side]) > limits.driven_V[side] and memory[_UNCHANGED_S, 1 + side] > 0.0
+        memory[_UNMOVED_S, side] = memory[_UNMOVED_S, side] + T_s if driven_still else 0.0
+        if memory[_UNMOVED_S, side] > UNMOVED_S:
+            return UNMOVED, side, -1, 0.0
+        known_slack = zeroed and tensions[side] - excess[side] <= 0.0
+        if memory[_UNCHANGED_S, 3 + side] == 0.0 or known_slack:
+            memory[_TURNED_FROM, side] = turned[side]
+        elif abs(turned[side] - memory[_TURNED_FROM, side]) > TURNED_RAD:
+            return STUCK, side, -1, 0.0
+    for side in range(2):
+        if _contradicts(memory, side, excess[side]):
+            return CONTRADICTED, side, _still(memory, side), excess[side]
+    return CREDIBLE, 0, -1, 0.0
+
+
+@compiled
+def _jumped(
+    limits: Limits, memory: NDArray[np.float64], readings: tuple[float, float, float, float, float], periods: int
+) -> int:
+    """Return the first reading that has moved further than it can, -1 for none."""
+    for index in range(5):
+        change = readings[index] - memory[_PAST, index]
+        memory[_UNCHANGED_S, index] = memory[_UNCHANGED_S, index] + T_s if change == 0.0 else 0.0
+        if abs(change) > limits.reach[index] * periods:
+            return index
+    return -1
+
+
+@compiled
+def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: float) -> bool:
+    """Tell whether a motor that is driven one way [V], 0 V where not, turned against it all the while, and faster.
+
+    Two times of REVERSED_S are compared.
+    """
+    sign = math.copysign(1.0, driven) if driven != 0.0 else 0.0
+    if sign != memory[_SIGN, side] or sign == 0.0:
+        memory[_SIGN, side] = sign
+        memory[_TICKS, side] = 0.0
+        memory[_BEFORE, side] = memory[_MIDDLE, side] = theta
+        return False
+    memory[_TICKS, side] += 1.0
+    if memory[_TICKS, side] % _REVERSED_TICKS != 0.0:
+        return False
+    first = sign * (memory[_MIDDLE, side] - memory[_BEFORE, side])
+    second = sign * (theta - memory[_MIDDLE, side])
+    memory[_BEFORE, side] = memory[_MIDDLE, side]
+    memory[_MIDDLE, side] = theta
+    return bool(memory[_TICKS, side] > _REVERSED_TICKS and first < 0.0 and second < first - _REVERSED_RAD)
+
+
+@compiled
+def _contradicts(memory: NDArray[np.float64], side: int, excess: float) -> bool:
+    """Tell whether a load cell has differed from its spring to one side for CONTRADICTION_S."""
+    lasting_s = memory[_CONTRADICTED_S, side]
+    if excess > CONTRADICTION_N:
+        lasting_s = max(lasting_s, 0.0) + T_s
+    elif excess < -CONTRADICTION_N:
+        lasting_s = min(lasting_s, 0.0) - T_s
+    else:
+        lasting_s = 0.0
+    memory[_CONTRADICTED_S, side] = lasting_s
+    return bool(abs(lasting_s) > CONTRADICTION_S)
+
+
+@compiled
+def _still(memory: NDArray[np.float64], side: int) -> int:
+    """Return which of the readings that contradict each other has stood still for CONTRADICTION_S, -1 for none."""
+    for index in (0, 1 + side, 3 + side):
+        if memory[_UNCHANGED_S, index] > CONTRADICTION_S:
+            return index
+    return -1
 
 
 def tendons_for(parameters: PlantParameters) -> Tendons:

@@ -1,1 +1,1 @@
-"""Plans of experiments, their metrics, and the runner shared by browser and command line."""
+"""Experiments and identifications, the same for browser and command line: plans, forecasts, playing, results, banks."""

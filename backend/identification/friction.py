@@ -48,7 +48,7 @@ def both_ways(speed: Signal) -> bool:
     return min(float(np.mean(speed > size)), float(np.mean(speed < -size))) > _MOVING_SHARE
 
 
-def dry_friction(record: Record, linear_error: Signal, dead_time_s: float = 0.0) -> DryFriction | None:
+def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> DryFriction | None:
     """Dry friction in a record of a speed; None where the record could not show any.
 
     ``linear_error``, shape (n,), is what the linear model's simulation leaves over, ``dead_time_s`` what that model
@@ -72,7 +72,7 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float = 0.0)
     return DryFriction(bool(told), K, T, u_c, float(std[0]), float(std[1]), float(std[2]), float(fit), t_d)
 
 
-def fit_friction(record: Record, dead_time_s: float = 0.0) -> FrictionFit:
+def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     """Least squares on the simulation of a speed. Raises NotConvergedError.
 
     A dead time to start from is fitted as well, from shorter ones too: a linear model takes friction for dead time.

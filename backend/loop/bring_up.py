@@ -2,7 +2,8 @@
 
 from typing import assert_never
 
-from backend.loop.commands import ByHand, Home, ProveDirections, SwitchDrives, TryModule, TryMotor, Zero
+from backend.faults import Fault
+from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
@@ -42,12 +43,7 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
-            _require_off(machine, "drives are switched")
-            if not isinstance(plant, Switched):
-                raise PlantError("this plant has no drives that could be switched off")
-            machine.drives_off = True  # until the card has obeyed
-            plant.switch_drives(on=on)
-            machine.drives_off = not on
+            _switch_drives(machine, plant, on=on)
         case ByHand(hand):
             if not isinstance(plant, Handled):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")
@@ -56,10 +52,23 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             assert_never(command)
 
 
+def _switch_drives(machine: ModeMachine, plant: Plant, *, on: bool) -> None:
+    """Off in any mode, and with it zero volts; on in off only. What the card does not obey leaves the loop locked."""
+    if not isinstance(plant, Switched):
+        raise PlantError("this plant has no drives that could be switched off")
+    if on:
+        _require_off(machine, "drives are switched on")
+    elif machine.mode not in (Mode.OFF, Mode.TRIPPED):
+        machine.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off")
+    machine.drives_off = True  # until the card has obeyed
+    plant.switch_drives(on=on)
+    machine.drives_off = not on
+
+
 def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
     """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
     plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
-    machine.offset_A = machine.offset_B = 0.0
+    machine.offset_A = machine.offset_B = machine.middle = 0.0
     machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
 
 
@@ -76,6 +85,8 @@ def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"
         )
     ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
+    if not plant.zeroed:
+        machine.middle = m.q  # that is what the person who started it has said
     machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), "homing")
 
 

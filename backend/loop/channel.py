@@ -42,10 +42,14 @@ class Setup:
 
 @dataclass(frozen=True)
 class Ready:
-    """First message of the loop process: it ticks now and drives ``driven``, with what the machine granted."""
+    """First message of the loop process: it ticks now and drives ``driven``, with what the machine granted.
+
+    ``wired`` is the fingerprint of the wiring file that it has read; empty where there is none.
+    """
 
     granted: Granted
     driven: str
+    wired: str = ""
 
 
 @dataclass(frozen=True)

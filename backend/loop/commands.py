@@ -4,13 +4,13 @@ Both travel as JSON between the service and the loop process; ``backend.loop.cha
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.loop.program import Program
 from plant.breakage import Broken
 from plant.hand import Hand
+from plant.parameter_sections import Side
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Zero:
 class TryMotor:
     """Turn one motor ("A" or "B") a little, by a small voltage that rises, and back; from OFF to OFF."""
 
-    motor: Literal["A", "B"]
+    motor: Side
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,10 @@ class ProveDirections:
 
 @dataclass(frozen=True)
 class SwitchDrives:
-    """Take the drives away while hands are at the rig, or give them back; OFF only. Off, nothing starts."""
+    """Take the drives away while hands are at the rig, or give them back, in OFF only. Off, nothing starts.
+
+    To take them away is refused in no mode: what moves is stopped hard.
+    """
 
     on: bool
 

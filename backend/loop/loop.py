@@ -36,12 +36,11 @@ from backend.loop.hand_push import HandPush
 from backend.loop.homing import Homing, HomingEnd
 from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
-from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import AT_REST, Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
 from backend.loop.velocity import JointVelocity
-from backend.sample import FIELDS
+from backend.sample import FIELDS, ROW
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.compiled import Specialised
@@ -160,7 +159,7 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
-        fault, seen = self._checks.standing(machine.m, self._plant.raw)
+        fault, seen = self._checks.standing(machine.heard(), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise RefusedError(f"the cause is still there: {seen}")
@@ -176,8 +175,8 @@ class Loop:
             machine.events.append(released)
         command, decision = ZERO_VOLTS, AT_REST
         try:
-            m = self._read()
-            self._check(m, overruns - self._overruns)
+            self._read()
+            self._check(machine.heard(), overruns - self._overruns)
             decision = self._decide(machine.m)
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
                 command = MotorCommand(decision.u_A, decision.u_B)
@@ -190,17 +189,14 @@ class Loop:
         self._append(decision, lateness_s)
         self._tick += 1
 
-    def _read(self) -> Measurement:
+    def _read(self) -> None:
         machine = self._machine
-        self._raw = m = self._plant.read()
-        machine.m = m = m._replace(theta_A=m.theta_A + machine.offset_A, theta_B=m.theta_B + machine.offset_B)
+        q, theta_A, theta_B, *others = self._raw = self._plant.read()
+        machine.m = m = Measurement(q, theta_A + machine.offset_A, theta_B + machine.offset_B, *others)
         self._velocity.step(m.q)
-        return m
 
     def _check(self, m: Measurement, missed: int) -> None:
         machine = self._machine
-        if isinstance(machine.motion, ModuleTrial):
-            m = machine.motion.heard(m)
         fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed, self._plant.raw)
         at_risk = machine.motion is not None or fault in _AT_REST_TOO
         if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
@@ -252,7 +248,9 @@ class Loop:
     def _append(self, y: Decision, lateness_s: float) -> None:
         machine = self._machine
         m, raw, put = machine.m, self._plant.raw, self._checks.command
-        self._row[:] = (
+        ROW.pack_into(
+            self._row.data,
+            0,
             self._tick,
             self._tick * T_s,
             MODE_CODE[machine.mode],

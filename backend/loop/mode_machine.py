@@ -20,6 +20,7 @@ from backend.loop.commands import (
     Stop,
 )
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
+from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import NO_REFERENCE, PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Trial, Winding
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.pending_stop import PendingStop
@@ -40,7 +41,8 @@ _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault
 class ModeMachine:
     """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything.
 
-    ``zeroed`` tells that the zeros of the motor encoders are known, ``drives_off`` that hands may be at the rig.
+    ``zeroed`` tells that the zeros of the motor encoders are known, ``drives_off`` that hands may be at the rig,
+    ``middle`` [rad] where the joint reads that is said to be in its middle.
     """
 
     def __init__(
@@ -49,23 +51,21 @@ class ModeMachine:
         self.mode = Mode.OFF
         self.fault = Fault.NONE
         self.motion: Motion | None = None
-        self.run = 0
-        self.tick = 0
+        self.run = self.tick = 0
         self.m = m
         self.tuning = tuning
         self.lambdas = lambdas
         self.bounds = bounds_for(parameters)
         self.pending_stop: PendingStop | None = None
         self.events: list[Event] = []
-        self.offset_A = self.offset_B = 0.0
+        self.offset_A = self.offset_B = self.middle = 0.0
         self._plant = plant
         self._parameters = parameters
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._geometry = decoupler_for(parameters)
         self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
         self._program: Program | None = None
-        self.zeroed = False
-        self.drives_off = False
+        self.zeroed = self.drives_off = False
         self.F_push, self.load = 0.0, NO_LOAD
         self._reached_told = False
 
@@ -89,6 +89,11 @@ class ModeMachine:
         slack_wanted = isinstance(self.motion, MotorSteps | Trial)
         closed = self.motion is not None and self.zeroed and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
+
+    def heard(self) -> Measurement:
+        """Return what the checks are told: the joint from its middle, also where its encoder counts from elsewhere."""
+        m = self.motion.heard(self.m) if isinstance(self.motion, ModuleTrial) else self.m
+        return m._replace(q=m.q - self.middle) if self.middle else m
 
     def set_mode(self, command: SetMode) -> None:
         """Carry out an operator's move. Raises RefusedError."""

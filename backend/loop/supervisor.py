@@ -33,7 +33,9 @@ from backend.loop.commands import Accepted, Command, Event, ReadinessChanged, Re
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
+from backend.loop.ticking import HUNG_BEATS, Ticking
 from backend.supervision import KeptTask, KeptThread, Part, Supervision
+from plant.brought_up import found_with
 from plant.card import Card
 from plant.interface import T_s
 
@@ -42,8 +44,6 @@ START_TIMEOUT_S = 120.0
 
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
-HUNG_BEATS = 16
-"""A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
 
 _WATCH = Part("The watch over the loop process", "A loop process that ends now is told late.")
 _SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
@@ -56,11 +56,12 @@ class Supervisor:
     """A ``LoopAccess`` to the loop process. Lives in one asyncio event loop.
 
     ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote;
-    ``guard`` looks at them. ``supervision`` keeps what watches over the process running.
+    ``guard`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a bring-up.
     """
 
     def __init__(self, setup: Setup, supervision: Supervision | None = None) -> None:
         self.setup = setup
+        self.started_with = setup.brought_up
         self.ring = Ring.create()
         self.card = Card.create()
         self.guard = CardGuard(self.card)
@@ -74,6 +75,7 @@ class Supervisor:
         self._kept: list[KeptTask] = []
         self._ready: asyncio.Future[Granted] | None = None
         self._answers = Answers()
+        self._ticking = Ticking()
         self._listeners: list[Listener] = []
         self._reason = "it has not been started"
         self._ending = False
@@ -123,8 +125,7 @@ class Supervisor:
         self.ring = Ring.create()
         self.card = card = Card.create()
         self.guard = CardGuard(card)
-        self._ending = False
-        self._reason = "it is still starting"
+        self._ending, self._reason = False, "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
         channel, theirs = channel_pair()
         with theirs:
@@ -135,6 +136,7 @@ class Supervisor:
                 pass_fds=(self.ring.fd, theirs.fileno(), card.fd),
             )
         self._channel = channel
+        self.started_with = self.setup.brought_up
         channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
         self._heart = Heart(channel)
@@ -174,7 +176,7 @@ class Supervisor:
         Raises LoopDiedError; OutOfRangeError or ChannelError when it is too long.
         """
         channel = self._require_alive()
-        with self._answers.expected() as (sequence, answer):
+        with self._answers.expected() as (sequence, answer), self._ticking.excused(command):
             parts = packets(command, sequence)
             with suppress(ChannelClosedError):  # its end is noticed and told by _watch
                 if not all(map(channel.send, parts)):
@@ -244,7 +246,8 @@ class Supervisor:
 
     def _take(self, message: FromLoop) -> None:
         match message:
-            case Ready(granted, driven):
+            case Ready(granted, driven, wired):
+                self.started_with = found_with(wired, self.started_with)
                 self.granted, self.driven, self._reason = granted, driven, ""
                 if self._ready is not None and not self._ready.done():
                     self._ready.set_result(granted)
@@ -264,14 +267,11 @@ class Supervisor:
                 _LOG.exception("a listener failed on %s", event)
 
     async def _show_alive(self, channel: Channel, heart: Heart) -> None:
-        counted, beats_without_tick = -1, 0
+        ticking = self._ticking = Ticking()
         while self._channel is channel:
             heart.shown()
-            if self.alive:
-                beats_without_tick = beats_without_tick + 1 if self.ring.count == counted else 0
-                counted = self.ring.count
-                if beats_without_tick >= HUNG_BEATS:
-                    self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
+            if self.alive and ticking.hangs(self.ring.count):
+                self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self, process: Process) -> None:

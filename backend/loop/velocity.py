@@ -2,17 +2,12 @@
 
 import math
 
-from plant.compiled import compiled
 from plant.interface import T_s
 
 VELOCITY_FILTER_S = 0.010
 """Time constant of the estimate [s]: an encoder count in one tick would read as 1.6 rad/s."""
 
-
-@compiled
-def _smoothed(q_dot: float, q: float, q_before: float) -> float:
-    pass_through = 1.0 - math.exp(-T_s / VELOCITY_FILTER_S)
-    return q_dot + pass_through * ((q - q_before) / T_s - q_dot)
+_PASS_THROUGH = 1.0 - math.exp(-T_s / VELOCITY_FILTER_S)
 
 
 class JointVelocity:
@@ -26,7 +21,7 @@ class JointVelocity:
         """Take the reading of a tick [rad]; one that is no number is passed over, as its nan would stay for ever."""
         if math.isfinite(q):
             before = self._q_before if math.isfinite(self._q_before) else q
-            self.q_dot = _smoothed(self.q_dot, q, before)
+            self.q_dot += _PASS_THROUGH * ((q - before) / T_s - self.q_dot)
             self._q_before = q
 
     def stands_at(self, q: float) -> None:

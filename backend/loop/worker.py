@@ -37,7 +37,7 @@ from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from plant.card import Card
 from plant.catalog import make_plant
-from plant.interface import Plant, PlantError, T_s
+from plant.interface import Plant, PlantError, T_s, Wired
 from plant.parameters import ParameterError, load_parameters
 
 SILENCE_S = 0.34
@@ -171,7 +171,7 @@ def _receive_setup(channel: Channel) -> Setup:
 def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters)
-    plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up)
+    plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
     rehearse(parameters, setup.tuning)
     # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
     gc.collect()
@@ -182,7 +182,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     try:
         worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
-        worker.tell(Ready(granted, plant.description))
+        worker.tell(Ready(granted, plant.description, plant.wired if isinstance(plant, Wired) else ""))
         worker.run(Pacer(T_s))
     finally:
         loop.close()

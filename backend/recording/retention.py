@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
+from backend.reading import counted
 from backend.storage import Database, events, retention
 from backend.storage.retention import Held
 
@@ -41,15 +42,16 @@ class Overview:
         if self.total_bytes <= self.rule.max_bytes:
             return ""
         takes = f"recordings take {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
+        age = counted(self.rule.keep_days, "day")
         if not self.may_go:
             return (
-                f"{takes}: nothing may go, for all of it is in use or younger than {self.rule.keep_days} days; "
+                f"{takes}: nothing may go, for all of it is in use or younger than {age}; "
                 "raise SINEW_RECORDINGS_GB or lower SINEW_RECORDINGS_KEEP_DAYS"
             )
         freed = sum(run.size_bytes for run in self.may_go)
-        noun = "1 run" if len(self.may_go) == 1 else f"{len(self.may_go)} runs"
+        going = counted(len(self.may_go), "run")
         return (
-            f"{takes}: the samples of {noun} older than {self.rule.keep_days} days ({_gigabytes(freed)}) may go, "
+            f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) may go, "
             "see the System page or `sinew db recordings`"
         )
 

@@ -14,8 +14,8 @@ from backend.reports.judgement import OUTCOMES, figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
+from plant.parameter_sections import SIDES
 
-SIDES = ("A", "B")
 PAPER = {"K_m": 2.86, "T_m": 0.22}
 """The paper's motor: K_m [rad/(V·s)], T_m [s]."""
 

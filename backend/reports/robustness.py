@@ -7,6 +7,7 @@ from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
+from plant.parameter_sections import SIDES
 
 _NOTES = (
     "The paper loads the motor loop by an additional spring tension of 50 N, 0.375 N·m at the gearbox shaft, while it "
@@ -47,7 +48,7 @@ def error_panels(columns: Columns, name: str, angles: Angles) -> str:
     """Draw errors of the motor loops, joint position and voltages over time."""
     t = columns["t"]
     with figure(3, height_in=4.4, sharex=True, height_ratios=(3, 2, 2)) as (drawn, axes):
-        for side in "AB":
+        for side in SIDES:
             error = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"]
             axes[0].plot(*thinned(t, in_unit(error, "rad", angles)), color=COLOURS[f"u_{side}"], label=f"motor {side}")
             axes[2].plot(*thinned(t, columns[f"u_{side}"]), color=COLOURS[f"u_{side}"], label=f"$u_{side}$")

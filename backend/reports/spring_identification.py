@@ -10,8 +10,8 @@ from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_lett
 from backend.reports.judgement import figures_table
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
+from plant.parameter_sections import SIDES
 
-SIDES = ("A", "B")
 _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
 
 _NOTES = (

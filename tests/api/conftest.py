@@ -16,7 +16,8 @@ T = TypeVar("T")
 PATIENCE_S = 120.0
 """All that is waited for comes within seconds; on a machine that is busy it may take its time."""
 
-PAUSE_S = 0.005
+PAUSE_S = 0.03
+"""Between two looks [s]: to ask without a pause would take as much of a core as the service has to answer with."""
 
 
 @pytest.fixture(scope="session")

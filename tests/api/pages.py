@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import httpx
 from websockets.asyncio.client import connect
 
-from backend.api.control import HEADER
+from backend.access.control import HEADER
 from tests.e2e.service import Service
 
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 from starlette.types import ASGIApp
 
-from backend.api.server import Server
 from backend.ending import Ending
+from backend.web_server.server import Server
 
 
 @contextmanager

@@ -6,31 +6,34 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from backend.api.bench import Bench
-from backend.api.desk import Desk
-from backend.api.dry_runs import DryRuns
-from backend.api.journal import Journal
-from backend.api.kept_tuning import KeptTuning
-from backend.api.library import Library
-from backend.api.offload import Offload
-from backend.api.people import Person
-from backend.api.picture import Picture
-from backend.api.safe_stop import SafeStop
-from backend.api.schemas.session import Role
-from backend.api.session_runs import SessionRuns
-from backend.api.shelf import Shelf
-from backend.api.tasks import Tasks
-from backend.experiments.runner import Station
+from backend.access.people import Person
+from backend.archive.stored_banks import StoredBanks
+from backend.archive.stored_identifications import StoredIdentifications
+from backend.archive.stored_runs import StoredRuns
+from backend.bring_up.hands import KeptHands
+from backend.experiments.playing.runner import Station
 from backend.loop.access import Listener, LoopDiedError
 from backend.loop.channel import Setup
 from backend.loop.commands import Accepted, Command, Refused, SetTuning
 from backend.loop.headless import Headless
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
+from backend.messages.session import Role
+from backend.offload import Offload
+from backend.operating.actuator import Actuator
+from backend.operating.dry_runs import DryRuns
+from backend.operating.journal import Journal
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.ordered_runs import OrderedRuns
+from backend.operating.present_state import PresentState
+from backend.operating.safe_stop import SafeStop
+from backend.operating.saved_tunings import SavedTunings
+from backend.operating.session_runs import SessionRuns
 from backend.recording.recorder import Recorder
 from backend.storage import Database
 from backend.supervision import Supervision
 from plant.choice import SIMULATOR
+from plant.interface import Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -85,22 +88,23 @@ class Parts:
     """What orders go through."""
 
     supervisor: Stepped
-    picture: Picture
-    bench: Bench
-    tasks: Tasks
-    desk: Desk
-    library: Library
+    present: PresentState
+    actuator: Actuator
+    ordered_runs: OrderedRuns
+    saved_tunings: SavedTunings
+    runs: StoredRuns
+    identifications: StoredIdentifications
     kept: KeptTuning
     database: Database
 
     async def ended(self) -> None:
         """Wait until no task is under way and the queue has nothing to start."""
-        while self.picture.task is not None or self.tasks.queue.view().running:
+        while self.present.task is not None or self.ordered_runs.queue.view().running:
             await asyncio.sleep(0.01)
 
 
 @contextmanager
-def stepped_service(database: Database, parameters: PlantParameters) -> Iterator[Parts]:
+def stepped_service(database: Database, parameters: PlantParameters, plant: Plant | None = None) -> Iterator[Parts]:
     """Give the parts of a service in this process, as it is when it has started on this database."""
     kept = KeptTuning(database)
     tuning, _ = kept.restore(parameters)
@@ -110,39 +114,55 @@ def stepped_service(database: Database, parameters: PlantParameters) -> Iterator
         for recorder in recorders:
             recorder.drain()
 
-    loop = Headless(Simulator(parameters, SEED), parameters, tuning.command(), record)
+    loop = Headless(plant or Simulator(parameters, SEED), parameters, tuning.command(), record)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.hear)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
-    picture, journal = Picture(supervisor, parameters, tuning, list), Journal(database)
+    present, journal = PresentState(supervisor, parameters, tuning, list), Journal(database)
     sessions = SessionRuns(database, "simulator", parameters)
-    bench = Bench(supervisor, picture, sessions, journal, kept, recorder.follow, supervision)
+    hands = KeptHands(database, SIMULATOR)
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     here = Here(lambda _cause: None)
-    tasks = Tasks(
+    ordered_runs = OrderedRuns(
         Station(supervisor, database, "simulator", parameters),
-        bench,
-        Shelf(database, here, lambda: picture.tuning),
+        actuator,
+        StoredBanks(database, here, lambda: present.tuning),
         lambda: None,
         SEED,
         DryRuns(here),
         supervision,
-        SafeStop(supervisor, picture, supervision),
+        SafeStop(supervisor, present, supervision),
     )
-    library = Library(database, lambda: picture.task, lambda _run: False)
+    runs = StoredRuns(database, lambda: present.task, lambda _run: False)
     try:
-        yield Parts(supervisor, picture, bench, tasks, Desk(database), library, kept, database)
+        yield Parts(
+            supervisor,
+            present,
+            actuator,
+            ordered_runs,
+            SavedTunings(database),
+            runs,
+            StoredIdentifications(database, runs.progress),
+            kept,
+            database,
+        )
     finally:
         journal.close()
         loop.close()
         recorder.close()
 
 
-def stepped(database: Database, parameters: PlantParameters, work: Callable[[Parts], Coroutine[Any, Any, T]]) -> T:
+def stepped(
+    database: Database,
+    parameters: PlantParameters,
+    work: Callable[[Parts], Coroutine[Any, Any, T]],
+    plant: Plant | None = None,
+) -> T:
     """Do ``work`` with the parts of a service that starts and ends around it."""
 
     async def whole() -> T:
-        with stepped_service(database, parameters) as parts:
+        with stepped_service(database, parameters, plant) as parts:
             return await work(parts)
 
     return asyncio.run(whole())

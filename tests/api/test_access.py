@@ -13,9 +13,9 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from backend.api.attempts import ATTEMPTS
-from backend.api.attendance import OVER
-from backend.api.gate import COOKIE
+from backend.access.attempts import ATTEMPTS
+from backend.api.cookies import COOKIE
+from backend.api.session_ends import OVER
 from tests.api.conftest import until
 from tests.e2e.service import Service, running_service
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.schemas.identification import ActuatorRequest
-from backend.api.schemas.state import TaskView
-from backend.api.shelf import Shelf
+from backend.archive.stored_banks import StoredBanks
 from backend.loop.commands import Accepted, SetMode
 from backend.loop.mode import Mode
+from backend.messages.identification import ActuatorRequest
+from backend.messages.state import TaskView
 from backend.recording.reader import read_envelope
 from backend.storage import banks, open_database
 from backend.storage.banks import BankEntry
@@ -25,16 +25,16 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
 
     async def ordered(parts: Parts) -> None:
         assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
-        await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
-        told = await parts.tasks.predict_identification(ORDER)
+        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        told = await parts.ordered_runs.predict_identification(ORDER)
         began = parts.supervisor.ring.count
         seen: list[TaskView] = []
-        first = await parts.tasks.start_identification(ORDER, OPERATOR.name)
-        while parts.picture.task is not None:
-            if not seen or parts.picture.task != seen[-1]:
-                seen.append(parts.picture.task)
+        first = await parts.ordered_runs.start_identification(ORDER, OPERATOR.name)
+        while parts.present.task is not None:
+            if not seen or parts.present.task != seen[-1]:
+                seen.append(parts.present.task)
             await asyncio.sleep(0)
-        await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
         took_s = (parts.supervisor.ring.count - began) / 1000.0
         # The service looks ten times a second whether a run is over, and whether the next one can start.
         assert told.duration_s == pytest.approx(took_s, abs=0.6)
@@ -45,18 +45,18 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             assert elapsed == sorted(elapsed)
             played = [task for task in shown if task.phase == "program"]
             assert played[-1].elapsed_s == pytest.approx(played[-1].duration_s, abs=0.3)
-            view = await parts.library.identification(run)
+            view = await parts.identifications.identification(run)
             assert view.estimate is not None, view.message
         with database.reading() as session:
             ends = [read_envelope(session, run, 1, ("q",)) for run in (first, first + 1)]
         furthest = max(float(envelope.maximum["q"].max()) for envelope in ends)
         assert told.q_high - 0.06 < furthest < told.q_high
-        view = await parts.library.identification(first)
+        view = await parts.identifications.identification(first)
         with database.session() as session:
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
             bank = banks.add(session, "bench", entries, OPERATOR.name)
-        shelf = Shelf(database, Here(lambda _cause: None), lambda: parts.picture.tuning)
-        made, imported = (await shelf.bank(bank.id)).entries
+        banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.present.tuning)
+        made, imported = (await banks_of.bank(bank.id)).entries
         # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
         assert imported.q_nominal is None

@@ -1,4 +1,4 @@
-"""The gate and the tokens, on their own."""
+"""Who is recognised by what, on its own."""
 
 import asyncio
 import time
@@ -8,13 +8,15 @@ import pytest
 from fastapi import Response
 from starlette.requests import HTTPConnection
 
-from backend.api.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S
-from backend.api.errors import ApiError
-from backend.api.gate import COOKIE, GRACE_S, Gate
-from backend.api.people import Person
-from backend.api.schemas.session import Role
-from backend.api.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
-from backend.api.tokens import TokenFiles, rotate
+from backend.access.attempts import ATTEMPTS, ATTEMPTS_WINDOW_S
+from backend.access.authentication import GRACE_S, Authentication
+from backend.access.people import Person
+from backend.access.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
+from backend.access.tokens import TokenFiles, rotate
+from backend.api.cookies import COOKIE, forget, grant, shown_by
+from backend.api.errors import STATUS
+from backend.messages.session import Role
+from backend.refusal import RefusalError
 
 
 class Clock:
@@ -26,13 +28,13 @@ class Clock:
 
 
 class Door:
-    """A gate on a data folder, its clock, and what browsers do at it."""
+    """Authentication on a data folder, its clock, and what browsers do at it."""
 
     def __init__(self, data: Path) -> None:
         self.clock = Clock()
         self.sessions = Sessions(data, self.clock)
         self.files = TokenFiles(data)
-        self.gate = Gate(self.files, self.sessions, self.clock)
+        self.authentication = Authentication(self.files, self.sessions, self.clock)
 
     def token(self, role: Role = Role.OPERATOR) -> str:
         return self.files.tokens.of(role)
@@ -40,21 +42,21 @@ class Door:
     def cookie(self, name: str = "Ana", role: Role = Role.OPERATOR, **headers: str) -> str:
         """Sign in; return the pair that the browser sends from then on."""
         asks = connection(headers)
-        return self.granted(asks, self.gate.sign_in(asks, self.token(role), name))
+        return self.granted(asks, self.authentication.sign_in(shown_by(asks), self.token(role), name))
 
     def granted(self, asks: HTTPConnection, person: Person) -> str:
         response = Response()
-        self.gate.grant(asks, response, person)
+        grant(self.authentication, asks, response, person)
         return response.headers["set-cookie"].partition(";")[0]
 
     def who(self, cookie: str) -> Person | None:
-        return self.gate.recognise(connection({"cookie": cookie}))
+        return self.authentication.recognise(shown_by(connection({"cookie": cookie})))
 
     def who_stops(self, cookie: str) -> Person | None:
-        return self.gate.recognise_for_stop(connection({"cookie": cookie}))
+        return self.authentication.recognise_for_stop(shown_by(connection({"cookie": cookie})))
 
     def sign_out(self, cookie: str) -> None:
-        self.gate.sign_out(connection({"cookie": cookie}), Response())
+        forget(self.authentication, connection({"cookie": cookie}), Response())
 
 
 @pytest.fixture
@@ -68,21 +70,21 @@ def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnec
     return HTTPConnection({"type": "http", "headers": raw, "client": (address, 1)})
 
 
-def status(error: pytest.ExceptionInfo[ApiError]) -> int:
-    return error.value.status
+def status(error: pytest.ExceptionInfo[RefusalError]) -> int:
+    return STATUS[error.value.because]
 
 
 def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:
-    with pytest.raises(ApiError) as error:
-        door.gate.sign_in(
-            connection({name.replace("_", "-"): value for name, value in headers.items()}, address), token
+    with pytest.raises(RefusalError) as error:
+        door.authentication.sign_in(
+            shown_by(connection({name.replace("_", "-"): value for name, value in headers.items()}, address)), token
         )
     return status(error)
 
 
 def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
-    assert door.gate.sign_in(connection({}), door.token(), "Ana").role is Role.OPERATOR
-    viewer = door.gate.sign_in(connection({}), door.token(Role.VIEWER))
+    assert door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana").role is Role.OPERATOR
+    viewer = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER))
     assert (viewer.role, viewer.name) == (Role.VIEWER, "viewer")
     assert len(viewer.session) >= 16
     assert refused(door, door.token()[:-1]) == 401
@@ -92,8 +94,8 @@ def test_each_token_opens_its_role_and_others_none(door: Door) -> None:
 def test_the_cookie_is_recognised_with_the_same_tokens_only(door: Door, tmp_path: Path) -> None:
     response = Response()
     asks = connection({})
-    ana = door.gate.sign_in(asks, door.token(), "Ana")
-    door.gate.grant(asks, response, ana)
+    ana = door.authentication.sign_in(shown_by(asks), door.token(), "Ana")
+    grant(door.authentication, asks, response, ana)
     header = response.headers["set-cookie"]
     assert "HttpOnly" in header
     assert "SameSite=strict" in header
@@ -167,7 +169,7 @@ def test_two_services_on_one_host_leave_each_other_their_cookies(tmp_path: Path)
     jar = dict(pair.split("=", 1) for pair in (ours, theirs))  # as a browser keeps them: by name, for all ports
     sent = "; ".join(f"{name}={value}" for name, value in jar.items())
     assert here.who(sent) is not None
-    assert there.gate.recognise(connection({"cookie": sent, "host": "localhost:8001"})) is not None
+    assert there.authentication.recognise(shown_by(connection({"cookie": sent, "host": "localhost:8001"}))) is not None
 
 
 def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door) -> None:
@@ -177,17 +179,17 @@ def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door)
 @pytest.mark.parametrize("host", ["lab", "lab:99999999", "[::1]", "", "lab:\u0663"])
 def test_any_host_header_has_a_cookie_name(host: str) -> None:
     raw = [(b"host", host.encode())]
-    door_less = Gate(None)
-    assert door_less.recognise(HTTPConnection({"type": "http", "headers": raw})) is not None
+    door_less = Authentication(None)
+    assert door_less.recognise(shown_by(HTTPConnection({"type": "http", "headers": raw}))) is not None
 
 
 def test_wrong_tokens_are_slowed_and_the_right_one_never(door: Door) -> None:
     assert [refused(door, "wrong") for _ in range(ATTEMPTS)] == [401] * ATTEMPTS
-    with pytest.raises(ApiError) as error:
-        door.gate.sign_in(connection({}, "here"), "wrong")
+    with pytest.raises(RefusalError) as error:
+        door.authentication.sign_in(shown_by(connection({}, "here")), "wrong")
     assert status(error) == 429
-    assert int(error.value.headers["Retry-After"]) <= ATTEMPTS_WINDOW_S + 1
-    assert door.gate.sign_in(connection({}, "here"), door.token()).role is Role.OPERATOR
+    assert error.value.retry_after_s <= ATTEMPTS_WINDOW_S + 1
+    assert door.authentication.sign_in(shown_by(connection({}, "here")), door.token()).role is Role.OPERATOR
     assert refused(door, "wrong", "elsewhere") == 401
     door.clock.now += ATTEMPTS_WINDOW_S + 1
     assert refused(door, "wrong") == 401
@@ -203,13 +205,13 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
     for _ in range(ATTEMPTS):
         asks = connection({"authorization": "Bearer nonsense"})
         for _ in range(3):
-            with pytest.raises(ApiError) as error:
-                door.gate.recognise(asks)
+            with pytest.raises(RefusalError) as error:
+                door.authentication.recognise(shown_by(asks))
             assert status(error) == 401
-    with pytest.raises(ApiError) as error:
-        door.gate.recognise(connection({"authorization": "Bearer nonsense"}))
+    with pytest.raises(RefusalError) as error:
+        door.authentication.recognise(shown_by(connection({"authorization": "Bearer nonsense"})))
     assert status(error) == 429
-    person = door.gate.recognise(connection({"authorization": f"Bearer {door.token()}"}))
+    person = door.authentication.recognise(shown_by(connection({"authorization": f"Bearer {door.token()}"})))
     assert person is not None
     assert person.role is Role.OPERATOR
 
@@ -217,36 +219,36 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
 def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
     pair = door.cookie("Ana")
     ana = door.who(pair)
-    again = door.gate.sign_in(connection({"cookie": pair}), door.token())
+    again = door.authentication.sign_in(shown_by(connection({"cookie": pair})), door.token())
     assert again == ana
-    vera = door.gate.sign_in(connection({"cookie": pair}), door.token(), "Vera")
+    vera = door.authentication.sign_in(shown_by(connection({"cookie": pair})), door.token(), "Vera")
     assert vera.session != again.session
     assert door.who(pair) is None
 
 
 def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
-    ana = door.gate.sign_in(connection({}), door.token(), "Ana")
-    with door.gate.people.attending(ana, is_page=True):
-        second = door.gate.sign_in(connection({}), door.token(), "Ana")
-        viewer = door.gate.sign_in(connection({}), door.token(Role.VIEWER), "Ana")
-        there = door.gate.people
+    ana = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
+    with door.authentication.people.attending(ana, is_page=True):
+        second = door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana")
+        viewer = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER), "Ana")
+        there = door.authentication.people
         with there.attending(second, is_page=True), there.attending(viewer, is_page=True):
-            assert [one.name for one in door.gate.people.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
-        pretender = door.gate.sign_in(connection({}), door.token(Role.VIEWER), " Ana (2)\n\u202e")
+            assert [one.name for one in door.authentication.people.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
+        pretender = door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER), " Ana (2)\n\u202e")
         assert pretender.name == "Ana 2 (viewer)"
-    assert door.gate.people.view() == []
-    assert door.gate.sign_in(connection({}), door.token(), "Ana").name == "Ana"
+    assert door.authentication.people.view() == []
+    assert door.authentication.sign_in(shown_by(connection({})), door.token(), "Ana").name == "Ana"
 
 
 def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
     ana, vera, vic = door.cookie("Ana"), door.cookie("Vera"), door.cookie("Vic", Role.VIEWER)
     asks = connection({"cookie": ana})
-    rotating = door.gate.recognise(asks)
+    rotating = door.authentication.recognise(shown_by(asks))
     assert rotating is not None
     before = door.token()
-    tokens = asyncio.run(door.gate.rotate([Role.OPERATOR], rotating))
+    tokens = asyncio.run(door.authentication.rotate([Role.OPERATOR], rotating))
     assert refused(door, before) == 401
-    assert door.gate.sign_in(connection({}), tokens.operator).role is Role.OPERATOR
+    assert door.authentication.sign_in(shown_by(connection({})), tokens.operator).role is Role.OPERATOR
     assert door.who(vera) is None
     assert door.who_stops(vera) is None
     assert door.who(vic) is not None
@@ -258,7 +260,7 @@ def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
 
 def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(door: Door, tmp_path: Path) -> None:
     async def notice(over: asyncio.Event) -> None:
-        task = asyncio.create_task(door.gate.run())
+        task = asyncio.create_task(door.authentication.run())
         await asyncio.wait_for(over.wait(), 60.0)
         task.cancel()
 
@@ -266,12 +268,12 @@ def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(d
     person = door.who(ana)
     assert person is not None
     (tmp_path / "viewer-token").unlink()
-    with door.gate.people.attending(person, is_page=True) as over:
+    with door.authentication.people.attending(person, is_page=True) as over:
         rotate(tmp_path, [Role.OPERATOR])
         asyncio.run(notice(over))
     assert door.token() != before
     assert door.who(ana) is None
-    assert door.gate.sign_in(connection({}), door.token(Role.VIEWER)).role is Role.VIEWER
+    assert door.authentication.sign_in(shown_by(connection({})), door.token(Role.VIEWER)).role is Role.VIEWER
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"ran_s": 1, "live": {"a": 3}, "ended": []}', "\x00"])

@@ -87,10 +87,10 @@ def test_a_sweep_gives_both_springs_and_their_curves(off: httpx.Client) -> None:
 
 
 def test_a_table_becomes_a_spring(operator: httpx.Client) -> None:
-    made = operator.post("/api/spring-tables", json={"name": "bench.csv", "table": table()})
+    made = operator.post("/api/spring-tables", json={"name": "actuator.csv", "table": table()})
     assert made.status_code == 201, made.text
     view = made.json()
-    assert (view["file"], view["usable"], view["spring"]["recommended"]) == ("bench.csv", True, 2)
+    assert (view["file"], view["usable"], view["spring"]["recommended"]) == ("actuator.csv", True, 2)
     assert view in operator.get("/api/spring-tables").json()["tables"]
     assert operator.get(f"/api/spring-tables/{view['id']}").json() == view
     curves = operator.get(f"/api/spring-tables/{view['id']}/curves").json()

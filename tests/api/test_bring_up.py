@@ -226,3 +226,22 @@ def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig
         assert played(rig, "tare")["result"]["passed"]
         tared = standing.newest(database)[StepId.TARE].calibrations
     assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]
+
+
+def test_a_service_that_starts_anew_keeps_the_drives_off_until_somebody_says_that_the_hands_are_away(
+    tmp_path: Path,
+) -> None:
+    plant = ("rig", "--virtual-card")
+    with running_service(tmp_path, plant=plant) as running, client_with(running, "token") as client:
+        assert client.get(URL).json()["drives_on"] is True
+        view = client.post(f"{URL}/drives", json={"on": False}).raise_for_status().json()
+        assert (view["drives_on"], view["drives_locked"], view["drives_left"]) == (False, True, None)
+    with running_service(tmp_path, plant=plant) as running, client_with(running, "token") as client:
+        view = client.get(URL).raise_for_status().json()
+        assert (view["drives_on"], view["drives_locked"], view["drives_left"]["who"]) == (False, True, "operator")
+        refused = problem(client.post("/api/mode", json={"mode": "pretension"}))
+        assert "drives are switched off" in str(refused["message"])
+        switch_on(client)
+        view = client.get(URL).raise_for_status().json()
+        assert (view["drives_locked"], view["drives_left"]) == (False, None)
+        client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()

@@ -2,26 +2,42 @@
 
 import asyncio
 import threading
+from contextlib import suppress
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import plant
-from backend.api.bring_up import BringUp
-from backend.api.errors import ApiError
 from backend.bring_up import standing
+from backend.bring_up.hands import KeptHands
+from backend.bring_up.standing import StepState
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding
+from backend.experiments.playing.runner import create_run
+from backend.loop.channel import Ready
+from backend.loop.commands import Accepted, Command, Refused, TryMotor
+from backend.loop.mode import Mode
+from backend.loop.pacer import Granted
 from backend.loop.supervisor import Supervisor
+from backend.messages.bring_up import BringUpStep
+from backend.messages.identification import ActuatorRequest
+from backend.operating.bring_up import BringUp
+from backend.refusal import RefusalError
 from backend.storage import open_database
+from backend.storage.runs import Run
+from plant.brought_up import CellCalibration
 from plant.choice import PlantChoice, PlantKind
 from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.virtual_rig import VirtualRig
 from plant.wiring import load_wiring
-from tests.api.stepped_service import Parts, stepped
+from tests.api.stepped_service import Parts, Stepped, stepped
 
 IDEAL = load_parameters("ideal")
+VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 
 
 def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,13 +50,13 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         return keep(*arguments)
 
     async def work(parts: Parts) -> None:
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(PlantKind.VIRTUAL_CARD))
-        parts.bench.brought_up = standing.brought_up_of(database, parts.supervisor.setup.plant)
-        bring_up = BringUp(parts.bench, parts.supervisor, database, IDEAL)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL)
+        parts.supervisor.started_with = standing.brought_up_of(database, parts.supervisor.setup.plant)
+        bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "keeping the result":
             await asyncio.sleep(0.0)
-        with pytest.raises(ApiError, match="Wiring test is over, and its result is being kept"):
+        with pytest.raises(RefusalError, match="Wiring test is over, and its result is being kept"):
             await bring_up.cancel()
         closing_down = asyncio.create_task(bring_up.close())
         await asyncio.sleep(0.0)
@@ -68,22 +84,23 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
 
     async def restart(supervisor: Supervisor) -> None:
         started.append(supervisor.setup.brought_up.directions_proven)
+        supervisor.started_with = supervisor.setup.brought_up  # it has read the file of now
 
     async def work(parts: Parts) -> None:
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
-        parts.bench.brought_up = standing.brought_up_of(database, choice)
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=choice, brought_up=parts.bench.brought_up)
-        bring_up = BringUp(parts.bench, parts.supervisor, database, IDEAL)
+        parts.supervisor.started_with = standing.brought_up_of(database, choice)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=choice, brought_up=parts.supervisor.started_with)
+        bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
         assert (await bring_up.view()).steps[0].blocked == ""
         parts.supervisor.dead = True
-        await parts.bench.reset("Ada")
+        await parts.actuator.reset("Ada")
         file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
         parts.supervisor.dead = False
         assert "the wiring file has changed since the loop was started" in (await bring_up.view()).steps[0].blocked
-        with pytest.raises(ApiError, match="the wiring file has changed since the loop was started"):
+        with pytest.raises(RefusalError, match="the wiring file has changed since the loop was started"):
             await bring_up.start(StepId.WIRING_TEST, {}, "Ada")
         parts.supervisor.dead = True
-        await parts.bench.reset("Ada")
+        await parts.actuator.reset("Ada")
         assert started == [True, False]
         parts.supervisor.dead = False
         assert (await bring_up.view()).steps[0].blocked == ""
@@ -92,4 +109,127 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
     try:
         stepped(database, IDEAL, work)
     finally:
+        database.close()
+
+
+def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_now(tmp_path: Path) -> None:
+    """The file was edited while the loop started, and edited back."""
+    database = open_database(tmp_path)
+    wiring = load_wiring(VIRTUAL.wiring)
+    standing.keep(database, StepId.DIRECTION, wiring, Finding(True, "well"), "Ada")
+
+    async def work(parts: Parts) -> None:
+        known = standing.brought_up_of(database, VIRTUAL)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        parts.supervisor.started_with = known
+        bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        granted = Granted(0, False, 1, ())
+        for wired, proven, blocked in ((known.wired, True, False), ("of another file", False, True)):
+            parts.supervisor._take(Ready(granted, "a virtual card", wired))
+            assert parts.supervisor.started_with.directions_proven is proven
+            told = (await bring_up.view()).steps[0].blocked
+            assert ("the wiring file has changed since the loop was started" in told) is blocked
+
+    try:
+        stepped(database, IDEAL, work)
+    finally:
+        database.close()
+
+
+def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database = open_database(tmp_path)
+    wiring = load_wiring(VIRTUAL.wiring)
+    for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
+        standing.keep(database, step, wiring, Finding(True, "well"), "Ada")
+    known = standing.in_effect(database, wiring)
+    assert known.directions_proven
+    # wired otherwise than it says, so that what is proven counts
+    true = replace(wiring, load_cell_A=replace(wiring.load_cell_A, slope=10.5))
+    rig = VirtualRig(wiring, Simulator(IDEAL, 0), None, true, directions_proven=True, load_cells_measured=True)
+    tried: list[Command] = []
+    send = Stepped.send
+
+    async def sent(supervisor: Stepped, command: Command) -> Accepted | Refused:
+        answer = await send(supervisor, command)
+        if isinstance(command, TryMotor):
+            tried.append(command)
+            await asyncio.Event().wait()  # until it is given up
+        return answer
+
+    monkeypatch.setattr(Stepped, "send", sent)
+
+    async def work(parts: Parts) -> None:
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        parts.supervisor.started_with = known
+        bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up._started = 1, datetime.min.replace(tzinfo=UTC)  # the zero is this loop's
+        await parts.supervisor.advance(0.01)
+        assert rig.unproven == ""
+        await bring_up.start(StepId.DIRECTION, {}, "Ada")
+
+        async def shown() -> BringUpStep:
+            steps = {step.id: step for step in (await bring_up.view()).steps}
+            return steps[StepId.DIRECTION]
+
+        while not tried:
+            with suppress(RefusalError):  # nothing waits for it yet
+                await bring_up.confirm()
+            await asyncio.sleep(0.001)
+        await bring_up.cancel()
+        step = await shown()
+        assert (step.running, step.state) == (None, StepState.FAILED)
+        assert step.result is not None
+        assert "given up after a motor had been tried" in step.result.text
+        assert "directions are not proven" in rig.unproven
+        assert not parts.supervisor.setup.brought_up.directions_proven  # nor at the next start
+
+    try:
+        stepped(database, IDEAL, work, rig)
+    finally:
+        database.close()
+
+
+def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the first question of the run, whether the rig is free, and its being shown there is a database."""
+    database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
+    cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
+    for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
+        standing.keep(database, step, wiring, Finding(True, "well", (), cells), "Ada")
+    asked, let_go = threading.Event(), threading.Event()
+
+    def slowly(*arguments: Any) -> Run:
+        asked.set()
+        assert let_go.wait(60.0)
+        return create_run(*arguments)
+
+    async def work(parts: Parts) -> None:
+        known = standing.in_effect(database, wiring)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        parts.supervisor.started_with = known
+        bring_up = BringUp(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up._started = 1, datetime.min.replace(tzinfo=UTC)
+        await parts.supervisor.advance(0.01)
+        request = ActuatorRequest(tension_N=20.0, bits=6)
+        run = asyncio.create_task(parts.ordered_runs.start_identification(request, "Ada"))
+        while not asked.is_set():
+            await asyncio.sleep(0.001)
+        step = asyncio.create_task(bring_up.start(StepId.PRETENSION, {}, "Bob"))
+        mode = asyncio.create_task(parts.actuator.set_mode(Mode.PRETENSION, "Cleo"))
+        await asyncio.wait((step, mode), timeout=0.5)  # neither can be answered yet
+        assert not step.done()
+        assert not mode.done()
+        let_go.set()
+        assert await run > 0
+        with pytest.raises(RefusalError, match="run 1 is under way"):
+            await step
+        await asyncio.gather(mode, return_exceptions=True)
+        await parts.ordered_runs.close()
+
+    monkeypatch.setattr("backend.operating.ordered_runs.create_run", slowly)
+    try:
+        stepped(database, IDEAL, work, VirtualRig(wiring, Simulator(IDEAL, 0)))
+    finally:
+        let_go.set()
         database.close()

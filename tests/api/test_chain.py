@@ -4,10 +4,10 @@ import asyncio
 
 import pytest
 
-from backend.api.chain import behind_loop
-from backend.api.schemas.state import ChainLinkView
 from backend.faults import Fault
 from backend.loop.card_guard import CardGuard
+from backend.messages.state import ChainLinkView
+from backend.operating.safety_chain import behind_loop
 from plant.card import Card, CardState
 from plant.choice import PlantChoice, PlantKind
 

@@ -7,11 +7,11 @@ from http.client import HTTPConnection
 import httpx
 import pytest
 
-from backend.api.control import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
-from backend.api.errors import ApiError
-from backend.api.people import BEARER, Person
-from backend.api.schemas.session import Role
+from backend.access.control import HOLD_S, LOOK_S, LOST_S, SCRIPT_S, Control, Holder, Stamp, read_stamp
+from backend.access.people import BEARER, Person
 from backend.faults import Fault
+from backend.messages.session import Role
+from backend.refusal import Because, RefusalError
 from tests.api.conftest import ended, once_told, problem, wait_for
 from tests.api.pages import Page, pages
 from tests.docs.faults_page import documented_ms
@@ -53,10 +53,10 @@ class Desk:
         asyncio.run(command())
 
     def refusal(self, person: Person, stamp: Stamp | None) -> str:
-        with pytest.raises(ApiError) as error:
+        with pytest.raises(RefusalError) as error:
             self.command(person, stamp)
-        assert error.value.status == 409
-        return error.value.problem.code
+        assert error.value.because is Because.NOT_NOW
+        return error.value.code
 
 
 def test_commands_of_the_holder_pass_once_and_in_order() -> None:
@@ -73,7 +73,7 @@ def test_commands_of_the_holder_pass_once_and_in_order() -> None:
 def test_control_is_taken_over_only_when_that_is_said() -> None:
     desk = Desk()
     first = desk.take(ANA).lease()
-    with pytest.raises(ApiError, match="Ana holds control"):
+    with pytest.raises(RefusalError, match="Ana holds control"):
         desk.take(VERA)
     second = desk.take(VERA, take_over=True).lease()
     assert second.epoch > first.epoch
@@ -85,7 +85,7 @@ def test_control_is_taken_over_only_when_that_is_said() -> None:
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
     first = desk.take(ANA).page
-    with pytest.raises(ApiError, match="another page of yours"):
+    with pytest.raises(RefusalError, match="another page of yours"):
         desk.take(ANA)
     desk.take(ANA, take_over=True)
     assert desk.refusal(ANA, Stamp(first, 1)) == "control_lost"
@@ -95,16 +95,16 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
     desk = Desk()
     first = desk.take(ANA).lease()
     desk.command(ANA, Stamp(first.page, 1))
-    with pytest.raises(ApiError):
+    with pytest.raises(RefusalError):
         desk.control.resume(VERA, first.page)
     second = desk.control.resume(ANA, first.page).lease()
     assert (second.page == first.page, second.epoch > first.epoch) == (False, True)
     desk.command(ANA, Stamp(second.page, 1))
     assert desk.refusal(ANA, Stamp(first.page, 2)) == "control_lost"
-    with pytest.raises(ApiError):
+    with pytest.raises(RefusalError):
         desk.control.resume(ANA, first.page)
     desk.take(VERA, take_over=True)
-    with pytest.raises(ApiError):
+    with pytest.raises(RefusalError):
         desk.control.resume(ANA, second.page)
     assert desk.told == ["Ana: control taken", "Vera: control taken over from Ana"]
 
@@ -178,7 +178,7 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
 def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     desk = Desk()
     desk.command(SCRIPT, None)
-    with pytest.raises(ApiError, match="operator holds control"):
+    with pytest.raises(RefusalError, match="operator holds control"):
         desk.take(ANA)
     desk.wait(SCRIPT_S + 0.2)
     desk.take(ANA)
@@ -190,9 +190,9 @@ def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
     "text", ["", "1.1", KEY, KEY + ".", ".1", KEY + ".-1", KEY + ".1.1", KEY + ".1\n", KEY + ".١", KEY + "." + "9" * 30]
 )
 def test_a_stamp_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(ApiError) as error:
+    with pytest.raises(RefusalError) as error:
         read_stamp(text)
-    assert error.value.status == 400
+    assert error.value.because is Because.MALFORMED
 
 
 def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Service, off: httpx.Client) -> None:

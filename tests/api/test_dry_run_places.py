@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.dry_runs import DryRuns
-from backend.api.offload import Offload
-from backend.api.people import BEARER, Person
-from backend.api.schemas.session import Role
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.runner import Order
+from backend.access.people import BEARER, Person
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.playing.runner import Order
+from backend.messages.session import Role
+from backend.offload import Offload
+from backend.operating.dry_runs import DryRuns
 from plant.parameters import load_parameters
 
 VIEWER = Person("viewer", Role.VIEWER, BEARER)

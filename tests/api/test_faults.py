@@ -6,11 +6,11 @@ from typing import Any, cast
 import httpx
 import pytest
 
-from backend.api.bench import Bench
-from backend.api.control import Control
-from backend.api.errors import ApiError
-from backend.api.injection import BY_HAND, LEADS_TO, fault_list, inject
+from backend.access.control import Control
 from backend.faults import FAULTS, Fault
+from backend.operating.actuator import Actuator
+from backend.operating.fault_injection import BY_HAND, LEADS_TO, fault_list, inject
+from backend.refusal import Because, RefusalError
 from plant.breakage import ONLY_OF_A_CARD
 from plant.choice import SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
@@ -113,20 +113,20 @@ def test_a_viewer_breaks_nothing(viewer: httpx.Client) -> None:
     assert problem(refused)["code"] == "not_allowed"
 
 
-class _RigPicture:
+class _RigState:
     plant = PlantChoice(PlantKind.RIG)
 
 
-class _RigBench:
-    picture = _RigPicture()
+class _RigActuator:
+    present = _RigState()
 
 
 @pytest.mark.parametrize("fault", LEADS_TO)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
-    rig, control = cast(Bench, _RigBench()), cast(Control, None)
-    with pytest.raises(ApiError, match="only into what is simulated, and what is driven is the rig") as error:
+    rig, control = cast(Actuator, _RigActuator()), cast(Control, None)
+    with pytest.raises(RefusalError, match="only into what is simulated, and what is driven is the rig") as error:
         asyncio.run(inject(rig, control, LEADS_TO[fault], "Ana"))
-    assert error.value.status == 409
+    assert error.value.because is Because.NOT_NOW
 
 
 def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:

@@ -5,9 +5,9 @@ What the forms of the page show, send and leave behind is looked at in the brows
 
 import pytest
 
-from backend.api.schemas.identification import ActuatorRequest, MotorRequest, SpringRequest
-from backend.experiments.catalogue import IDENTIFICATIONS
+from backend.experiments.plans.catalogue import IDENTIFICATIONS
 from backend.experiments.settings import describe
+from backend.messages.identification import ActuatorRequest, MotorRequest, SpringRequest
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from backend.api.offload import Offload
+from backend.offload import Offload
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])

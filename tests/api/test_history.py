@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.api import checklist
+from backend.archive import checklist
 from backend.reading import Angles, in_words
 from backend.storage import Database, banks, identifications, open_database, runs
 from backend.storage.banks import BankEntry

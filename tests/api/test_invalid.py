@@ -11,13 +11,13 @@ from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
 from backend.api.errors import install
-from backend.api.identification_orders import plans_of
-from backend.api.schemas.bank import BankFile, BankRequest
-from backend.api.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
-from backend.api.schemas.preferences import NEW_HERE, Preferences
-from backend.api.schemas.run import NoteRequest
-from backend.api.schemas.state import Push, References
-from backend.api.schemas.tuning import TrialRequest
+from backend.messages.bank import BankFile, BankRequest
+from backend.messages.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
+from backend.messages.preferences import NEW_HERE, Preferences
+from backend.messages.run import NoteRequest
+from backend.messages.state import Push, References
+from backend.messages.tuning import TrialRequest
+from backend.operating.identification_orders import plans_of
 from backend.reading import Angles
 from backend.refusal import OutOfRangeError
 from tests.api.test_units import CODE_NAME, SYMBOL

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.journal import Journal
-from backend.api.schemas.live import MarkKind
+from backend.messages.live import MarkKind
+from backend.operating.journal import Journal
 from backend.storage import Database, events, open_database
 from tests.recording.test_unwritable import fill, make_read_only, repair
 

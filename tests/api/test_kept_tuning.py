@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.desk import Desk
-from backend.api.kept_tuning import KeptTuning
-from backend.api.schemas.tuning import TuningParts, TuningRequest
-from backend.api.tuning_in_use import TuningInUse, initial
-from backend.experiments.kept_choice import NAME
-from backend.experiments.tuning_choice import TuningChoice
+from backend.experiments.banks.kept_choice import NAME
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.messages.tuning import TuningParts, TuningRequest
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.saved_tunings import SavedTunings
+from backend.operating.tuning_in_use import TuningInUse, initial
 from backend.storage import Database, banks, events, open_database, settings
 from backend.storage.banks import Bank, BankEntry
 from plant.parameters import PlantParameters, load_parameters
@@ -104,7 +104,7 @@ def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: 
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningChoice(lam_q=1.2), TuningChoice(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
         tuning = initial(weak, choice)
-        saved = asyncio.run(Desk(database).saved_tuning(tuning))
+        saved = asyncio.run(SavedTunings(database).of(tuning))
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
         assert tuning.changed(TuningRequest(**wanted)).choice == TuningChoice(**wanted)
         assert "λ_q 0.5 → " in saved.moved

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.errors import ApiError
-from backend.api.schemas.experiment import ExperimentRequest
-from backend.api.schemas.tuning import TrialRequest, TuningRequest
-from backend.api.tuning_in_use import initial
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.settings import SettingError
-from backend.experiments.tuning_choice import TuningChoice
 from backend.loop.commands import Stop
-from backend.refusal import OutOfRangeError
+from backend.messages.experiment import ExperimentRequest
+from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.operating.tuning_in_use import initial
+from backend.refusal import OutOfRangeError, RefusalError
 from backend.reports.build import build_report
 from backend.reports.source import load_source
 from backend.storage import Database, banks, events, open_database, runs
@@ -52,9 +51,9 @@ def own(bank: Bank) -> TuningChoice:
 
 async def started(parts: Parts, bank: Bank) -> None:
     """The operator's own tuning in force, with the bank."""
-    await parts.bench.retuning.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
-    await parts.bench.retuning.use_bank(bank, WHO)
-    assert parts.picture.tuning.choice == own(bank)
+    await parts.actuator.retuning.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
+    await parts.actuator.retuning.use_bank(bank, WHO)
+    assert parts.present.tuning.choice == own(bank)
 
 
 def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentRequest:
@@ -68,20 +67,20 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
 
     async def work(parts: Parts) -> int:
         await started(parts, bank)
-        run = await parts.tasks.start_experiment(sequence(**ASKED), WHO)
-        during.append(parts.picture.tuning.choice)
-        shown = parts.picture.state()
+        run = await parts.ordered_runs.start_experiment(sequence(**ASKED), WHO)
+        during.append(parts.present.tuning.choice)
+        shown = parts.present.state()
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
-        with pytest.raises(ApiError, match="part of its record"):
-            await parts.bench.retuning.set(TuningRequest(lam_q=0.9), WHO)
+        with pytest.raises(RefusalError, match="part of its record"):
+            await parts.actuator.retuning.set(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
-        assert parts.picture.tuning.choice == own(bank)
-        assert parts.picture.state().own_tuning is None
-        assert parts.supervisor.setup.tuning == parts.picture.tuning.command()
-        await parts.bench.retuning.set(TuningRequest(), WHO)  # and it can be changed again
-        view = await parts.library.experiment(run)
+        assert parts.present.tuning.choice == own(bank)
+        assert parts.present.state().own_tuning is None
+        assert parts.supervisor.setup.tuning == parts.present.tuning.command()
+        await parts.actuator.retuning.set(TuningRequest(), WHO)  # and it can be changed again
+        view = await parts.runs.experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
         return run
 
@@ -108,11 +107,11 @@ def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experimen
 ) -> None:
     async def broken_off(parts: Parts) -> None:
         await started(parts, bank)
-        await parts.tasks.start_experiment(sequence(LONG, **ASKED), WHO)
-        await parts.tasks.close()
+        await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
+        await parts.ordered_runs.close()
 
     async def again(parts: Parts) -> TuningChoice:
-        return parts.picture.tuning.choice
+        return parts.present.tuning.choice
 
     stepped(database, IDEAL, broken_off)
     assert stepped(database, IDEAL, again) == own(bank)
@@ -121,18 +120,18 @@ def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experimen
 def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         await started(parts, bank)
-        await parts.tasks.start_experiment(sequence(LONG, **ASKED), WHO)
-        while parts.picture.mode != "experiment":
+        await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
+        while parts.present.mode != "experiment":
             await asyncio.sleep(0.0)
         await parts.supervisor.send(Stop())
         await parts.ended()
-        assert parts.picture.fault == "stop_pressed"
-        assert parts.picture.tuning.choice == own(bank)
-        await parts.bench.reset(WHO)
-        await parts.tasks.start_experiment(sequence(SHORT, **ASKED), WHO)
+        assert parts.present.fault == "stop_pressed"
+        assert parts.present.tuning.choice == own(bank)
+        await parts.actuator.reset(WHO)
+        await parts.ordered_runs.start_experiment(sequence(SHORT, **ASKED), WHO)
         parts.supervisor.dead = True
         await parts.ended()
-        assert parts.picture.tuning.choice == own(bank)
+        assert parts.present.tuning.choice == own(bank)
         assert parts.supervisor.setup.tuning == initial(IDEAL, own(bank), bank).command()  # what a new loop gets
 
     stepped(database, IDEAL, work)
@@ -140,13 +139,13 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
 
 def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Database, bank: Bank) -> None:
     async def until(problems: bool, parts: Parts) -> list[str]:
-        while bool(found := parts.picture.state().problems) is not problems:
+        while bool(found := parts.present.state().problems) is not problems:
             await asyncio.sleep(0.01)
         return found
 
     async def work(parts: Parts) -> None:
         await started(parts, bank)
-        await parts.tasks.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
+        await parts.ordered_runs.start_experiment(sequence(SHORT, lam_q=0.7), WHO)
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
         assert told == [
@@ -154,19 +153,19 @@ def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Databa
             "again every 0.5 s. If this stays, stop softly and start the service again: it starts with the operator's "
             "tuning."
         ]
-        assert parts.picture.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
+        assert parts.present.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.picture.tuning.choice == own(bank)
+        assert parts.present.tuning.choice == own(bank)
         await parts.ended()
 
-        await parts.bench.retuning.try_out(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
+        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
         assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not back in force: a gain")
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.picture.tuning.choice == own(bank)
+        assert parts.present.tuning.choice == own(bank)
 
     stepped(database, IDEAL, work)
 
@@ -181,19 +180,19 @@ def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None
             ({"seed": 5}, SettingError),
         ):
             with pytest.raises(refusal):
-                await parts.tasks.start_experiment(sequence(**settings), WHO)
-            assert (parts.picture.tuning.choice, parts.picture.own_tuning) == (own(bank), None)
-        await parts.bench.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        with pytest.raises(ApiError, match="trial"):
-            await parts.tasks.start_experiment(sequence(), WHO)
-        await parts.bench.retuning.end_trial(False, WHO)
+                await parts.ordered_runs.start_experiment(sequence(**settings), WHO)
+            assert (parts.present.tuning.choice, parts.present.own_tuning) == (own(bank), None)
+        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
+        with pytest.raises(RefusalError, match="trial"):
+            await parts.ordered_runs.start_experiment(sequence(), WHO)
+        await parts.actuator.retuning.end_trial(False, WHO)
 
     stepped(database, IDEAL, work)
 
 
 def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        queue = parts.tasks.queue
+        queue = parts.ordered_runs.queue
         await started(parts, bank)
         for settings, refusal in (
             ({"bank": 99}, UnknownRecordError),
@@ -205,7 +204,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         assert queue.view().items == []
         await queue.add(sequence(bank=0), WHO)
         await queue.add(sequence(), WHO)
-        await parts.bench.retuning.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
+        await parts.actuator.retuning.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
         shown = [item.settings for item in queue.view().items]
         assert [(one["lam_q"], one["bank"], one["segments"]) for one in shown] == [
             (0.55, 0, SHORT),
@@ -215,26 +214,26 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         assert first is not None
         await parts.ended()
         for run, settings in zip((first, first + 1), shown, strict=True):
-            assert (await parts.library.experiment(run)).settings == settings
-        assert parts.picture.tuning.lambdas.lam_q == 0.8
+            assert (await parts.runs.experiment(run)).settings == settings
+        assert parts.present.tuning.lambdas.lam_q == 0.8
 
     stepped(database, IDEAL, work)
 
 
 def test_a_held_queue_says_how_to_go_on(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        queue = parts.tasks.queue
+        queue = parts.ordered_runs.queue
         for segments in (LONG, SHORT):
             await queue.add(sequence(segments), WHO)
         run = (await queue.run()).run
-        while parts.picture.mode != "experiment":
+        while parts.present.mode != "experiment":
             await asyncio.sleep(0.0)
         await parts.supervisor.send(Stop())
         await parts.ended()
         assert queue.view().problem == (
             f"held because run {run} ended as stopped; start the queue again to go on with the first that waits"
         )
-        await parts.bench.reset(WHO)
+        await parts.actuator.reset(WHO)
         await queue.run()
         await parts.ended()
         view = queue.view()
@@ -249,9 +248,9 @@ def test_a_dry_run_says_what_it_was_played_with(database: Database, bank: Bank) 
 
     async def work(parts: Parts) -> None:
         await started(parts, bank)
-        played = await parts.tasks.dry_run(sequence(b=0.5), OPERATOR, left)
+        played = await parts.ordered_runs.dry_run(sequence(b=0.5), OPERATOR, left)
         expected = {**own(bank).document(), "b": 0.5, "seed": 0, "segments": SHORT}
         assert (played.status, played.settings) == ("completed", expected)
-        assert parts.picture.tuning.choice == own(bank)
+        assert parts.present.tuning.choice == own(bank)
 
     stepped(database, IDEAL, work)

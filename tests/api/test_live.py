@@ -8,9 +8,10 @@ import pytest
 from fastapi import WebSocketDisconnect
 
 from backend import wire
-from backend.api.live import QUEUE_FRAMES, Client, LiveStream
-from backend.api.schemas.live import EventMessage, MarkKind, StateMessage
+from backend.api.live import serve
 from backend.loop.ring import Ring
+from backend.messages.live import EventMessage, MarkKind, StateMessage
+from backend.operating.live_stream import QUEUE_FRAMES, Client, LiveStream
 from backend.sample import FIELDS, INDEX
 
 
@@ -72,7 +73,7 @@ def test_history_comes_first_and_no_tick_is_missing_or_sent_twice() -> None:
         ring = Ring.create(65536)
         fill(ring, 40_000)
         stream, watcher = stream_on(ring), Watcher()
-        serving = asyncio.create_task(stream.serve(watcher))
+        serving = asyncio.create_task(serve(stream, watcher))
         await settle()
         fill(ring, 100)
         stream.step(0.0)
@@ -92,7 +93,7 @@ def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() 
     async def session() -> None:
         ring = Ring.create(65536)
         stream, slow, quick = stream_on(ring), Watcher(), Watcher()
-        tasks = [asyncio.create_task(stream.serve(watcher)) for watcher in (slow, quick)]
+        tasks = [asyncio.create_task(serve(stream, watcher)) for watcher in (slow, quick)]
         await settle()
         slow.reads.clear()
         for turn in range(QUEUE_FRAMES + 30):
@@ -136,7 +137,7 @@ def test_marks_reach_those_who_come_later() -> None:
         ring = Ring.create(1024)
         stream, watcher = stream_on(ring), Watcher()
         stream.announce(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
-        serving = asyncio.create_task(stream.serve(watcher))
+        serving = asyncio.create_task(serve(stream, watcher))
         await settle()
         assert any('"before"' in text for text in watcher.texts)
         watcher.gone.set()
@@ -146,7 +147,7 @@ def test_marks_reach_those_who_come_later() -> None:
 
 
 def test_who_talks_nonsense_and_leaves_is_no_failure_of_the_stream(caplog: pytest.LogCaptureFixture) -> None:
-    asyncio.run(stream_on(Ring.create(1024)).serve(Babbler()))
+    asyncio.run(serve(stream_on(Ring.create(1024)), Babbler()))
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
@@ -155,7 +156,7 @@ def test_a_new_loop_begins_a_new_time_axis() -> None:
         rings = [Ring.create(1024), Ring.create(1024)]
         stream = LiveStream(lambda: rings[-1] if restarted else rings[0], lambda: StateMessage.model_construct())
         watcher = Watcher()
-        serving = asyncio.create_task(stream.serve(watcher))
+        serving = asyncio.create_task(serve(stream, watcher))
         fill(rings[0], 30)
         stream.step(0.0)
         await settle()

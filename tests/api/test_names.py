@@ -3,10 +3,10 @@
 import httpx
 import pytest
 
-from backend.api.control import HEADER
-from backend.api.errors import ApiError
-from backend.api.people import BEARER, People, Person
-from backend.api.schemas.session import Role
+from backend.access.control import HEADER
+from backend.access.people import BEARER, People, Person
+from backend.messages.session import Role
+from backend.refusal import Because, RefusalError
 from tests.e2e.service import Service
 
 
@@ -53,9 +53,9 @@ def test_marks_that_tell_persons_apart_cannot_be_typed() -> None:
 
 @pytest.mark.parametrize("name", ["operator", "Viewer", " ", "()", "\u202e"])
 def test_what_is_no_name_is_refused(name: str) -> None:
-    with pytest.raises(ApiError) as refused:
+    with pytest.raises(RefusalError) as refused:
         People().rename(newcomer("1"), name)
-    assert refused.value.status == 422
+    assert refused.value.because is Because.BAD_VALUE
 
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
@@ -69,6 +69,6 @@ def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
 
 
 def test_a_script_keeps_the_name_of_its_role() -> None:
-    with pytest.raises(ApiError) as refused:
+    with pytest.raises(RefusalError) as refused:
         People().rename(Person("operator", Role.OPERATOR, BEARER), "Ana")
-    assert refused.value.status == 409
+    assert refused.value.because is Because.NOT_NOW

@@ -4,8 +4,8 @@ from math import nan
 
 import pytest
 
-from backend.api.observation import references_of
-from backend.api.schemas.state import ReferencesView
+from backend.messages.state import ReferencesView
+from backend.operating.observation import references_of
 
 SAMPLE = {"q": 0.1, "S": 3.73}
 

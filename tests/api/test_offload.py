@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.offload import Offload, WorkerDiedError
+from backend.offload import Offload, WorkerDiedError
 
 TIMEOUT_S = 60.0
 

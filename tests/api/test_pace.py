@@ -4,12 +4,12 @@ import asyncio
 
 from starlette.types import Receive, Scope, Send
 
-from backend.api.door import Place
+from backend.access.people import BEARER, Person
 from backend.api.export import openapi
-from backend.api.pace import PASSES_BY, Pace
-from backend.api.people import BEARER, Person
-from backend.api.protocols import PLACE
-from backend.api.schemas.session import Role
+from backend.messages.session import Role
+from backend.web_server.places import Place
+from backend.web_server.protocols import PLACE
+from backend.web_server.request_turns import PASSES_BY, RequestTurns
 
 CROWD = 20
 
@@ -26,7 +26,7 @@ class Answers:
     def __init__(self) -> None:
         self.begun: dict[str, int] = {}
         self.round = 0
-        self.pace = Pace(self._answer)
+        self.pace = RequestTurns(self._answer)
 
     async def to_all(self, *scopes: Scope) -> None:
         """Be asked by all in one round; return when all are over."""

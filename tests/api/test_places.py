@@ -4,26 +4,26 @@ import logging
 
 import pytest
 
-from backend.api.door import BROWSER_PLACES, SOCKET_COSTS, Door, Place, Room
-from backend.api.logs import LINES, WINDOW_S, Limit
-from backend.api.people import BEARER, Person
-from backend.api.schemas.session import Role
+from backend.access.people import BEARER, Person
+from backend.logs import LINES, WINDOW_S, Limit
+from backend.messages.session import Role
+from backend.web_server.places import BROWSER_PLACES, SOCKET_COSTS, Place, Places, Room
 
 OPERATOR = Person("operator", Role.OPERATOR, BEARER)
 VIEWER = Person("viewer", Role.VIEWER, BEARER)
 
 
 class Crowd:
-    """A door and those who were sent away from it."""
+    """All places, and those who were sent away."""
 
     def __init__(self, room: Room) -> None:
-        self.door = Door(room)
+        self.places = Places(room)
         self.gone: list[str] = []
 
     def comes(self, name: str, address: str, is_answered: bool = False) -> Place:
         place = Place(address, lambda: self.gone.append(name))
         place.is_answered = lambda: is_answered
-        self.door.enter(place)
+        self.places.enter(place)
         return place
 
 
@@ -36,7 +36,7 @@ def test_the_oldest_guest_gives_way(crowd: Crowd) -> None:
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert crowd.gone == ["a", "b"]
-    assert crowd.door.guests == 4
+    assert crowd.places.guests == 4
 
 
 def test_one_address_does_not_push_out_another(crowd: Crowd) -> None:
@@ -73,7 +73,7 @@ def test_an_idle_crowd_of_many_addresses_does_not_push_out_who_asked(crowd: Crow
 
 
 def test_who_is_recognised_stays(crowd: Crowd) -> None:
-    assert crowd.door.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR)
+    assert crowd.places.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR)
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert "operator" not in crowd.gone
@@ -86,22 +86,22 @@ def test_viewers_and_one_browser_have_a_part_only() -> None:
         viewer.session
         for viewer in viewers
         for number in range(50)
-        if crowd.door.recognise(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
+        if crowd.places.recognise(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
     ]
     assert let_in.count("0") == BROWSER_PLACES // SOCKET_COSTS
     assert len(let_in) == 200 // SOCKET_COSTS
-    assert crowd.door.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
+    assert crowd.places.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
 
 
 def test_a_place_is_free_again_when_its_holder_leaves(crowd: Crowd) -> None:
     place = crowd.comes("viewer", "10.0.0.1")
-    assert crowd.door.recognise(place, VIEWER, is_socket=True)
-    assert crowd.door.known == SOCKET_COSTS
-    crowd.door.leave(place)
-    crowd.door.leave(place)
-    assert (crowd.door.known, crowd.door.guests) == (0, 0)
-    assert not crowd.door.recognise(place, VIEWER)
-    assert crowd.door.known == 0
+    assert crowd.places.recognise(place, VIEWER, is_socket=True)
+    assert crowd.places.known == SOCKET_COSTS
+    crowd.places.leave(place)
+    crowd.places.leave(place)
+    assert (crowd.places.known, crowd.places.guests) == (0, 0)
+    assert not crowd.places.recognise(place, VIEWER)
+    assert crowd.places.known == 0
 
 
 @pytest.mark.parametrize(("limit", "in_use"), [(64, 60), (128, 40), (1024, 60), (8192, 60)])

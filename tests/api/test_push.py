@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.control import LOOK_S, LOST_S, Control
-from backend.api.errors import ApiError
-from backend.api.gate import Person
-from backend.api.kinds import experiment_kinds
-from backend.api.schemas.session import Role
-from backend.api.schemas.state import Push
-from backend.experiments.loop_settings import LoopSettings
+from backend.access.control import LOOK_S, LOST_S, Control
+from backend.access.people import Person
+from backend.experiments.plans.loop_settings import LoopSettings
 from backend.loop.mode import Mode
-from backend.refusal import OutOfRangeError
+from backend.messages.session import Role
+from backend.messages.state import Push
+from backend.operating.run_kinds import experiment_kinds
+from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
 from backend.storage import Database, events, open_database
 from plant.choice import PlantChoice, PlantKind
@@ -32,9 +31,9 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 async def in_run(parts: Parts) -> None:
-    await parts.bench.set_mode(Mode.PRETENSION, OPERATOR.name)
-    await parts.supervisor.advance_until(lambda: parts.picture.state().pretension_done, 20.0)
-    await parts.bench.set_mode(Mode.RUN, OPERATOR.name)
+    await parts.actuator.set_mode(Mode.PRETENSION, OPERATOR.name)
+    await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+    await parts.actuator.set_mode(Mode.RUN, OPERATOR.name)
 
 
 def pushed_by(parts: Parts) -> float:
@@ -47,16 +46,16 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     async def lost(parts: Parts) -> None:
         await in_run(parts)
         now = 100.0
-        control = Control(parts.bench.operator_lost, parts.bench.note_control, lambda: now)
-        control.let_go = parts.bench.let_go
+        control = Control(parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
+        control.let_go = parts.actuator.let_go
         control.take(ANA, is_page=True)
-        await parts.bench.push(Push(F_push=6.0, duration_s=10.0), ANA.name)
+        await parts.actuator.push(Push(F_push=6.0, duration_s=10.0), ANA.name)
         for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):
             assert pushed_by(parts) in (0.0, 6.0)
             now += LOOK_S
             await control.look()
             await parts.supervisor.advance(0.01)
-        assert parts.picture.mode is Mode.RUN  # long before the soft stop
+        assert parts.present.mode is Mode.RUN  # long before the soft stop
         for _ in range(100):
             await parts.supervisor.advance(0.01)
             if pushed_by(parts) == 0.0:
@@ -73,7 +72,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
-            tuning = parts.picture.tuning.view(0.0)
+            tuning = parts.present.tuning.view(0.0)
             return {one.name: one.why_not for one in experiment_kinds(LoopSettings(), tuning, kind)}
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
@@ -88,19 +87,19 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
 
 def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database) -> None:
     async def refused(parts: Parts) -> None:
-        with pytest.raises(ApiError, match="in run and compliance; the mode is off"):
-            await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
+        with pytest.raises(RefusalError, match="in run and compliance; the mode is off"):
+            await parts.actuator.push(Push(F_push=5.0), OPERATOR.name)
         await in_run(parts)
         for push, quantity in ((Push(F_push=31.0), "F_push"), (Push(F_push=5.0, duration_s=11.0), "duration_s")):
             with pytest.raises(OutOfRangeError) as refused_value:
-                await parts.bench.push(push, OPERATOR.name)
+                await parts.actuator.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
-        assert parts.picture.state().limits.F_push_max == 30.0
+        assert parts.present.state().limits.F_push_max == 30.0
         for kind, words in ((PlantKind.REPLAY, "is the replay$"), (PlantKind.RIG, "is the rig: push it by hand$")):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
-            with pytest.raises(ApiError, match=words):
-                await parts.bench.push(Push(F_push=5.0), OPERATOR.name)
-        assert parts.picture.state().limits.F_push_max == 0.0
+            with pytest.raises(RefusalError, match=words):
+                await parts.actuator.push(Push(F_push=5.0), OPERATOR.name)
+        assert parts.present.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
         assert pushed_by(parts) == 0.0
 

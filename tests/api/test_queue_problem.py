@@ -3,9 +3,9 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 
-from backend.api.errors import ApiError
-from backend.api.queue import Queue, Start
-from backend.api.schemas.experiment import ExperimentRequest
+from backend.messages.experiment import ExperimentRequest
+from backend.operating.experiment_queue import Queue, Start
+from backend.refusal import Because, RefusalError
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
 
@@ -16,7 +16,7 @@ WITHOUT_BANK = ExperimentRequest(name="sequence", settings={"bank": 99})
 async def start(request: ExperimentRequest, _who: str) -> int:
     """Start everything but what asks for bank 99."""
     if request.settings:
-        raise ApiError(404, "there is no bank 99")
+        raise RefusalError(Because.UNKNOWN, "there is no bank 99")
     return 5
 
 
@@ -83,7 +83,7 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
         if request.settings:
             asked.set()
             await told.wait()
-            raise ApiError(404, "there is no bank 99")
+            raise RefusalError(Because.UNKNOWN, "there is no bank 99")
         return 5
 
     async def session(queue: Queue) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.tokens import TokenError, load_tokens
+from backend.access.tokens import TokenError, load_tokens
 from backend.settings import Settings
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from backend.api.errors import ApiError
-from backend.api.turns import BUSY_S, GAP_S, WAITING, Turns
+from backend.access.command_turns import BUSY_S, GAP_S, WAITING, Turns
+from backend.refusal import RefusalError
 
 
 class Skipping(selectors.DefaultSelector):
@@ -53,8 +53,8 @@ class Desk:
                 self.noted.append(f"{number} begins")
                 await asyncio.sleep(takes_s)
                 self.noted.append(f"{number} ends")
-        except ApiError as error:
-            self.noted.append(f"{number} {error.problem.code}")
+        except RefusalError as error:
+            self.noted.append(f"{number} {error.code}")
 
     def play(self, *commands: tuple[int, float, float]) -> list[str]:
         async def together() -> None:

@@ -8,9 +8,9 @@ import pytest
 from fastapi import FastAPI, Request
 from starlette.responses import Response
 
-from backend.api import protocols, reception
-from backend.api.door import Door
-from backend.api.security import Guard
+from backend.web_server import listener, protocols
+from backend.web_server.guard import Guard
+from backend.web_server.places import Places
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
 
@@ -33,8 +33,8 @@ async def large() -> Response:
 
 @app.get("/guests")
 async def count(request: Request) -> int:
-    door: Door = getattr(request.state, protocols.DOOR)
-    return door.guests
+    places: Places = getattr(request.state, protocols.ALL_PLACES)
+    return places.guests
 
 
 @app.post("/thing")
@@ -51,7 +51,7 @@ def address() -> Iterator[tuple[str, int]]:
 @pytest.fixture
 def short_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """For those who are to be sent away; whoever is to stay has the whole time, as the machine may be busy."""
-    monkeypatch.setattr(reception, "SILENCE_S", SHORT_S)
+    monkeypatch.setattr(listener, "SILENCE_S", SHORT_S)
     for name in ("HEAD_S", "BODY_S", "REST_S"):
         monkeypatch.setattr(protocols, name, SHORT_S)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.errors import ApiError
-from backend.api.schemas.tuning import TrialRequest, TuningRequest
-from backend.experiments.tuning_choice import TuningChoice
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.refusal import RefusalError
 from backend.storage import Database, banks, events, open_database
 from backend.storage.banks import Bank, BankEntry
 from plant.parameters import load_parameters
@@ -42,13 +42,13 @@ def bank(database: Database) -> Bank:
 
 def in_force(parts: Parts) -> TuningChoice:
     """The tuning in force; what a loop that starts anew is given is the same."""
-    assert parts.supervisor.setup.tuning == parts.picture.tuning.command()
-    return parts.picture.tuning.choice
+    assert parts.supervisor.setup.tuning == parts.present.tuning.command()
+    return parts.present.tuning.choice
 
 
 def earlier(parts: Parts) -> TuningChoice | None:
     """What the page shows as what undoing puts back."""
-    shown = parts.picture.state().earlier
+    shown = parts.present.state().earlier
     if shown is None:
         return None
     values = shown.model_dump()
@@ -57,9 +57,9 @@ def earlier(parts: Parts) -> TuningChoice | None:
 
 def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.bench.retuning
+        retuning = parts.actuator.retuning
         assert earlier(parts) is None
-        with pytest.raises(ApiError, match="nothing to undo"):
+        with pytest.raises(RefusalError, match="nothing to undo"):
             await retuning.undo(WHO)
         await retuning.use_bank(bank, WHO)
         for change in CHANGES:
@@ -86,10 +86,10 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
 
 def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.bench.retuning
-        assert parts.picture.state().tuning.entry_name == ""
+        retuning = parts.actuator.retuning
+        assert parts.present.state().tuning.entry_name == ""
         await retuning.use_bank(bank, WHO)
-        assert parts.picture.state().tuning.entry_name == "10 N"
+        assert parts.present.state().tuning.entry_name == "10 N"
         view = await retuning.use_bank(None, WHO)
         assert (view.bank, in_force(parts).bank) == (None, 0)
         await retuning.undo(WHO)
@@ -106,12 +106,12 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
 
 def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.bench.retuning
+        retuning = parts.actuator.retuning
         await retuning.set(TuningRequest(lam_q=0.6), WHO)
         for lam_q in (0.7, 0.8):
             await retuning.try_out(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == TuningChoice()
-            with pytest.raises(ApiError, match="on trial"):
+            with pytest.raises(RefusalError, match="on trial"):
                 await retuning.undo(WHO)
         await retuning.end_trial(True, WHO)
         assert earlier(parts) == TuningChoice(lam_q=0.6)
@@ -127,10 +127,10 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
 
 def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.bench.retuning
+        retuning = parts.actuator.retuning
         await retuning.set(TuningRequest(lam_q=0.6), WHO)
         await retuning.lend(TuningChoice(lam_q=0.9, b=1.0), None, WHO)
-        with pytest.raises(ApiError, match="its tuning is part of its record"):
+        with pytest.raises(RefusalError, match="its tuning is part of its record"):
             await retuning.undo(WHO)
         await asyncio.gather(retuning.give_back(), retuning.give_back())
         assert (in_force(parts), earlier(parts)) == (TuningChoice(lam_q=0.6), TuningChoice())

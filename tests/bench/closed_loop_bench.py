@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from rich.console import Console
 
-from backend.experiments.batch import run_batch
+from backend.experiments.playing.batch import run_batch
 from backend.tuning import closed_loop
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

@@ -7,8 +7,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from backend.experiments.metrics import Overall, tracking_metrics
-from backend.experiments.plans import TrackingPlan
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.results.metrics import Overall, tracking_metrics
 from backend.loop.player import SegmentPlayer, Target
 from backend.tuning.baseline_loops import run_feedback_linearization, run_single_loop
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning

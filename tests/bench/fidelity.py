@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
-from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.errors import IdentificationError
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method

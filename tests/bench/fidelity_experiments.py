@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.experiments.compliance import compliance_figures
-from backend.experiments.compliance_plan import LEAD_IN_S, CompliancePlan
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.metrics import Overall, tracking_metrics
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.robustness import robustness_figures
-from backend.experiments.robustness_plan import PAPER_LOAD_NM, RobustnessPlan
-from backend.experiments.runner import Order, run_experiment
+from backend.experiments.plans.compliance_plan import LEAD_IN_S, CompliancePlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.robustness_plan import PAPER_LOAD_NM, RobustnessPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.experiments.results.compliance import compliance_figures
+from backend.experiments.results.metrics import Overall, tracking_metrics
+from backend.experiments.results.robustness import robustness_figures
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import open_database
 from plant.interface import T_s

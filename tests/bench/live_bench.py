@@ -16,7 +16,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from backend import wire
-from backend.api.live import HISTORY_S, PATIENCE_S
+from backend.api.live import PATIENCE_S
+from backend.operating.live_stream import HISTORY_S
 from backend.sample import INDEX, STORED_NAMES
 from plant.interface import T_s
 from tests.bench.c_twin import CompilerMissingError

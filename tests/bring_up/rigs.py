@@ -8,8 +8,9 @@ from typing import Any
 from backend.bring_up.engine import perform, values_of
 from backend.bring_up.steps import StepId
 from backend.bring_up.work import Finding, Work
-from backend.experiments.bank_building import tuning_command
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.loop.commands import SwitchDrives
 from backend.loop.headless import Headless
 from backend.loop.mode import MODES, Mode
 from backend.sample import INDEX
@@ -67,6 +68,7 @@ class BroughtUpRig:
             values_of(step, values),
             computed=True,
             confirmed=self._confirmed,
+            switch=lambda on: self.loop.send(SwitchDrives(on)),
             phase=self.in_phase,
             cells=cells,
         )

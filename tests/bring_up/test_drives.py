@@ -137,6 +137,32 @@ def test_a_reset_leaves_the_drives_off() -> None:
     run(rig, work())
 
 
+@pytest.mark.parametrize("moving", [False, True], ids=["tripped", "winding up"])
+def test_to_switch_the_drives_off_is_refused_in_no_mode(moving: bool) -> None:
+    rig = BroughtUpRig()
+
+    async def work() -> None:
+        await rig.loop.advance(0.01)
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Accepted)
+        await rig.loop.advance(0.3)
+        assert rig.rig.card_state().u_A != 0.0
+        if not moving:
+            await rig.loop.send(Stop(Fault.FORCE_LIMIT))
+            await rig.loop.advance(0.01)
+            assert rig.rig.card_state().drive_enabled
+        assert isinstance(await rig.loop.send(SwitchDrives(on=False)), Accepted)
+        assert not rig.rig.card_state().drive_enabled
+        await rig.loop.advance(0.01)
+        assert rig.mode is Mode.TRIPPED
+        assert (rig.rig.card_state().u_A, rig.rig.card_state().u_B) == (0.0, 0.0)
+        assert isinstance(await rig.loop.send(Reset()), Accepted)
+        await rig.loop.advance(0.01)
+        assert not rig.rig.card_state().drive_enabled
+        assert isinstance(await rig.loop.send(SetMode(Mode.PRETENSION)), Refused)
+
+    run(rig, work())
+
+
 def run(rig: BroughtUpRig, work: object) -> None:
     assert asyncio.iscoroutine(work)
     try:

@@ -10,17 +10,20 @@ import pytest
 
 import plant
 from backend.bring_up import standing
+from backend.bring_up.hands import KeptHands
 from backend.bring_up.session import BlockedError, Person, Session
 from backend.bring_up.standing import StepState, blocked_by
 from backend.bring_up.steps import STEP, STEPS, StepId
 from backend.bring_up.work import Figure, Finding
-from backend.experiments.bank_building import tuning_command
-from backend.experiments.default_choice import default_choice
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.banks.default_choice import default_choice
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.storage import open_database
-from plant.brought_up import CellCalibration, calibrated
+from plant.brought_up import BroughtUp, CellCalibration, calibrated, fingerprint
+from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
+from plant.rig import Rig
 from plant.simulator import Simulator
 from plant.virtual_rig import VirtualRig
 from plant.wiring import load_wiring
@@ -43,7 +46,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert standing.in_effect(database, other) == standing.BroughtUp(wired=standing.fingerprint(other))
+    assert standing.in_effect(database, other) == standing.BroughtUp(wired=fingerprint(other))
     standing.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
     assert not standing.in_effect(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
@@ -71,7 +74,7 @@ def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_p
 def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)
-    wired, other = standing.fingerprint(WIRING), standing.fingerprint(with_entries(encoder_q={"direction": -1.0}))
+    wired, other = fingerprint(WIRING), fingerprint(with_entries(encoder_q={"direction": -1.0}))
     zero = standing.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
     step = STEP[StepId.ZERO]
     assert standing.newest(database)[StepId.ZERO] == zero
@@ -121,7 +124,7 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
 def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
-    begun, wired, step = datetime.now(UTC), standing.fingerprint(WIRING), STEP[StepId.CALIBRATE]
+    begun, wired, step = datetime.now(UTC), fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
     def calibrated_one(tendon: str) -> tuple[standing.StepResult, StepState, str]:
         kept = standing.keep(database, step.id, WIRING, Finding(True, "well", (), (cells[tendon],)), "Ada")
@@ -213,14 +216,46 @@ def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool
     assert VirtualRig(WIRING, Simulator(PARAMETERS, 0)).unready == ""
 
 
+def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: Path) -> None:
+    """An edit between the look at what is proven and the start of the loop."""
+    file, choice = tmp_path / "rig.toml", PlantChoice(PlantKind.RIG, str(tmp_path / "rig.toml"))
+    said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
+    file.write_text(said, encoding="utf-8")
+    cells = tuple(CellCalibration(tendon, 10.7, 0.31, "calibrated") for tendon in "AB")
+    known = BroughtUp(cells, True, True, fingerprint(load_wiring(str(file))))
+
+    def made() -> Rig:
+        rig = make_plant(choice, PARAMETERS, 0, None, known)
+        assert isinstance(rig, Rig)
+        return rig
+
+    assert (made().unproven, made().wired, made().wiring.load_cell_A.slope) == ("", known.wired, 10.7)
+    file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
+    assert "load cells have not been measured" in made().unproven
+    assert made().wired == fingerprint(load_wiring(str(file))) != known.wired
+    assert made().wiring.load_cell_A.slope == 10.0
+
+
+def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> None:
+    database, begun = open_database(tmp_path), datetime.now(UTC)
+    zero = standing.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    wired = fingerprint(WIRING)
+    assert standing.standing(STEP[StepId.ZERO], zero, wired, begun).why == (
+        "it holds good for 1 day from when it was done"
+    )
+    database.close()
+
+
 def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None:
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     tuning = tuning_command(PARAMETERS, default_choice(PARAMETERS).choice, None)
-    supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning))
+    known = standing.in_effect(database, load_wiring(str(file)))
+    supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = Person("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
-    at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)))
+    hands = KeptHands(database, supervisor.setup.plant)
+    at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
     at_rig.require_free(StepId.WIRING_TEST)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
     with pytest.raises(BlockedError, match="the wiring file has changed since the loop was started"):

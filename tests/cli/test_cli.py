@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from backend.cli import main
-from backend.experiments import kept_choice
-from backend.experiments.tuning_choice import TuningChoice
+from backend.experiments.banks import kept_choice
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.storage import open_database, runs
 from plant.parameters import load_parameters
 from tests.experiments.parameter_files import weak_motors

@@ -21,8 +21,8 @@ from backend.bring_up.work import Finding
 from backend.cli import main
 from backend.cli.asking import GivenUpError, Terminal
 from backend.cli.ordering import current_user
-from backend.experiments.bank_building import tuning_command
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.plans.loop_settings import LoopSettings
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
@@ -166,7 +166,7 @@ def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
 
 
 @pytest.mark.live
-def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts(tmp_path: Path) -> None:
+def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_nothing(tmp_path: Path) -> None:
     """What Ctrl-C does inside the process: the task of the step is cancelled."""
     done(tmp_path, StepId.WIRING_TEST)
     parameters = load_parameters("lab")
@@ -186,8 +186,11 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts(tmp_path: Pa
                 await supervisor.advance_until(lambda: volts(supervisor) > 0.1, 30.0)
                 driven = volts(supervisor)
                 playing.cancel()
-                await asyncio.wait((playing,))
-                assert playing.cancelled()
+                result = await playing
+                assert (result.passed, result.text) == (
+                    False,
+                    "it was given up after a motor had been tried: do it again",
+                )
                 await supervisor.advance(0.05)
                 return supervisor, driven, volts(supervisor)
 
@@ -196,7 +199,11 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts(tmp_path: Pa
     assert after == 0.0
     card = supervisor.card.state()
     assert (card.u_A, card.u_B, card.drive_enabled) == (0.0, 0.0, False)
-    assert set(kept(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
+    assert {step: result.passed for step, result in kept(tmp_path).items()} == {
+        StepId.WIRING_TEST: True,
+        StepId.ZERO: True,
+        StepId.DIRECTION: False,
+    }
 
 
 def volts(supervisor: Supervisor) -> float:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.api.tokens import Tokens, load_tokens
+from backend.access.tokens import Tokens, load_tokens
 from backend.cli import main
 
 PORT_IN_WORDS = "valid integer"

@@ -111,3 +111,15 @@ def test_measurement_corrects_the_model() -> None:
     _, after = feedback_linearization.step(tuning, state, 0.1, 10.5, m)
     assert 12.0 < after.x.theta_A < 12.1
     assert after.x.omega_A < 0.0
+
+
+def test_a_model_that_stands_elsewhere_is_drawn_to_what_is_measured_at_each_encoder() -> None:
+    tuning = feedback_linearization_tuning(IDEAL, Lambdas())
+    m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
+    for angle in ("q", "theta_A", "theta_B"):
+        for off in (0.01, -0.01):
+            begun = m._replace(**{angle: getattr(m, angle) + off})
+            state = feedback_linearization.take_over(tuning, 0.7, 0.4, begun)
+            _, after = feedback_linearization.step(tuning, state, 0.1, 10.5, m)
+            left = (getattr(after.x, angle) - getattr(m, angle)) / off
+            assert 0.0 < left < 1.0

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 from backend.controllers.scheduling import HYSTERESIS, Schedule, gains_at, select
+from backend.tuning import closed_loop
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from plant.parameters import load_parameters
 
 NOMINAL = np.array([8.24, 10.55, 12.43, 14.06])
 ENTRIES = np.column_stack([NOMINAL] + [10.0 * column + np.arange(4.0) for column in range(1, 7)])
@@ -13,6 +17,14 @@ def test_begins_at_the_nearest_entry() -> None:
     switching = Schedule(ENTRIES, interpolate=False)
     for S in np.linspace(7.0, 15.0, 161):
         assert select(switching, -1.0, S) == np.argmin(np.abs(NOMINAL - S))
+
+
+@pytest.mark.parametrize("S", [9.3, 9.5, 11.4, 11.6, 13.2, 13.3])
+def test_a_cascade_that_takes_over_begins_at_the_nearest_entry(S: float) -> None:
+    parameters = load_parameters("ideal")
+    tuning = cascade_tuning(parameters, Lambdas())._replace(schedule=Schedule(ENTRIES, interpolate=False))
+    _, state = closed_loop.at_rest(closed_loop.rig_of(parameters), tuning, 0.0, S)
+    assert state.active == np.argmin(np.abs(NOMINAL - S))
 
 
 def test_switches_only_beyond_the_hysteresis() -> None:

@@ -71,3 +71,13 @@ def test_the_safety_module_ends_a_run_that_leaves_the_joint_range() -> None:
     )
     assert 3000 < trajectory.tripped_at < 6000
     assert np.isnan(trajectory.q[trajectory.tripped_at + 1])
+
+
+def test_forces_are_measured_as_late_as_the_load_cells_are_from_the_first_tick_on() -> None:
+    late = replace(IDEAL, sensors=replace(IDEAL.sensors, force_delay=0.012))
+    tuning, references = single_loop_tuning(IDEAL, Lambdas()), (np.zeros(300), np.full(300, 10.0))
+    now, then = (run_single_loop(plant, tuning, *references, F_push=np.full(300, 20.0)) for plant in (IDEAL, late))
+    assert np.ptp(now.F_A[:64]) > 0.1
+    np.testing.assert_array_equal(then.q, now.q)
+    np.testing.assert_allclose(then.F_A[12:], now.F_A[:-12], rtol=1e-12)
+    np.testing.assert_allclose(then.F_B[12:], now.F_B[:-12], rtol=1e-12)

@@ -3,10 +3,12 @@
 import re
 from pathlib import Path
 
-from backend.api import attempts, control, door, logs, protocols, security, sessions
+from backend import logs
+from backend.access import attempts, control, sessions
 from backend.faults import Fault
 from backend.loop import card_guard
 from backend.settings import Settings
+from backend.web_server import guard, places, protocols
 from tests.docs.faults_page import SECTIONS, documented_ms
 from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
@@ -24,11 +26,11 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 def test_numbers_are_those_of_the_code() -> None:
     settings = Settings(_env_file=None)
     assert dict(cells("### Numbers\n", 2)[:15]) == {
-        "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
-        "connections of those who have not shown who they are": f"{door.GUESTS}",
-        "connections in all, as far as descriptors allow": f"{door.PLACES}",
-        "connections of one browser session": f"{door.BROWSER_PLACES}",
-        "descriptors kept for everything else": f"{door.RESERVE}",
+        "largest body of a request": f"{guard.MAX_BODY_BYTES // 1024} kB",
+        "connections of those who have not shown who they are": f"{places.GUESTS}",
+        "connections in all, as far as descriptors allow": f"{places.MOST_PLACES}",
+        "connections of one browser session": f"{places.BROWSER_PLACES}",
+        "descriptors kept for everything else": f"{places.RESERVE}",
         "largest head of a request": f"{protocols.LONGEST_HEAD // 1024} kB",
         "time for the head of a request, and for its body": f"{protocols.HEAD_S:g} s each",
         "time without a byte taken of an answer": f"{protocols.STALL_S:g} s",

@@ -13,11 +13,12 @@ import pytest
 
 import backend.loop
 from backend import main
-from backend.api import control
-from backend.api.schemas.state import TimingView
-from backend.experiments.plans import ActuatorIdentificationPlan
-from backend.loop import checks, commands, heartbeat, motion, sensor_checks, supervisor, timing, worker
+from backend.access import control
+from backend.controllers import plausibility
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.loop import checks, commands, heartbeat, motion, supervisor, timing, worker
 from backend.loop.loop import Loop
+from backend.messages.state import TimingView
 from backend.recording import flight
 from backend.sample import FIELDS
 from plant import card
@@ -64,9 +65,9 @@ def said(documented: object) -> str:
         f"heard nothing from the service for {worker.SILENCE_S:g} s",
         f"F_max ({PARAMETERS.safety.F_max:g} N)",
         f"below 1 N for more than {checks.SLACK_MAX_S:g} s",
-        f"For {sensor_checks.CONTRADICTION_S:g} s a load cell",
-        f"differed by more than {sensor_checks.CONTRADICTION_N:g} N",
-        f"by a count for {sensor_checks.UNMOVED_S:g} s",
+        f"For {plausibility.CONTRADICTION_S:g} s a load cell",
+        f"differed by more than {plausibility.CONTRADICTION_N:g} N",
+        f"by a count for {plausibility.UNMOVED_S:g} s",
         f"may be left alone: {Simulator.unattended_max_s:g} s on the simulator",
         f"was not heard for {control.LOST_S:g} s",
         f"held for {control.HOLD_S:g} s more",
@@ -115,9 +116,8 @@ def test_readme_has_the_figures_of_the_code() -> None:
 def test_a_signal_is_defined_where_the_architecture_says() -> None:
     assert "`FIELDS` of `backend/sample.py`" in ARCHITECTURE
     assert "`Loop._append`" in ARCHITECTURE
-    assert len(FIELDS) == inspect.getsource(Loop._append).split("self._row[:] = (")[1].split("        )\n")[0].count(
-        ",\n"
-    )
+    packed = inspect.getsource(Loop._append).split("ROW.pack_into(\n            self._row.data,\n            0,\n")[1]
+    assert len(FIELDS) == packed.split("        )\n")[0].count(",\n")
 
 
 def test_motions_live_in_the_files_that_the_architecture_names() -> None:

@@ -1,4 +1,4 @@
-"""Fixtures of the browser tests: one service per module, one fresh page per test, screenshots of what failed."""
+"""Fixtures of the browser tests: one browser, one service, a fresh page per test, screenshots of what failed."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
+from backend.messages.preferences import NEW_HERE
+from tests.api.conftest import client_with, until
 from tests.e2e.browser import DESKTOP, Watched, chromium
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
@@ -25,16 +27,37 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     return report
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
-    # Playwright's synchronous interface keeps an event loop running: it ends with the module, so that other tests of
+    # Playwright's synchronous interface keeps an event loop running: it ends with this folder, so that other tests of
     # this process can run their own.
     with chromium() as running:
         yield running
 
 
+@pytest.fixture(scope="package")
+def shared_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with running_service(tmp_path_factory.mktemp("shared")) as running:
+        yield running
+
+
 @pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+def service(shared_service: Service) -> Service:
+    """The service that the modules of this folder share, but for recordings as it is when it has started.
+
+    One of its own is for those that count on an empty data folder, and for those with another plant.
+    """
+    with client_with(shared_service, "token") as script:
+        until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # pages before are gone
+        script.post("/api/stop").raise_for_status()
+        script.post("/api/reset").raise_for_status()
+        script.put("/api/preferences", json=NEW_HERE.model_dump()).raise_for_status()
+        script.delete("/api/control").raise_for_status()
+    return shared_service
+
+
+@pytest.fixture(scope="module")
+def fresh_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     with running_service(tmp_path_factory.mktemp("data")) as running:
         yield running
 

@@ -15,6 +15,8 @@ from tests.e2e.service import Service
 MOTION_TIMEOUT_MS = 30_000
 """Long enough for anything the loop does by itself, also on a machine that is busy with other things."""
 
+LOOK_MS = 50
+
 
 def kept(name: str, value: object) -> Callable[[Response], bool]:
     """Tell the answer to the request that keeps this preference; those before it wait in a queue of their own."""
@@ -115,11 +117,11 @@ class Operator:
         self.page.get_by_role("textbox", name=label, exact=True).press("Enter")
 
     def wait(self, condition: Callable[[], bool], timeout_ms: int = MOTION_TIMEOUT_MS) -> None:
-        """Look again with each new animation frame until the condition holds."""
+        """Look again every few frames until the condition holds: each look is work for page, service and processor."""
         deadline = time.monotonic() + timeout_ms / 1000
         while not condition():
             assert time.monotonic() < deadline, "what was waited for did not happen"
-            self.page.evaluate("new Promise(requestAnimationFrame)")
+            self.page.wait_for_timeout(LOOK_MS)
 
     def wait_for_samples(self, count: int) -> int:
         """Wait until the loop has made so many more samples; returns how many it made."""

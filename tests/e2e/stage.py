@@ -117,7 +117,8 @@ class Stage:
 
     def recorded(self, run: int, signal: str) -> list[tuple[float, float]]:
         """Time [s] and value of one signal in a run's download."""
-        answer = self.page.request.get(f"{self.service.url}/api/runs/{run}/data.csv")
+        url = f"{self.service.url}/api/runs/{run}/data.csv"
+        answer = self.page.request.get(url, timeout=forms.REPORT_TIMEOUT_MS)  # its process gives way to all others
         assert answer.ok, answer.text()
         return [(float(row["t"]), float(row[signal])) for row in csv.DictReader(io.StringIO(answer.text()))]
 

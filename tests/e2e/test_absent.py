@@ -2,11 +2,18 @@
 
 import re
 
+import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 from tests.e2e.test_viewer import PAGES, SEEN, signed_in_as_viewer
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
 
 BARE = """() => {
   const found = [];

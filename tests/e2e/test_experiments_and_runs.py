@@ -1,5 +1,6 @@
 """Own sequences, dry run and queue; then the runs they leave: lineage, marks, replay, two on the same axes; set-up."""
 
+import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.e2e.browser import DESKTOP
@@ -8,6 +9,11 @@ from tests.e2e.service import Service
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
 
 
 def test_somebody_new_is_shown_around_once(operator: Operator) -> None:

@@ -1,12 +1,18 @@
 """A person is asked for a name once, everybody sees who is connected, and signing out ends the session for good."""
 
 import httpx
+import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from backend.api.gate import COOKIE
+from backend.api.cookies import COOKIE
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.service import Service
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
 
 
 def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, service: Service) -> None:

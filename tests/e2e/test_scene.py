@@ -68,7 +68,7 @@ def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser,
 def test_the_actuator_is_drawn_and_stop_still_acts(operator: Operator) -> None:
     page = operator.page
     operator.sign_in()
-    operator.bring_up()
+    operator.be_in_run()
     show_in_3d(page)
     wait_for_a_picture(operator, canvas_of(page, "3D view"))
     page.get_by_role("button", name="STOP", exact=True).click()

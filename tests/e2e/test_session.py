@@ -8,9 +8,15 @@ from pypdf import PdfReader
 
 from tests.e2e.forms import pressed
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
 TRACKING_TIMEOUT_MS = 150_000
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
 
 
 def test_a_session_from_the_sign_in_link_to_stop(operator: Operator) -> None:

@@ -5,8 +5,9 @@ from fastapi import Response
 from playwright.sync_api import Browser, Page, expect
 from starlette.requests import HTTPConnection
 
-from backend.api.gate import Gate
-from backend.api.tokens import TokenFiles
+from backend.access.authentication import Authentication
+from backend.access.tokens import TokenFiles
+from backend.api.cookies import grant, shown_by
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
@@ -53,8 +54,8 @@ def lapsed_cookie(service: Service) -> tuple[str, str]:
     """A cookie that the service's own tokens have signed, of a session that it does not know any more."""
     asks = HTTPConnection({"type": "http", "headers": [(b"host", service.url.removeprefix("http://").encode())]})
     files = TokenFiles(service.data)
-    gate, answer = Gate(files), Response()
-    gate.grant(asks, answer, gate.sign_in(asks, files.tokens.operator, "Ana"))
+    authentication, answer = Authentication(files), Response()
+    grant(authentication, asks, answer, authentication.sign_in(shown_by(asks), files.tokens.operator, "Ana"))
     name, _, value = answer.headers["set-cookie"].partition(";")[0].partition("=")
     return name, value
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, expect
 
-from backend.experiments.catalogue import EXPERIMENTS, IDENTIFICATIONS
+from backend.experiments.plans.catalogue import EXPERIMENTS, IDENTIFICATIONS
 from plant.choice import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator

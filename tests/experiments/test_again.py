@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.again import NotEvaluableError, evaluate_again
-from backend.experiments.evaluation import Evaluation
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
-from backend.experiments.runner import Order, create_run, run_experiment
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, create_run, run_experiment
+from backend.experiments.results.again import NotEvaluableError, evaluate_again
+from backend.experiments.results.evaluation import Evaluation
 from backend.storage import open_database, results, runs
 from backend.storage.runs import EndState
 from plant.parameters import SHIPPED, load_parameters, parameters_of

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.bank_consistency import (
+from backend.experiments.banks.bank_consistency import (
     BankError,
     NamedEntry,
     require_consistent,
     require_same_parameters,
 )
-from backend.experiments.bank_difference import difference, figures_of, with_entries
-from backend.experiments.bank_files import import_bank, read_file, to_document
+from backend.experiments.banks.bank_difference import difference, figures_of, with_entries
+from backend.experiments.banks.bank_files import import_bank, read_file, to_document
 from backend.storage import Database, banks, open_database
 from backend.storage.banks import BankEntry
 from backend.tuning.models import Lambdas

@@ -6,7 +6,7 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from backend.experiments.batch import run_batch
+from backend.experiments.playing.batch import run_batch
 from backend.tuning.closed_loop import run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.compliance import compliance_criteria, compliance_figures
-from backend.experiments.compliance_plan import LEAD_IN_S
-from backend.experiments.metrics import NoSamplesError
+from backend.experiments.plans.compliance_plan import LEAD_IN_S
+from backend.experiments.results.compliance import compliance_criteria, compliance_figures
+from backend.experiments.results.metrics import NoSamplesError
 
 R_J = 0.075
 Array = NDArray[np.float64]

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from backend.experiments.bank_consistency import NamedEntry, require_consistent
-from backend.experiments.default_choice import default_choice
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.tuning_choice import TuningChoice
+from backend.experiments.banks.bank_consistency import NamedEntry, require_consistent
+from backend.experiments.banks.default_choice import default_choice
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
 from backend.refusal import OutOfRangeError
 from backend.storage import open_database
 from backend.storage.banks import BankEntry

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.experiments.forecast import Forecast, forecast
-from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans import ActuatorIdentificationPlan, IdentificationPlan
-from backend.experiments.way import start_from
+from backend.experiments.forecasts.forecast import Forecast, forecast
+from backend.experiments.forecasts.way import start_from
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
 from backend.loop.commands import Accepted, RunProgram, SetMode, SetReferences
 from backend.loop.mode import Mode
 from backend.refusal import OutOfRangeError

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.compliance_plan import LEAD_IN_S, CompliancePlan
-from backend.experiments.forecast import expected_s
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.runner import Order, Outcome, Station, run_experiment
-from backend.experiments.way import start_from
+from backend.experiments.forecasts.forecast import expected_s
+from backend.experiments.forecasts.way import start_from
+from backend.experiments.plans.compliance_plan import LEAD_IN_S, CompliancePlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.loop.commands import Accepted, SetMode, SetReferences
 from backend.loop.mode import Mode
 from backend.recording.columns import recorded_columns

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from backend.api import stored
-from backend.api.shelf import _lineage
+from backend.archive import views
+from backend.archive.stored_banks import _lineage
 from backend.cli import app
-from backend.experiments.bank_building import build_bank
-from backend.experiments.bank_consistency import BankError
+from backend.experiments.banks.bank_building import build_bank
+from backend.experiments.banks.bank_consistency import BankError
 from backend.reports.document import Table
 from backend.reports.provenance import lineage
 from backend.reports.source import load_source
@@ -76,7 +76,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp_path: Path) -> None:
     bank = build_bank(database, PARAMETERS, "bench", list(POINTS), "Ana")
     with database.session() as session:
-        view = stored.bank_view(bank, identifications.runs_of(session), {}, None)
+        view = views.bank_view(bank, identifications.runs_of(session), {}, None)
         follower = runs.create(session, new_run(RunKind.TRACKING, bank.id))
     assert [entry.identification for entry in view.entries] == list(POINTS)
 

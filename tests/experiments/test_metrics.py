@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from backend.experiments.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
-from backend.experiments.metrics import NoSamplesError, tracking_metrics
-from backend.experiments.phase import Phase
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.steps import Step, step_metrics, steps_of
+from backend.experiments.plans.phase import Phase
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.results.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
+from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
+from backend.experiments.results.steps import Step, step_metrics, steps_of
 from backend.loop.program import Law, Program, Segment, Shape
 
 T_s = 1e-3

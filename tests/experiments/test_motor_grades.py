@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.api import checklist
-from backend.api.schemas.history import ChecklistState
-from backend.experiments.identification_plans import MotorIdentificationPlan
-from backend.experiments.motor_identification import identify, to_store
+from backend.archive import checklist
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan
+from backend.experiments.results.motor_identification import identify, to_store
 from backend.identification.motor import grade_of, judge_motor
 from backend.identification.result import Grade
+from backend.messages.history import ChecklistState
 from backend.reports.build import build_report
 from backend.reports.source import Source
 from backend.storage import open_database, runs

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.compliance import compliance_criteria, compliance_figures
-from backend.experiments.criteria import BOUNDS_IDEAL, Criterion, judge, tracking_criteria
-from backend.experiments.metrics import TrackingMetrics, tracking_metrics
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.steps import Step, step_metrics
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.results.compliance import compliance_criteria, compliance_figures
+from backend.experiments.results.criteria import BOUNDS_IDEAL, Criterion, judge, tracking_criteria
+from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
+from backend.experiments.results.steps import Step, step_metrics
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from backend.cli import main
-from backend.experiments.actuator_identification import identify, to_store
-from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.results.actuator_identification import identify, to_store
 from backend.identification.actuator import ActuatorIdentification
 from backend.identification.fit import Method
 from backend.reports.actuator_identification import again_command

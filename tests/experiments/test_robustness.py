@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.experiments.catalogue import EXPERIMENTS
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.metrics import NoSamplesError
-from backend.experiments.robustness import (
+from backend.experiments.plans.catalogue import EXPERIMENTS
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.robustness_plan import LEAD_IN_S, RobustnessPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.experiments.results.metrics import NoSamplesError
+from backend.experiments.results.robustness import (
     BACK_LAMBDAS,
     BACK_SHARE,
     Columns,
     robustness_criteria,
     robustness_figures,
 )
-from backend.experiments.robustness_plan import LEAD_IN_S, RobustnessPlan
-from backend.experiments.runner import Order, run_experiment
 from backend.loop.commands import Accepted, Refused, RunProgram
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment, Shape

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.bank_building import build_bank, points_of, tuning_command
-from backend.experiments.bank_consistency import BankError
-from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.headless_station import headless_station
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.metrics import tracking_metrics
-from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
-from backend.experiments.playing import BenchNotReadyError
-from backend.experiments.runner import Order, Outcome, Station, create_run, run_experiment
+from backend.experiments.banks.bank_building import build_bank, points_of, tuning_command
+from backend.experiments.banks.bank_consistency import BankError
+from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.play import NotReadyError
+from backend.experiments.playing.runner import Order, Outcome, Station, create_run, run_experiment
+from backend.experiments.results.metrics import tracking_metrics
 from backend.faults import Fault
 from backend.loop.commands import Accepted, Reset, Stop
 from backend.recording.columns import recorded_columns
@@ -146,7 +146,7 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     columns, _ = recorded_columns(station.database, outcome.run.id)
     assert columns["t"].size == round(result.metrics["played_s"] * 1000)
 
-    with pytest.raises(BenchNotReadyError, match="reset"):
+    with pytest.raises(NotReadyError, match="reset"):
         create_run(station, Order(HASTY, LoopSettings(), "A. Operator"))
     assert isinstance(asyncio.run(station.loop.send(Reset())), Accepted)
     asyncio.run(station.loop.advance(0.01))

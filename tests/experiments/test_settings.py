@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import pytest
 
-from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.plans import ActuatorIdentificationPlan, Plan, TrackingPlan
-from backend.experiments.sequence_plan import SequencePlan
+from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import SettingError, describe, from_values
 from backend.loop.program import Law, Segment, Shape
 from backend.refusal import OutOfRangeError

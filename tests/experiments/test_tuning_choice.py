@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.api.schemas.state import TrialView
-from backend.api.schemas.tuning import ChosenTuning, SavedTuning, TuningParts, TuningRequest, TuningView
-from backend.experiments import kept_choice
-from backend.experiments.bank_building import tuning_command
-from backend.experiments.loop_settings import LoopSettings, split_values
-from backend.experiments.sequence_plan import SequencePlan
-from backend.experiments.tuning_choice import TuningChoice
+from backend.experiments.banks import kept_choice
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.loop_settings import LoopSettings, split_values
+from backend.experiments.plans.sequence_plan import SequencePlan
+from backend.messages.state import TrialView
+from backend.messages.tuning import ChosenTuning, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import open_database, settings
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer

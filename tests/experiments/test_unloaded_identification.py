@@ -6,14 +6,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from backend.experiments.headless_station import headless_station
-from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.motor_identification import identify, side_steps
-from backend.experiments.runner import Order, Station, run_experiment
+from backend.experiments.forecasts.unloaded_prediction import predict_motor, predict_spring
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, Station, run_experiment
+from backend.experiments.results.motor_identification import identify, side_steps
+from backend.experiments.results.spring_identification import from_table
 from backend.experiments.settings import from_values
-from backend.experiments.spring_identification import from_table
-from backend.experiments.unloaded_prediction import predict_motor, predict_spring
 from backend.identification.errors import IdentificationError
 from backend.loop.commands import Stop
 from backend.refusal import OutOfRangeError

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.catalogue import experiment
-from backend.experiments.headless_station import headless_station
-from backend.experiments.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.loop_settings import LoopSettings
-from backend.experiments.plans import Plan
-from backend.experiments.runner import Order, Outcome, Station, run_experiment
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import Plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.loop.commands import SetMode
 from backend.loop.mode import Mode
 from backend.recording.reader import read_samples

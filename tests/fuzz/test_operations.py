@@ -14,7 +14,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from backend.api.export import openapi
-from backend.experiments.catalogue import EXPERIMENTS
+from backend.experiments.plans.catalogue import EXPERIMENTS
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
 

@@ -65,6 +65,12 @@ TIMES = {
     "timestamp": 1.7e9 + T,
     "timestamps [ms]": 1e3 * T + 5e6,
     "elapsed": T,
+    **{f"time [{unit}]": T for unit in ("sec", "second", "seconds")},
+    **{f"time [{unit}]": 1e3 * T for unit in ("msec", "millis", "milliseconds")},
+    **{f"time [{unit}]": 1e6 * T for unit in ("µs", "μs")},
+    **{f"time [{unit}]": T / 60.0 for unit in ("min", "minutes")},
+    "time [ns]": 1e9 * T,
+    "time [h]": T / 3600.0,
 }
 
 
@@ -191,3 +197,10 @@ def test_a_period_one_per_cent_off_is_refused_and_right_when_resampled() -> None
     assert abs(found.T - 1.009 * T_M) < 4.0 * found.T_std
     resampled = estimate(record_from(columns, "u", "y", PERIOD_S, selection=Selection(resample=True)), "first")
     assert abs(resampled.first_order.T / (1.009 * T_M) - 1.0) < 0.004
+
+
+def test_a_file_may_be_as_long_as_is_said_and_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("backend.identification.table.MAX_SAMPLES", 3)
+    np.testing.assert_array_equal(read_csv("u\n1\n2\n3\n")["u"], [1.0, 2.0, 3.0])
+    with pytest.raises(DataFileError, match="the file holds 4 rows, at most 3 are read"):
+        read_csv("u\n1\n2\n3\n4\n")

@@ -7,7 +7,8 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from backend.experiments.identification_curves import _correlation
+from backend.experiments.results.identification_curves import _correlation
+from backend.identification.noise import fit_autoregression
 from backend.identification.residuals import input_correlation, judged, whiteness
 from backend.identification.result import CorrelationTest
 
@@ -60,3 +61,11 @@ def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_t
     }
     np.testing.assert_allclose(judged(old).bound, found.bound)
     assert judged(old).statistic == pytest.approx(judged(new).statistic)
+
+
+@pytest.mark.parametrize("D", [[1.0], [1.0, -0.8], [1.0, -1.2, 0.7]])
+def test_the_noise_model_is_the_polynomial_that_coloured_the_noise(D: list[float]) -> None:
+    e = lfilter([1.0], D, np.random.default_rng(3).standard_normal(50 * N))
+    found = fit_autoregression(e)
+    assert found.size == len(D)
+    assert found == pytest.approx(D, abs=5.0 / np.sqrt(e.size))

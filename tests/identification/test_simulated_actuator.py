@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
-from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.actuator import (
     STRUCTURES,
     ActuatorGeometry,

@@ -159,3 +159,9 @@ def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, object]
 
 def replaced(change: dict[str, object]) -> Evidence:
     return Evidence(**{name: change.get(name, getattr(GOOD, name)) for name in Evidence.__dataclass_fields__})
+
+
+def test_what_makes_a_model_unusable_is_told_before_what_makes_it_doubtful() -> None:
+    verdict = judge(replaced({"fit": 70.0, "first_order": FirstOrder(1.0, 0.2, NAN, 2e-4)}))
+    assert verdict.grade is Grade.UNUSABLE
+    assert [reason[:17] for reason in verdict.reasons] == ["standard error of", "fit of 70.0 % on "]

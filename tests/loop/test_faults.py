@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from backend.controllers.limits import F_SLACK
+from backend.controllers.plausibility import CONTRADICTION_N
 from backend.faults import FAULT_CODE, FAULTS, Fault
 from backend.loop.commands import (
     Accepted,
@@ -27,7 +28,6 @@ from backend.loop.commands import (
     Stopped,
 )
 from backend.loop.mode import Mode
-from backend.loop.sensor_checks import CONTRADICTION_N
 from backend.sample import INDEX
 from plant.breakage import Breakage, Broken, Sensor
 from plant.card import Card

@@ -9,13 +9,25 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.loop.commands import ByHand, Home, ModeChanged, Refused, SetMode, SetTuning, Stop, SwitchDrives
+from backend.loop.commands import (
+    Accepted,
+    ByHand,
+    Home,
+    ModeChanged,
+    Refused,
+    Reset,
+    SetMode,
+    SetTuning,
+    Stop,
+    SwitchDrives,
+    TryMotor,
+)
 from backend.loop.headless import Headless
 from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, HomingEnd, travel_to
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.dynamics import PlantState
-from plant.hand import Hand
+from plant.hand import NO_HAND, Hand
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_rig import VirtualRig
@@ -29,7 +41,8 @@ class Bench:
     """A loop on a virtual card that is wired as ``true`` says, its joint at ``q`` [rad], its directions proven."""
 
     def __init__(self, tuning: SetTuning, q: float, declared: dict[str, Any], true: dict[str, Any]) -> None:
-        start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q)
+        out = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m if abs(q) > 1.0 else 0.0  # else taut
+        start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=out, theta_B=out)
         self.simulator = Simulator(PARAMETERS, 0, start)
         known = {"directions_proven": True, "load_cells_measured": True}
         self.rig = VirtualRig(with_entries(**declared), self.simulator, None, with_entries(**true), **known)
@@ -117,6 +130,54 @@ def test_a_surprise_ends_it_at_zero_volts_with_its_name(
     newest = bench.loop.ring.newest()
     assert newest is not None
     assert newest[INDEX["q"]] == pytest.approx(way[-1, INDEX["q"]], abs=0.1)  # no zero was taken: it would be 0.15 off
+
+
+FAR = {"end_switch": {"position": -0.4}}
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["no zero is known", "a zero is known"])
+def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_has_been_turned(
+    tuning: SetTuning, known: bool
+) -> None:
+    """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad to either side."""
+    bench = Bench(tuning, 1.3, FAR, FAR)
+    asyncio.run(bench.loop.send(ByHand(Hand(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.advance(3.0))
+    asyncio.run(bench.loop.send(ByHand(NO_HAND)))
+    bench.rig.zeroed = known
+    way = bench.homed(-0.4)
+    if known:
+        assert bench.ends == [Fault.JOINT_LIMIT]
+        return
+    assert bench.ends == [HomingEnd.HOMED]
+    assert way[:, INDEX["q"]].min() < -1.6
+    newest = bench.loop.ring.newest()
+    assert newest is not None
+    assert newest[INDEX["q"]] == pytest.approx(bench.simulator.x.q, abs=2.0 * COUNT_RAD)
+
+
+def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTuning) -> None:
+    bench = Bench(tuning, 1.3, FAR, FAR)
+    asyncio.run(bench.loop.send(ByHand(Hand(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.advance(3.0))
+    asyncio.run(bench.loop.send(ByHand(NO_HAND)))
+    bench.rig.zeroed = False
+
+    def newest(name: str) -> float:
+        row = bench.loop.ring.newest()
+        assert row is not None
+        return float(row[INDEX[name]])
+
+    assert isinstance(asyncio.run(bench.loop.send(Home(-0.4))), Accepted)
+    asyncio.run(bench.loop.advance_until(lambda: newest("q") < -1.6, TIME_MAX_S))
+    assert newest("q") < -1.6
+    asyncio.run(bench.loop.send(Stop(Fault.STOP_PRESSED, hard=True)))
+    asyncio.run(bench.loop.advance(1.0))
+    assert isinstance(answer := asyncio.run(bench.loop.send(Reset())), Accepted), answer
+    assert isinstance(asyncio.run(bench.loop.send(TryMotor("A"))), Accepted)
+    asyncio.run(bench.loop.advance(0.1))
+    assert newest("mode") == MODE_CODE[Mode.IDENTIFY]  # tried, and not stopped for where the encoder counts from
+    bench.loop.close()
 
 
 def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:

@@ -8,6 +8,7 @@ import pytest
 from backend.faults import Fault, Limit
 from backend.loop.checks import Checks
 from backend.loop.commands import Push, SetReferences
+from backend.loop.motion import clipped
 from backend.reading import Angles, in_words
 from plant.interface import Measurement
 from plant.parameters import load_parameters
@@ -49,3 +50,8 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     told, bound = in_words(seen, Angles.DEGREES).split("; ")
     assert bound == "the bound is 90 deg to either side"
     assert float(told.removeprefix("q = ").removesuffix(" deg")) == pytest.approx(-91.25, abs=5e-4)
+
+
+def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:
+    flags = [clipped(A, B) for A in (False, True) for B in (False, True)]
+    assert flags == [Limit(0), Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]

@@ -8,8 +8,8 @@ import pytest
 from backend.controllers import motors
 from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
-from backend.experiments.bank_building import tuning_command
-from backend.experiments.loop_settings import LoopSettings
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.plans.loop_settings import LoopSettings
 from backend.faults import Fault
 from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, TryMotor
 from backend.loop.headless import Headless

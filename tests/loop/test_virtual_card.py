@@ -11,12 +11,14 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.channel import Setup
-from backend.loop.commands import Accepted, Inject, Reset, SetMode, SetTuning
+from backend.loop.commands import Accepted, Inject, Refused, Reset, SetMode, SetTuning, SwitchDrives
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
 from plant.breakage import Breakage, Broken
+from plant.brought_up import fingerprint
 from plant.choice import PlantChoice, PlantKind
+from plant.wiring import load_wiring
 from tests.loop.test_supervisor import TIMEOUT_S, loop_processes
 
 pytestmark = pytest.mark.live
@@ -61,6 +63,36 @@ def test_a_loop_that_is_killed_leaves_zero_volts_and_drives_off(tuning: SetTunin
             assert newest(supervisor, "u_A") == 0.0
         await supervisor.stop()
         await until_off(supervisor)
+
+    asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
+
+
+def test_a_loop_that_starts_while_hands_are_at_the_rig_has_its_line_off_until_they_leave(tuning: SetTuning) -> None:
+    """Only then is the watchdog tried, which takes as long as it waits: 0.5 s without a tick."""
+
+    async def session() -> None:
+        supervisor = Supervisor(Setup(plant=VIRTUAL, parameters="ideal", seed=0, tuning=tuning, drives_off=True))
+        seen: list[bool] = []
+
+        async def look() -> None:
+            while True:
+                seen.append(supervisor.card.state().drive_enabled)
+                await asyncio.sleep(0.01)
+
+        looking = asyncio.create_task(look())
+        await supervisor.start()
+        await supervisor.advance(0.1)
+        looking.cancel()
+        assert supervisor.started_with.wired == fingerprint(load_wiring(VIRTUAL.wiring))
+        assert len(seen) > 10
+        assert not any(seen)
+        assert isinstance(await supervisor.send(SetMode(Mode.PRETENSION)), Refused)
+        assert isinstance(await supervisor.send(SwitchDrives(on=True)), Accepted)
+        assert supervisor.card.state().drive_enabled
+        await supervisor.advance(0.1)
+        assert newest(supervisor, "mode") == MODE_CODE[Mode.OFF]  # no fault of all that
+        await wound_up(supervisor)
+        await supervisor.stop()
 
     asyncio.run(asyncio.wait_for(session(), TIMEOUT_S))
 

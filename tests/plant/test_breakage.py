@@ -1,10 +1,13 @@
 """What is broken on purpose is told in words, by the symbols of the paper, wherever it is told."""
 
+import math
 import re
 
 import pytest
 
-from plant.breakage import Breakage, Broken, BrokenPart, Sensor
+from plant.breakage import Breakage, Broken, Sensor
+from plant.broken_part import BrokenPart
+from plant.interface import NOT_MEASURED, T_s
 
 
 @pytest.mark.parametrize("sensor", Sensor)
@@ -20,3 +23,25 @@ def test_words_hold_no_name_of_the_code(kind: Breakage, sensor: Sensor) -> None:
 def test_a_sensor_goes_by_its_symbol() -> None:
     assert Broken(Breakage.DRIFT_UP, Sensor.THETA_A).words == "drift up of θ_A"
     assert Broken(Breakage.WATCHDOG_DEATH).words == "watchdog death"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "per_s", "most"),
+    [
+        (Sensor.Q, 20.0, 3.0),
+        (Sensor.THETA_A, 10.0, 2.0),
+        (Sensor.THETA_B, 10.0, 2.0),
+        (Sensor.F_A, 400.0, 100.0),
+        (Sensor.F_B, 400.0, 100.0),
+    ],
+)
+def test_a_drift_goes_on_evenly_to_its_end_and_a_load_cell_reads_nothing_at_least(
+    sensor: Sensor, per_s: float, most: float
+) -> None:
+    m = NOT_MEASURED._replace(**{sensor.value: 5.0})
+    up, down = BrokenPart(Broken(Breakage.DRIFT_UP, sensor)), BrokenPart(Broken(Breakage.DRIFT_DOWN, sensor))
+    least = 0.0 if sensor in (Sensor.F_A, Sensor.F_B) else -math.inf
+    for tick in range(1, 400):
+        drift = min(per_s * tick * T_s, most)
+        assert getattr(up.seen(m), sensor.value) == pytest.approx(5.0 + drift)
+        assert getattr(down.seen(m), sensor.value) == pytest.approx(max(5.0 - drift, least))

@@ -1,11 +1,12 @@
 """Machine code for one place in the tick: the same numbers, and never compiled again."""
 
+import math
 import random
-from typing import cast
+from typing import Any, NamedTuple, cast
 
 import pytest
 
-from plant.compiled import Specialised
+from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, PlantState
 from plant.interface import ZERO_VOLTS
 from plant.parameters import load_parameters
@@ -35,6 +36,47 @@ def test_a_whole_number_stands_for_a_float_and_compiles_nothing() -> None:
     whole.write(ZERO_VOLTS._replace(u_A=2))
     assert whole.x == simulator.x != AT_REST
     assert len(actuate.signatures) == known  # type: ignore[attr-defined]  # of numba
+
+
+class Weights(NamedTuple):
+    """Of a sum; ``shift`` counts places."""
+
+    a: float
+    b: float
+    shift: int
+
+
+@compiled
+def weighted(weights: Weights, pair: tuple[float, float], times: int, x: float) -> float:
+    """Return a sum in which every number shows."""
+    return times * (weights.a * x + weights.b * pair[0]) + pair[1] + weights.shift
+
+
+WHOLE, BROKEN = (Weights(2, 3, 1), (4, 5), 2, 6), (Weights(2.5, 3.25, 1), (4.5, 5.75), 2, 6.125)
+
+
+@pytest.mark.parametrize("like", [WHOLE, BROKEN], ids=["made of whole numbers", "made of floats"])
+def test_where_a_float_is_declared_whole_numbers_and_floats_are_both_right(like: tuple[Weights, Any, int, Any]) -> None:
+    called = Specialised(weighted, *like)
+    mixed = (Weights(2, 3.25, 1), (4.5, 5), 2, 6)
+    for given in (WHOLE, BROKEN, mixed):
+        assert called(*given) == weighted.py_func(*given)  # type: ignore[attr-defined]  # of numba
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        (Weights(2.0, 3.0, 1), (4.0, 5.0), 2.5, 6.0),
+        (Weights(2.0, 3.0, 1), (4.0, 5.0), 2.0, 6.0),
+        (Weights(2.0, 3.0, cast(int, 1.5)), (4.0, 5.0), 2, 6.0),
+        (Weights(2.0, 3.0, 1), (4.0, 5.0), math.nan, 6.0),
+    ],
+    ids=["broken", "whole", "in a tuple", "nan"],
+)
+def test_a_float_where_a_whole_number_is_declared_is_refused_and_not_cut_off(given: tuple[Any, Any, Any, Any]) -> None:
+    called = Specialised(weighted, *BROKEN)
+    with pytest.raises(TypeError, match="float"):
+        called(*given)
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,10 @@ class Mute(Simulator):
     description = ""
 
 
+class Hurried(Simulator):
+    unattended_max_s = 1e-3
+
+
 class Less:
     open = read = close = Simulator.open
 
@@ -136,6 +140,7 @@ class Less:
     ("make", "promise", "said"),
     [
         (Less, "is_a_plant", "it has no paces_loop, "),
+        (Hurried, "is_a_plant", "unattended_max_s = 0.001"),
         (Mute, "describes_itself", "says nothing"),
         (Restless, "opens_at_rest", "moved by"),
         (Degrees, "reads_in_si", "is it in rad?"),

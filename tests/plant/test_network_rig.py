@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import pytest
 from nidaqmx import Task
+from typer.testing import CliRunner
 
+from backend.cli.rig import app
 from plant import device_server, rig
 from plant.card import WATCHDOG_S, Card
 from plant.catalog import make_plant
@@ -65,6 +67,15 @@ def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatc
         assert not registers.state().drive_enabled
 
 
+def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(registers: Card) -> None:
+    with served(virtual(registers)) as address:
+        refused = CliRunner().invoke(app, ["conformance", "--plant", "rig", "--card-address", address])
+    assert refused.exit_code == 1
+    assert "a person at the rig has to say that no hand is in it" in refused.stderr
+    assert registers.state().u_A == registers.state().u_B == 0.0
+    assert not registers.state().drive_enabled
+
+
 def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: Card) -> None:
     """Seven calls a cycle, each 2 ms later: no machine is quick enough to make good for that."""
     with served(virtual(registers), delay_s=2e-3) as address:
@@ -96,7 +107,7 @@ def test_a_card_that_another_program_owns_is_refused(registers: Card) -> None:
     ("wiring", "said"),
     [
         (replace(WIRING, card=replace(WIRING.card, device="Dev7")), "Device identifier is invalid: Dev7 .*-200220"),
-        (replace(WIRING, motor_B=replace(WIRING.motor_B, channel="ao7")), "does not exist.*: ao7 of Dev1 .*-200170"),
+        (replace(WIRING, motor_B=replace(WIRING.motor_B, channel="ao4")), "does not exist.*: ao4 of Dev1 .*-200170"),
     ],
 )
 def test_a_channel_or_card_that_is_not_there_is_refused(registers: Card, wiring: Wiring, said: str) -> None:

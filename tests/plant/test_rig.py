@@ -163,6 +163,53 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     assert not registers.state().drive_enabled
 
 
+def test_hands_at_the_rig_have_the_line_off_from_the_first_moment_and_the_watchdog_tried_when_they_leave(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nobody looks at this watchdog: the trial fails as soon as it is made."""
+    switched: list[bool] = []
+    set_drives = Card.set_drives
+
+    def heard(card: Card, *, on: bool) -> None:
+        switched.append(on)
+        set_drives(card, on=on)
+
+    monkeypatch.setattr(Card, "set_drives", heard)
+    card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
+    rig = Rig(WIRING, Daq(WIRING, card.options), drives_off=True)
+    rig.open()
+    rig.read()
+    rig.write(ZERO_VOLTS)
+    rig.acknowledge()
+    assert switched
+    assert not any(switched)
+    with pytest.raises(PlantError, match="watchdog did not expire within"):
+        rig.switch_drives(on=True)
+    assert (switched.count(True), switched[-1]) == (1, False)
+    assert not registers.state().drive_enabled
+    rig.write(ZERO_VOLTS)  # the loop goes on, locked
+    rig.close()
+
+
+def test_a_line_that_is_on_while_hands_are_at_the_rig_is_no_start() -> None:
+    card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
+    registers.set_drives(on=True)
+    card.faults.enable_held = True
+    with pytest.raises(PlantError, match="did not go off"):
+        Rig(WIRING, Daq(WIRING, card.options), drives_off=True).open()
+
+
+def test_drives_that_the_watchdog_has_cut_can_be_switched_off() -> None:
+    card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
+    rig = Rig(WIRING, Daq(WIRING, card.options), drives_off=True)
+    rig.open()
+    registers.expire()
+    rig.switch_drives(on=False)
+    rig.acknowledge()
+    assert not registers.state().drive_enabled
+    rig.close()
+
+
 def test_a_rig_that_is_not_open_says_so() -> None:
     rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
     for _ in range(2):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawn
 
-from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.result import Model
 from backend.reading import Angles
 from backend.reports.build import build_report

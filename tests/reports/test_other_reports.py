@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.experiments.compliance import compliance_criteria, compliance_figures
-from backend.experiments.compliance_plan import CompliancePlan
-from backend.experiments.result import criteria_documents, figure_documents
+from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.experiments.results.compliance import compliance_criteria, compliance_figures
+from backend.experiments.results.document import criteria_documents, figure_documents
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html

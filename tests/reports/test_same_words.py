@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from backend.api.schemas.run import Evaluation
-from backend.api.stored import experiment_view, run_view
+from backend.archive.views import experiment_view, run_view
+from backend.messages.run import Evaluation
 from backend.reports.build import build_report
 from backend.reports.files import metrics_document
 from backend.reports.source import Source

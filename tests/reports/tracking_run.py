@@ -6,10 +6,10 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.criteria import bounds_for, tracking_criteria
-from backend.experiments.metrics import tracking_metrics
-from backend.experiments.plans import TrackingPlan
-from backend.experiments.result import criteria_documents, tracking_document
+from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.results.criteria import bounds_for, tracking_criteria
+from backend.experiments.results.document import criteria_documents, tracking_document
+from backend.experiments.results.metrics import tracking_metrics
 from backend.reports.source import Source
 from backend.sample import STORED_NAMES
 from backend.storage.banks import Bank, BankEntry

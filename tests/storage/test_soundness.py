@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from backend.api import care
-from backend.api.care import Care
+from backend.archive import soundness
+from backend.archive.soundness import Soundness
 from backend.storage import DamagedError, Database, GoneError, StorageError, open_database, require_whole, runs
 from backend.storage.maintenance import backup, restore
 from tests.storage.test_lineage import NEW_RUN
@@ -97,7 +97,7 @@ def test_damaged_pages_are_found_and_the_way_back_works(database: Database, tmp_
     damage(tmp_path / "sinew.db")
     told = r"is damaged.*sinew db restore FILE --data .*monday\.db"
     with closing(open_database(tmp_path)) as damaged, pytest.raises(DamagedError, match=told):
-        Care(damaged, tmp_path).before_start()
+        Soundness(damaged, tmp_path).before_start()
     restore(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
 
@@ -105,17 +105,17 @@ def test_damaged_pages_are_found_and_the_way_back_works(database: Database, tmp_
 def test_a_large_file_is_looked_at_in_the_background(
     database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(care, "is_small", lambda _file: False)
+    monkeypatch.setattr(soundness, "is_small", lambda _file: False)
     database.close()
     damage(tmp_path / "sinew.db")
     with closing(open_database(tmp_path)) as damaged:
-        cared = Care(damaged, tmp_path)
-        cared.before_start()
-        assert cared.problem == ""
-        cared.start()
-        cared.wait(60.0)
-        assert "monday.db" in cared.problem
-        assert "Stop the service first" in cared.problem
+        watched = Soundness(damaged, tmp_path)
+        watched.before_start()
+        assert watched.problem == ""
+        watched.start()
+        watched.wait(60.0)
+        assert "monday.db" in watched.problem
+        assert "Stop the service first" in watched.problem
 
 
 @pytest.mark.parametrize("content", [b"", b"junk" * 4096])

@@ -6,7 +6,7 @@ import pytest
 
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
-from backend.tuning.linear_model import decoupled_model
+from backend.tuning.linear_model import decoupled_model, stiffness_tension
 from backend.tuning.models import Lambdas, MotorModel, designed_point
 from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
 from backend.tuning.robustness import OuterProcess, peak, safe_lambda
@@ -106,3 +106,8 @@ def test_safe_range_ends_where_M_s_is_1_7() -> None:
     assert lam_q == pytest.approx(0.355, abs=0.002)
     assert lam_S == pytest.approx(0.345, abs=0.002)
     assert q.robustness(position_gains(parameters, point, Lambdas(lam_q=lam_q))).M_s == pytest.approx(1.7, abs=1e-3)
+
+
+@pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
+def test_tension_at_a_stiffness_is_that_of_the_papers_nominal_points(F: float, S: float) -> None:
+    assert stiffness_tension(load_parameters("ideal"), S) == pytest.approx(F, abs=0.05)

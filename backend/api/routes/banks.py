@@ -5,11 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.errors import ApiError
-from backend.api.schemas.bank import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView
-from backend.api.schemas.base import RowNumber
-from backend.api.schemas.tuning import TuningView
 from backend.api.service import InControl, RowId, ServiceInUse
+from backend.messages.bank import BankDetail, BankDifference, BankFile, BankList, BankRequest, BankView
+from backend.messages.base import RowNumber
+from backend.messages.tuning import TuningView
+from backend.refusal import Because, RefusalError
 
 router = APIRouter(prefix="/api/banks", tags=["banks"])
 
@@ -23,19 +23,19 @@ Again = Annotated[
 @router.post("", status_code=201)
 async def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
     """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
-    return await service.shelf.build(body.name, body.identifications, person.name)
+    return await service.banks.build(body.name, body.identifications, person.name)
 
 
 @router.get("")
 async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
     """List all versions of all banks, newest first."""
-    return BankList(banks=await service.shelf.banks())
+    return BankList(banks=await service.banks.banks())
 
 
 @router.post("/file", status_code=201)
 async def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
     """Store an exported bank as the next version of its name, after checking it."""
-    return await service.shelf.bring_in(body, person.name)
+    return await service.banks.bring_in(body, person.name)
 
 
 @router.get("/in-use/difference")
@@ -43,21 +43,21 @@ async def compare_with_bank_in_use(
     service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change about the models and gains in use."""
-    bank = service.bench.picture.tuning.bank
+    bank = service.actuator.present.tuning.bank
     _require_one(other, run)
-    return await service.shelf.difference(None if bank is None else bank.id, other, run or ())
+    return await service.banks.difference(None if bank is None else bank.id, other, run or ())
 
 
 @router.get("/{id}")
 async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
     """Return one version of a bank with its entries."""
-    return await service.shelf.bank(id)
+    return await service.banks.bank(id)
 
 
 @router.get("/{id}/detail")
 async def get_bank_detail(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankDetail:
     """Return gains and M_s of every entry at the λ in force, and the identification each came from."""
-    return await service.shelf.detail(id)
+    return await service.banks.detail(id)
 
 
 @router.get("/{id}/difference")
@@ -66,28 +66,28 @@ async def compare_banks(
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force."""
     _require_one(other, run)
-    return await service.shelf.difference(id, other, run or ())
+    return await service.banks.difference(id, other, run or ())
 
 
 @router.get("/{id}/file")
 async def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
     """Return a bank as a file, to take it to another data folder."""
-    return await service.shelf.file(id)
+    return await service.banks.file(id)
 
 
 @router.post("/geometry/activate")
 async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
     """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
-    return await service.bench.retuning.use_bank(None, person.name)
+    return await service.actuator.retuning.use_bank(None, person.name)
 
 
 @router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    await service.bench.retuning.use_bank(await service.shelf.stored_bank(id), person.name)
-    return await service.shelf.bank(id)
+    await service.actuator.retuning.use_bank(await service.banks.stored_bank(id), person.name)
+    return await service.banks.bank(id)
 
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
     if (other is None) == (not run):
-        raise ApiError(422, "give either another bank or runs that identified points again")
+        raise RefusalError(Because.BAD_VALUE, "give either another bank or runs that identified points again")

@@ -3,9 +3,9 @@
 from fastapi import APIRouter
 
 from backend.api.auth import SignedIn
-from backend.api.schemas.bring_up import BringUpView, DrivesSwitch, StepValues
 from backend.api.service import InControl, ServiceInUse
 from backend.bring_up.steps import StepId
+from backend.messages.bring_up import BringUpView, DrivesSwitch, StepValues
 
 router = APIRouter(prefix="/api/bring-up", tags=["bring-up"])
 
@@ -30,7 +30,7 @@ async def cancel_bring_up(service: ServiceInUse, _person: InControl) -> BringUpV
 
 @router.post("/drives")
 async def switch_drives(body: DrivesSwitch, service: ServiceInUse, person: InControl) -> BringUpView:
-    """Switch the drives off or, once no hand is at the rig, on; in off and between two steps only."""
+    """Switch the drives off, at any time, or once no hand is at the rig on, in off and between two steps only."""
     return await service.bring_up.switch_drives(body.on, person.name)
 
 

@@ -2,10 +2,10 @@
 
 from fastapi import APIRouter
 
+from backend.access.control import read_stamp
 from backend.api.auth import Operator
-from backend.api.control import read_stamp
-from backend.api.schemas.control import ControlRequest, Lease
 from backend.api.service import ServiceInUse, Stamped
+from backend.messages.control import ControlRequest, Lease
 
 router = APIRouter(prefix="/api/control", tags=["operate"])
 

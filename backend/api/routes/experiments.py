@@ -3,15 +3,15 @@
 from fastapi import APIRouter, Request
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.schemas.experiment import (
+from backend.api.service import InControl, RowId, ServiceInUse
+from backend.messages.experiment import (
     DryRunView,
     ExperimentKindList,
     ExperimentRequest,
     ExperimentView,
     QueueView,
 )
-from backend.api.schemas.identification import Started
-from backend.api.service import InControl, RowId, ServiceInUse
+from backend.messages.identification import Started
 
 router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 
@@ -19,13 +19,13 @@ router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 @router.get("")
 async def list_experiments(service: ServiceInUse, _person: SignedIn) -> ExperimentKindList:
     """List the kinds of experiments with their settings and units."""
-    return ExperimentKindList(experiments=service.tasks.experiment_kinds())
+    return ExperimentKindList(experiments=service.ordered_runs.experiment_kinds())
 
 
 @router.post("", status_code=202)
 async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> Started:
     """Start an experiment; its progress is in the state, its result under the returned id."""
-    return Started(id=await service.tasks.start_experiment(body, person.name))
+    return Started(id=await service.ordered_runs.start_experiment(body, person.name))
 
 
 @router.post("/dry-run")
@@ -36,40 +36,40 @@ async def dry_run_experiment(
 
     One per person at a time, of ten minutes at most; it ends when the connection does.
     """
-    return await service.tasks.dry_run(body, person, request.is_disconnected)
+    return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 
 @router.get("/queue")
 async def get_queue(service: ServiceInUse, _person: SignedIn) -> QueueView:
     """Return the experiments that wait for their turn."""
-    return service.tasks.queue.view()
+    return service.ordered_runs.queue.view()
 
 
 @router.post("/queue", status_code=201)
 async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> QueueView:
     """Put an experiment at the end of the queue; nothing starts before the queue is run."""
-    return await service.tasks.queue.add(body, person.name)
+    return await service.ordered_runs.queue.add(body, person.name)
 
 
 @router.post("/queue/run")
 async def run_queue(service: ServiceInUse, _person: InControl) -> QueueView:
     """Start the first experiment and go on until the queue is empty or one does not complete."""
-    return await service.tasks.queue.run()
+    return await service.ordered_runs.queue.run()
 
 
 @router.post("/queue/hold")
 async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
     """Start no further experiment; the one under way goes on."""
-    return service.tasks.queue.hold()
+    return service.ordered_runs.queue.hold()
 
 
 @router.delete("/queue/{id}")
 async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator) -> QueueView:
     """Take a waiting experiment out of the queue."""
-    return service.tasks.queue.remove(id)
+    return service.ordered_runs.queue.remove(id)
 
 
 @router.get("/{id}")
 async def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
     """Return one experiment run with its metrics and criteria."""
-    return await service.library.experiment(id)
+    return await service.runs.experiment(id)

@@ -4,8 +4,8 @@ from fastapi import APIRouter, Response
 
 from backend.api.auth import SignedIn
 from backend.api.routes.runs import MEDIA_TYPES, DataFormat, download
-from backend.api.schemas.flight import FlightList
 from backend.api.service import RowId, ServiceInUse
+from backend.messages.flight import FlightList
 
 router = APIRouter(prefix="/api/flights", tags=["faults"])
 
@@ -13,7 +13,7 @@ router = APIRouter(prefix="/api/flights", tags=["faults"])
 @router.get("")
 async def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
     """List the newest flight records: 10 s before to 5 s after each trip, at 1 kHz."""
-    return await service.library.flights()
+    return await service.runs.flights()
 
 
 @router.get(

@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 
 from backend.api.auth import MayStop, SignedIn
-from backend.api.schemas.state import ModeRequest, Push, References, State, StopProof
 from backend.api.service import InControl, ServiceInUse
+from backend.messages.state import ModeRequest, Push, References, State, StopProof
 
 router = APIRouter(prefix="/api", tags=["operate"])
 
@@ -12,7 +12,7 @@ router = APIRouter(prefix="/api", tags=["operate"])
 @router.get("/state")
 async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
     """Return everything the status line and the controls show."""
-    return service.bench.picture.state()
+    return service.actuator.present.state()
 
 
 @router.post("/stop")
@@ -21,25 +21,25 @@ async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
 
     Also to one whose session has lapsed; only who signed out, or whose token was replaced, is refused.
     """
-    return await service.bench.stop(person.name)
+    return await service.actuator.stop(person.name)
 
 
 @router.post("/reset")
 async def reset(service: ServiceInUse, person: InControl) -> State:
     """Clear the latched fault after its cause is gone."""
-    return await service.bench.reset(person.name)
+    return await service.actuator.reset(person.name)
 
 
 @router.post("/mode")
 async def set_mode(body: ModeRequest, service: ServiceInUse, person: InControl) -> State:
     """Move to another mode; an illegal move is refused with the legal ones."""
-    return await service.bench.set_mode(body.mode, person.name)
+    return await service.actuator.set_mode(body.mode, person.name)
 
 
 @router.put("/references")
 async def set_references(body: References, service: ServiceInUse, person: InControl) -> References:
     """Set the references of the cascade; values beyond the limits are refused."""
-    return await service.bench.set_references(body.q_ref, body.S_ref, person.name)
+    return await service.actuator.set_references(body.q_ref, body.S_ref, person.name)
 
 
 @router.post("/push")
@@ -48,4 +48,4 @@ async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
 
     Refused where nothing is simulated (a rig is pushed by hand), and in other modes than run and compliance.
     """
-    return await service.bench.push(body, person.name)
+    return await service.actuator.push(body, person.name)

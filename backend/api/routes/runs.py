@@ -8,12 +8,12 @@ from fastapi import APIRouter, Depends, Query, Response
 
 from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
-from backend.api.library import Excerpt
-from backend.api.schemas.base import Finite
-from backend.api.schemas.history import LONGEST_S, Lineage, ReplayRequest, RunMarks
-from backend.api.schemas.run import NoteRequest, RunList, RunView, SamplesView
-from backend.api.security import DOCUMENT_POLICY
 from backend.api.service import RowId, ServiceInUse
+from backend.archive.stored_runs import Excerpt
+from backend.messages.base import Finite
+from backend.messages.history import LONGEST_S, Lineage, ReplayRequest, RunMarks
+from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
+from backend.web_server.guard import DOCUMENT_POLICY
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 
@@ -48,26 +48,26 @@ async def list_runs(
     offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
 ) -> RunList:
     """List stored runs, newest first."""
-    return await service.library.runs(kind, search, limit, offset)
+    return await service.runs.runs(kind, search, limit, offset)
 
 
 @router.get("/{id}")
 async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
     """Return one run."""
-    return await service.library.run(id)
+    return await service.runs.run(id)
 
 
 @router.patch("/{id}")
 async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Write the note of a run."""
-    return await service.library.set_note(id, body.note)
+    return await service.runs.set_note(id, body.note)
 
 
 @router.post("/{id}/evaluation")
 async def evaluate_run(id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
     await service.evaluations.again(id)
-    return await service.library.run(id)
+    return await service.runs.run(id)
 
 
 @router.get("/{id}/lineage")
@@ -108,7 +108,7 @@ AskedFor = Annotated[Excerpt, Depends(_excerpt)]
 @router.get("/{id}/samples")
 async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> SamplesView:
     """Return samples of a run: raw where they are few enough, else their min/max envelope."""
-    return await service.library.samples(asked)
+    return await service.runs.samples(asked)
 
 
 @router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
@@ -119,7 +119,7 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
     (1: samples, 2: smallest and largest); then float32 per signal in the order asked for: the smallest values, then, of
     2, the largest.
     """
-    return Response(await service.library.packed_samples(asked), media_type=BINARY)
+    return Response(await service.runs.packed_samples(asked), media_type=BINARY)
 
 
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})

@@ -2,11 +2,12 @@
 
 from fastapi import APIRouter, Request, Response
 
-from backend.api.auth import Operator, SignedIn, gate_of
-from backend.api.people import Person
-from backend.api.schemas.history import Checklist
-from backend.api.schemas.session import FreshTokens, Health, NameRequest, Role, Rotation, SessionView, SignIn
+from backend.access.people import Person
+from backend.api.auth import Operator, SignedIn, authentication_of
+from backend.api.cookies import forget, grant, shown_by
 from backend.api.service import ServiceInUse
+from backend.messages.history import Checklist
+from backend.messages.session import FreshTokens, Health, NameRequest, Role, Rotation, SessionView, SignIn
 
 router = APIRouter(prefix="/api", tags=["session"])
 
@@ -14,13 +15,13 @@ router = APIRouter(prefix="/api", tags=["session"])
 @router.get("/health")
 async def get_health(service: ServiceInUse) -> Health:
     """Tell whether the loop is alive; open to all, without secrets."""
-    return service.bench.picture.health()
+    return service.actuator.present.health()
 
 
 @router.get("/session")
 async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
     """Tell who is signed in; the browser keeps its cookie for longer by that."""
-    gate_of(request).grant(request, response, person)
+    grant(authentication_of(request), request, response, person)
     return _view(person)
 
 
@@ -29,9 +30,9 @@ async def set_name(
     body: NameRequest, request: Request, response: Response, service: ServiceInUse, person: SignedIn
 ) -> SessionView:
     """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
-    gate = gate_of(request)
-    renamed = gate.people.rename(person, body.name)
-    gate.grant(request, response, renamed)
+    authentication = authentication_of(request)
+    renamed = authentication.people.rename(person, body.name)
+    grant(authentication, request, response, renamed)
     service.control.rename(renamed)
     return _view(renamed)
 
@@ -39,28 +40,28 @@ async def set_name(
 @router.post("/session")
 async def sign_in(body: SignIn, request: Request, response: Response) -> SessionView:
     """Exchange a token for a session cookie."""
-    gate = gate_of(request)
-    person = gate.sign_in(request, body.token, body.name)
-    gate.grant(request, response, person)
-    await gate.sessions.save()
+    authentication = authentication_of(request)
+    person = authentication.sign_in(shown_by(request), body.token, body.name)
+    grant(authentication, request, response, person)
+    await authentication.sessions.save()
     return _view(person)
 
 
 @router.delete("/session", status_code=204)
 async def sign_out(request: Request, response: Response) -> None:
     """End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed."""
-    gate = gate_of(request)
-    gate.sign_out(request, response)
-    await gate.sessions.save()
+    authentication = authentication_of(request)
+    forget(authentication, request, response)
+    await authentication.sessions.save()
 
 
 @router.post("/session/tokens/rotate")
 async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> FreshTokens:
     """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
     roles = list(Role) if body.role is None else [body.role]
-    gate = gate_of(request)
-    tokens = await gate.rotate(roles, person)
-    gate.grant(request, response, person)
+    authentication = authentication_of(request)
+    tokens = await authentication.rotate(roles, person)
+    grant(authentication, request, response, person)
     return FreshTokens(tokens={role: tokens.of(role) for role in roles})
 
 

@@ -8,9 +8,11 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 
-from backend.api.auth import SignedIn, gate_of
-from backend.api.errors import ApiError
-from backend.api.security import DOCUMENT_POLICY
+from backend.api.auth import SignedIn, authentication_of
+from backend.api.cookies import grant, shown_by
+from backend.api.errors import STATUS
+from backend.refusal import RefusalError
+from backend.web_server.guard import DOCUMENT_POLICY
 
 STATIC = Path(__file__).parents[2] / "static"
 
@@ -22,14 +24,14 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     """Sign in by the link's token, then show the dashboard under an address without it."""
     if token is None:
         return _dashboard()
-    gate = gate_of(request)
+    authentication = authentication_of(request)
     try:
-        person = gate.sign_in(request, token, name)
-    except ApiError as error:
-        return _message(error.status, str(error))
+        person = authentication.sign_in(shown_by(request), token, name)
+    except RefusalError as error:
+        return _message(STATUS[error.because], str(error))
     answer = RedirectResponse("/", status_code=303)
-    gate.grant(request, answer, person)
-    await gate.sessions.save()
+    grant(authentication, request, answer, person)
+    await authentication.sessions.save()
     return answer
 
 

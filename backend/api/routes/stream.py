@@ -2,9 +2,10 @@
 
 from fastapi import APIRouter, WebSocket
 
-from backend.api.attendance import LIVE
 from backend.api.auth import signed_in
+from backend.api.live import serve
 from backend.api.service import service_of
+from backend.api.session_ends import LIVE
 
 router = APIRouter()
 
@@ -14,4 +15,4 @@ async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
     person, service = signed_in(websocket), service_of(websocket)
     await websocket.accept()
-    await service.live.serve(websocket, lambda ping: service.control.heard(person, ping.control))
+    await serve(service.live, websocket, lambda ping: service.control.heard(person, ping.control))

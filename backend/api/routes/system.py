@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.schemas.system import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 from backend.api.service import ServiceInUse
+from backend.messages.system import BackupView, DatabaseCheck, RecordingsView, RemovalRequest, SystemView
 
 router = APIRouter(prefix="/api/system", tags=["system"])
 
@@ -12,19 +12,19 @@ router = APIRouter(prefix="/api/system", tags=["system"])
 @router.get("")
 async def get_system(service: ServiceInUse, _person: SignedIn) -> SystemView:
     """Return what was granted to the loop, how late its ticks are, versions, disk, database and its backups."""
-    return await service.upkeep.view()
+    return await service.maintenance.view()
 
 
 @router.post("/check")
 async def check_database(service: ServiceInUse, _person: Operator) -> DatabaseCheck:
     """Check the whole database while it is in use."""
-    return await service.upkeep.check()
+    return await service.maintenance.check()
 
 
 @router.post("/backups", status_code=201)
 async def make_backup(service: ServiceInUse, _person: Operator) -> BackupView:
     """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
-    return await service.upkeep.backup()
+    return await service.maintenance.backup()
 
 
 @router.get("/recordings")

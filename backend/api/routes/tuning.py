@@ -5,10 +5,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.errors import ApiError
-from backend.api.schemas.base import Finite
-from backend.api.schemas.state import State
-from backend.api.schemas.tuning import (
+from backend.api.service import InControl, ServiceInUse
+from backend.messages.base import Finite
+from backend.messages.state import State
+from backend.messages.tuning import (
     MotorPreview,
     RobustTuning,
     SavedTuning,
@@ -17,7 +17,7 @@ from backend.api.schemas.tuning import (
     TuningRequest,
     TuningView,
 )
-from backend.api.service import InControl, ServiceInUse
+from backend.refusal import Because, RefusalError
 
 LAM_PREVIEW_MIN = 0.05
 """Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
@@ -31,55 +31,55 @@ router = APIRouter(prefix="/api/tuning", tags=["tuning"])
 @router.get("")
 async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
     """Return the tuning in force and its ranges."""
-    picture = service.bench.picture
-    return picture.tuning.view(picture.entry)
+    present = service.actuator.present
+    return present.tuning.view(present.entry)
 
 
 @router.put("")
 async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
-    return await service.bench.retuning.set(body, person.name)
+    return await service.actuator.retuning.set(body, person.name)
 
 
 @router.post("/undo")
 async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
     """Undo the last change of what is in force, λ, b, bank and all; undone twice, it is in force again."""
-    return await service.bench.retuning.undo(person.name)
+    return await service.actuator.retuning.undo(person.name)
 
 
 @router.post("/trial")
 async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
-    return await service.bench.retuning.try_out(body, person.name)
+    return await service.actuator.retuning.try_out(body, person.name)
 
 
 @router.delete("/trial")
 async def revert_trial(service: ServiceInUse, person: InControl) -> State:
     """Put the tuning before the trial back at once."""
-    return await service.bench.retuning.end_trial(False, person.name)
+    return await service.actuator.retuning.end_trial(False, person.name)
 
 
 @router.post("/trial/keep")
 async def keep_trial(service: ServiceInUse, person: InControl) -> State:
     """Keep what is on trial."""
-    return await service.bench.retuning.end_trial(True, person.name)
+    return await service.actuator.retuning.end_trial(True, person.name)
 
 
 @router.get("/saved")
 async def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
     """Return the tuning saved for the bank in use, to compare with what is in force."""
-    return await service.desk.saved_tuning(service.bench.picture.tuning)
+    return await service.saved_tunings.of(service.actuator.present.tuning)
 
 
 @router.put("/saved")
 async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
-    picture = service.bench.picture
-    if picture.own_tuning is not None:
-        raise ApiError(409, "what is in force belongs to a run: save when it is over")
-    if picture.trial() is not None:
-        raise ApiError(409, "a tuning is on trial: keep it or revert it before saving")
-    return await service.desk.save_tuning(picture.tuning, person.name)
+    present = service.actuator.present
+    if present.own_tuning is not None:
+        raise RefusalError(Because.NOT_NOW, "what is in force belongs to a run: save when it is over")
+    if present.trial() is not None:
+        raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
+    return await service.saved_tunings.save(present.tuning, person.name)
 
 
 @router.get("/preview")
@@ -90,7 +90,7 @@ async def preview_tuning(
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
-    return await service.bench.retuning.preview(lam_q, lam_S)
+    return await service.actuator.retuning.preview(lam_q, lam_S)
 
 
 @router.get("/motor")
@@ -100,7 +100,7 @@ async def motor_margins(
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
     """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
-    return await service.bench.retuning.motor(lam_motor)
+    return await service.actuator.retuning.motor(lam_motor)
 
 
 @router.get("/robust")
@@ -110,4 +110,4 @@ async def robust_tuning(
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
-    return await service.bench.retuning.robust(M_s)
+    return await service.actuator.retuning.robust(M_s)

@@ -1,9 +1,9 @@
 /** Two recordings on the same axes: the signals of the second carry a prime. Pure but for its sources. */
 
+import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel, Trace } from "../theme/signals";
 import type { Curves, PlotSource } from "./source";
-import type { Stretch } from "./viewport";
 
 const PRIME = "′";
 

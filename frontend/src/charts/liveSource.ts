@@ -2,11 +2,11 @@
 
 import type { LiveStore } from "../live/store";
 import { type Extent, gridOver, pointCount, writeTimes, writeValues } from "../samples/decimate";
+import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import type { Curves, PlotSource } from "./source";
-import type { Stretch } from "./viewport";
 
 class Buffers {
   times = new Float64Array(0);

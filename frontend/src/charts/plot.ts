@@ -1,16 +1,16 @@
 /** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
 
 import uPlot from "uplot";
+import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
 import { clockTime } from "../samples/format";
+import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
-import { paintsInSoftware, withMemoryCanvases } from "./canvas";
 import type { ChartColours } from "./colours";
 import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } from "./decorations";
 import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
 import type { Curves } from "./source";
 import { tickLabels } from "./ticks";
-import type { Stretch } from "./viewport";
 
 export const AXIS_WIDTH = 52;
 export const RIGHT_MARGIN = 10;

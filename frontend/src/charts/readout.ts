@@ -2,10 +2,10 @@
 
 import { writeAbsent, writeValue } from "../components/Absent";
 import { fixed } from "../samples/format";
+import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
 import type { Playhead } from "./playhead";
 import type { PlotSource } from "./source";
-import type { Stretch } from "./viewport";
 
 const EVERY_MS = 100;
 const GRAB_FRACTION = 0.015;

@@ -1,11 +1,11 @@
 /** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
 
 import { nearest, pointTimes, pointValues } from "../samples/envelope";
+import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import type { Excerpt } from "../wire/curves";
 import type { Curves, PlotSource } from "./source";
-import type { Stretch } from "./viewport";
 
 interface Sheet {
   readonly stretch: Stretch;

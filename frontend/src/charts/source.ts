@@ -1,9 +1,9 @@
 /** What a stack of charts draws from, be it the live window or a recording. */
 
 import type { Extent } from "../samples/decimate";
+import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
-import type { Stretch } from "./viewport";
 
 /** The curves of one chart over a stretch, in the unit shown. The arrays are reused by the next call. */
 export interface Curves {

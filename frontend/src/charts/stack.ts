@@ -1,12 +1,13 @@
 /** Several charts on one time axis, redrawn on the browser's own frames and only when there is something to see. */
 
+import { FramePacer } from "../drawing/pacer";
+import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
 import { readColours } from "./colours";
 import type { LimitLine, PlacedMark } from "./decorations";
-import { FramePacer } from "./pacer";
 import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
 import type { PlotSource } from "./source";
-import { type Stretch, stretch, type Viewport } from "./viewport";
+import { stretch, type Viewport } from "./viewport";
 
 /** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */
 const LEAST_SHIFT_PX = 1;

@@ -1,14 +1,11 @@
 /** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
 
+import type { Stretch } from "../samples/stretch";
+
 export interface Viewport {
   readonly span_s: number;
   /** Right edge, or null while the view follows the newest sample. */
   readonly end_s: number | null;
-}
-
-export interface Stretch {
-  readonly from_s: number;
-  readonly to_s: number;
 }
 
 export const SPANS_S = [5, 10, 20, 30, 60, 120] as const;

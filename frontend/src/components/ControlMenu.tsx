@@ -5,6 +5,7 @@ import { IconDeviceGamepad2 } from "@tabler/icons-react";
 import { useMutation, useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
 import { useLive } from "../live/react";
+import { counted } from "../samples/words";
 import { useSignOut } from "../service/commands";
 import { sessionQuery } from "../service/queries";
 import { useStanding } from "../service/useStanding";
@@ -80,5 +81,5 @@ export function ControlMenu({ onName }: { onName: () => void }) {
 /** What somebody who is connected may do and does. */
 function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
   const part = role === "viewer" ? "VIEW" : name === holder ? "has control" : "may take control";
-  return `${part}, ${pages === 1 ? "1 page" : `${pages} pages`}`;
+  return `${part}, ${counted(pages, "page")}`;
 }

@@ -4,7 +4,7 @@ import { act, cleanup, fireEvent, render, screen } from "@testing-library/react"
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 
 const browser = { solid: true, software: true };
-vi.mock("../charts/canvas", () => ({
+vi.mock("../drawing/canvas", () => ({
   canDrawSolid: () => browser.solid,
   paintsInSoftware: () => browser.software,
 }));

@@ -2,8 +2,8 @@
 
 import { Button } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
-import { canDrawSolid, paintsInSoftware } from "../charts/canvas";
-import { FramePacer, paceWindow } from "../charts/pacer";
+import { canDrawSolid, paintsInSoftware } from "../drawing/canvas";
+import { FramePacer, paceWindow } from "../drawing/pacer";
 import { useStop } from "../service/StopProvider";
 import styles from "./SceneFrame.module.css";
 import { NO_3D, PATIENCE_S, type Stage, sceneWords, stageIn } from "./sceneStage";

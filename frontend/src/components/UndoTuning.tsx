@@ -3,9 +3,9 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
-import { tuningInWords } from "../pages/experiments/order";
 import type { useUndo } from "../service/commands";
 import { banksQuery } from "../service/queries";
+import { tuningInWords } from "../service/tuningWords";
 
 export function UndoTuning({ undo, size }: { undo: ReturnType<typeof useUndo>; size?: "compact-xs" }) {
   const earlier = useLive((live) => live.state?.earlier ?? null);

@@ -2,7 +2,7 @@
 
 import type { Health } from "../live/link";
 import { age, fixed } from "../samples/format";
-import { capital, inWordsOf } from "../samples/words";
+import { capital, counted, inWordsOf } from "../samples/words";
 import type { StopState } from "../service/stop";
 import type { State, StopProof, Task } from "../wire/types";
 
@@ -98,6 +98,5 @@ export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_
 
 function proofSentence(proof: StopProof): string {
   const ticks = proof.zero_tick - proof.arrived_tick;
-  const plural = ticks === 1 ? "tick" : "ticks";
-  return `Zero volts in ${ticks} ${plural} · ${fixed(proof.milliseconds, 2)} ms (tick ${proof.zero_tick})`;
+  return `Zero volts in ${counted(ticks, "tick")} · ${fixed(proof.milliseconds, 2)} ms (tick ${proof.zero_tick})`;
 }

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { capital, heading, inWordsOf, structureInWords } from "./words";
+import { capital, counted, heading, inWordsOf, structureInWords } from "./words";
 
 it.each([
   ["first", "First order"],
@@ -10,6 +10,15 @@ it.each([
   ["order:1+delay", "Order 1, free poles, dead time"],
 ])("reads the structure %s as %s", (name, words) => {
   expect(structureInWords(name)).toBe(words);
+});
+
+it("says one day and many days", () => {
+  expect([1, 0, 2, 0.5].map((days) => counted(days, "day"))).toEqual([
+    "1 day",
+    "0 days",
+    "2 days",
+    "0.5 days",
+  ]);
 });
 
 it("reads a name of the service as words, with a capital where it stands alone", () => {

@@ -1,6 +1,6 @@
 /** Whether a person sees the actuator in 3D, and from where: remembered for them, at every machine. */
 
-import { paintsInSoftware } from "../charts/canvas";
+import { paintsInSoftware } from "../drawing/canvas";
 import { usePreferences } from "./preferences";
 
 interface SceneView {

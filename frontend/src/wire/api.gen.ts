@@ -355,7 +355,7 @@ export interface paths {
         put?: never;
         /**
          * Switch Drives
-         * @description Switch the drives off or, once no hand is at the rig, on; in off and between two steps only.
+         * @description Switch the drives off, at any time, or once no hand is at the rig on, in off and between two steps only.
          */
         post: operations["switch_drives"];
         delete?: never;
@@ -1833,6 +1833,8 @@ export interface components {
              * @description whether they stay off, and nothing starts, until they are switched on
              */
             drives_locked: boolean;
+            /** @description who left them off before this service was started, where nobody has switched them since */
+            drives_left: components["schemas"]["DrivesLeft"] | null;
             /** Steps */
             steps: components["schemas"]["BringUpStep"][];
         };
@@ -2125,6 +2127,19 @@ export interface components {
             size_bytes: number | null;
             /** Disk Free Bytes */
             disk_free_bytes: number;
+        };
+        /**
+         * DrivesLeft
+         * @description Who had the drives off, as hands were to be at the rig, and when.
+         */
+        DrivesLeft: {
+            /** Who */
+            who: string;
+            /**
+             * At
+             * Format: date-time
+             */
+            at: string;
         };
         /**
          * DrivesSwitch

@@ -6,8 +6,9 @@ import { Refusal } from "../../components/Refusal";
 import { UndoTuning } from "../../components/UndoTuning";
 import { useLive } from "../../live/react";
 import { useGeometry, useUndo } from "../../service/commands";
+import { tuningInWords } from "../../service/tuningWords";
 import type { Bank } from "../../wire/types";
-import { tuningInWords, tuningOf } from "../experiments/order";
+import { tuningOf } from "../experiments/order";
 import page from "../Page.module.css";
 
 export function InForce({ banks }: { banks: readonly Bank[] }) {

@@ -70,7 +70,7 @@ async function open(
   drives_on: BringUp["drives_on"] = null,
   drives_locked = drives_on === false,
 ): Promise<void> {
-  view = { applies: true, why_not: "", drives_on, drives_locked, steps };
+  view = { applies: true, why_not: "", drives_on, drives_locked, drives_left: null, steps };
   show(angles);
   await screen.findByRole("list", { name: "Steps of the bring-up" });
   await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
@@ -102,6 +102,7 @@ it("says in a sentence why there is nothing to do, and offers nothing", async ()
     why_not: "A simulator has no wires: there is nothing to bring up.",
     drives_on: null,
     drives_locked: false,
+    drives_left: null,
     steps: [],
   };
   show();
@@ -219,6 +220,17 @@ it("says that the drives are off, and switches them on when somebody presses it"
   const sent = asked("/api/bring-up/drives");
   expect(await sent[0]?.clone().json()).toEqual({ on: true });
   expect(drives().getByRole("button", { name: "Switch drives off" })).toBeTruthy();
+});
+
+it("says who left the drives off before the service was started", async () => {
+  await open([step("zero", "Zero")], "deg", false);
+  view = { ...view, drives_left: { who: "A. Operator", at: "2026-11-22T10:00:00Z" } };
+  cleanup();
+  show();
+  const drives = within(await screen.findByRole("region", { name: "Drives" }));
+  expect(drives.getByText(/A\. Operator left them so on 2026-11-22 \d\d:00:00/)).toBeTruthy();
+  expect(drives.getByText(/hands may still be at the rig/)).toBeTruthy();
+  expect(drives.getByRole("button", { name: "Switch drives on" })).toBeTruthy();
 });
 
 it("calls for no hands where a reset brings the drives back", async () => {

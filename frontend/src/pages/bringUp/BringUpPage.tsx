@@ -17,7 +17,7 @@ export default function BringUpPage() {
     <div className={page.page}>
       <h1 className={page.title}>Bring-up</h1>
       {data?.applies ? (
-        <Steps steps={data.steps} drivesOn={data.drives_on} drivesLocked={data.drives_locked} />
+        <Steps view={data} />
       ) : (
         <Nothing why={data?.why_not ?? error?.message ?? "Loading …"} />
       )}
@@ -33,13 +33,8 @@ function Nothing({ why }: { why: string }) {
   );
 }
 
-interface StepsProps {
-  readonly steps: BringUp["steps"];
-  readonly drivesOn: BringUp["drives_on"];
-  readonly drivesLocked: boolean;
-}
-
-function Steps({ steps, drivesOn, drivesLocked }: StepsProps) {
+function Steps({ view }: { view: BringUp }) {
+  const { steps, drives_on: on, drives_locked: locked, drives_left: left } = view;
   const viewer = useMayCommand() === false;
   const done = steps.filter(({ state }) => state === "current").length;
   const at = atStep(steps);
@@ -51,7 +46,7 @@ function Steps({ steps, drivesOn, drivesLocked }: StepsProps) {
         cancelled, and is kept with who did it and when.
         {viewer && " You are signed in as a viewer: you look on, and may press STOP."}
       </p>
-      {drivesOn !== null && <Drives on={drivesOn} locked={drivesLocked} stepUnderWay={stepUnderWay} />}
+      {on !== null && <Drives on={on} locked={locked} left={left} stepUnderWay={stepUnderWay} />}
       <ol className={styles.steps} aria-label="Steps of the bring-up">
         {steps.map((step, index) => (
           <li key={step.id}>

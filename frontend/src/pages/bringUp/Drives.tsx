@@ -4,7 +4,9 @@ import { Button } from "@mantine/core";
 import { IconHandStop, IconPlugConnected } from "@tabler/icons-react";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
+import { dateTime } from "../../samples/format";
 import { useStepCommand } from "../../service/bringUp";
+import type { BringUp } from "../../wire/types";
 import styles from "./BringUp.module.css";
 
 interface DrivesProps {
@@ -12,11 +14,13 @@ interface DrivesProps {
   readonly on: boolean;
   /** Whether the loop keeps them off; without it a reset brings back what a watchdog or a fault took away. */
   readonly locked: boolean;
+  /** Who left them off before this service was started, where nobody has switched them since. */
+  readonly left: BringUp["drives_left"];
   /** While a step is under way the drives are the step's. */
   readonly stepUnderWay: boolean;
 }
 
-export function Drives({ on, locked, stepUnderWay }: DrivesProps) {
+export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   const command = useStepCommand();
   const switchOn = locked && !on;
   const Icon = on ? IconPlugConnected : IconHandStop;
@@ -24,11 +28,16 @@ export function Drives({ on, locked, stepUnderWay }: DrivesProps) {
     <section className={styles.drives} aria-label="Drives" data-on={on}>
       <Icon size={19} aria-hidden="true" />
       <p>
-        <strong>{on ? "Drives on." : "Drives off."}</strong> {on ? ON : locked ? LOCKED : UNTIL_RESET}
+        <strong>{on ? "Drives on." : "Drives off."}</strong>{" "}
+        {!on &&
+          left !== null &&
+          `${left.who} left them so on ${dateTime(left.at)}, and the service was started since: hands may still be at the rig. `}
+        {on ? ON : locked ? LOCKED : UNTIL_RESET}
       </p>
       {!stepUnderWay && (
         <OperatorsOnly>
           <Button
+            className={styles.switch}
             size="sm"
             variant="default"
             loading={command.isPending}

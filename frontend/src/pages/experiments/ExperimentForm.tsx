@@ -14,19 +14,12 @@ import { useAngles } from "../../service/angles";
 import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
 import { banksQuery, tuningKey } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
+import { tuningInWords } from "../../service/tuningWords";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
 import { whyNot } from "../operate/ModeCard";
 import page from "../Page.module.css";
-import {
-  bankChoices,
-  isOfTheLoop,
-  orderOf,
-  type Shown,
-  shownSettings,
-  tuningInWords,
-  type Values,
-} from "./order";
+import { bankChoices, isOfTheLoop, orderOf, type Shown, shownSettings, type Values } from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
 import { segmentsProblem } from "./segments";
 

@@ -3,8 +3,9 @@
 import { useQuery } from "@tanstack/react-query";
 import { useAngles } from "../../service/angles";
 import { banksQuery, experimentKindsQuery } from "../../service/queries";
+import { tuningInWords } from "../../service/tuningWords";
 import page from "../Page.module.css";
-import { changesInWords, tuningInWords } from "./order";
+import { changesInWords } from "./order";
 
 interface OrderWordsProps {
   readonly name: string;

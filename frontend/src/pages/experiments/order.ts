@@ -2,6 +2,8 @@
 
 import { notANumber } from "../../samples/number";
 import { type Angles, boxText, told } from "../../samples/quantity";
+import { counted } from "../../samples/words";
+import { bankInWords } from "../../service/tuningWords";
 import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
 
 export type Value = boolean | number | string;
@@ -61,17 +63,6 @@ export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   return { order: { name: kind.name, settings }, problem: null };
 }
 
-/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, gains from geometry". */
-export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
-  const parts = [
-    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, " s")),
-    settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
-    bankInWords(settings.bank, banks),
-    settings.interpolate === true ? "interpolating between entries" : "",
-  ];
-  return parts.filter((part) => part !== "").join(", ");
-}
-
 /** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5 deg"; segments by length. */
 export function changesInWords(
   settings: Readonly<Record<string, unknown>>,
@@ -99,12 +90,6 @@ export function bankChoices(banks: readonly Bank[]): { value: string; label: str
   }));
 }
 
-const LAMBDAS = [
-  ["lam_q", "λ_q"],
-  ["lam_S", "λ_S"],
-  ["lam_motor", "λ_motor"],
-] as const;
-
 /** The operator's tuning as the settings of an order; empty while nothing is known of it. */
 export function tuningOf(state: State | null): Values {
   if (state === null) return {};
@@ -119,17 +104,6 @@ function withRange(setting: Setting, state: State | null): Setting {
   return { ...setting, minimum: state.tuning.lam_motor_min, maximum: state.tuning.lam_motor_max };
 }
 
-function bankInWords(id: unknown, banks: readonly Bank[]): string {
-  if (typeof id !== "number") return "";
-  if (id === 0) return "gains from geometry";
-  const bank = banks.find((one) => one.id === id);
-  return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
-}
-
-function partOf(value: unknown, symbol: string, unit: string): string {
-  return typeof value === "number" ? `${symbol} ${value}${unit}` : "";
-}
-
 function inWords({ name, unit }: Setting, value: Value, angles: Angles): string {
   if (name === "bank") return bankInWords(value, []);
   if (typeof value === "boolean") return value ? "yes" : "no";
@@ -140,8 +114,7 @@ function segmentsInWords(json: string): string {
   try {
     const list: unknown = JSON.parse(json);
     const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
-    const count = (list as unknown[]).length;
-    return `${count} ${count === 1 ? "segment" : "segments"}, ${Number(total_s.toFixed(3))} s`;
+    return `${counted((list as unknown[]).length, "segment")}, ${Number(total_s.toFixed(3))} s`;
   } catch {
     return "segments of its own";
   }

@@ -1,11 +1,11 @@
 /** The actuator: flat, or in 3D by the same service behind the same sign-in. */
 
 import { Button, Group } from "@mantine/core";
-import { paintsInSoftware } from "../../charts/canvas";
 import { CameraChoice } from "../../components/CameraChoice";
 import { Card } from "../../components/Card";
 import { sceneAddress } from "../../components/cameras";
 import { SceneFrame } from "../../components/SceneFrame";
+import { paintsInSoftware } from "../../drawing/canvas";
 import { useSceneView } from "../../service/useSceneView";
 import { ActuatorDrawing } from "./ActuatorDrawing";
 import styles from "./Operate.module.css";

@@ -7,7 +7,7 @@ import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/Verdict";
 import { bytes, dateTime } from "../../samples/format";
-import { inWordsOf } from "../../samples/words";
+import { counted, inWordsOf } from "../../samples/words";
 import { recordingsQuery, useRemoveRecordings } from "../../service/system";
 import type { Recordings } from "../../wire/types";
 import { Facts } from "./Facts";
@@ -113,7 +113,7 @@ function Removal({ runs, onDone }: RemovalProps) {
             )
           }
         >
-          {`Delete the samples of ${counted(going)} (${bytes(total(going))})`}
+          {`Delete the samples of ${counted(going.length, "run")} (${bytes(total(going))})`}
         </Button>
         <Button variant="default" onClick={onDone}>
           Keep all
@@ -134,10 +134,6 @@ function total(runs: Recordings["may_go"]): number {
   return runs.reduce((sum, run) => sum + run.size_bytes, 0);
 }
 
-function counted(runs: Recordings["may_go"]): string {
-  return runs.length === 1 ? "1 run" : `${runs.length} runs`;
-}
-
 function summary(runs: Recordings["may_go"], keepDays: number): string {
-  return `samples of ${counted(runs)} older than ${keepDays} days, ${bytes(total(runs))}`;
+  return `samples of ${counted(runs.length, "run")} older than ${counted(keepDays, "day")}, ${bytes(total(runs))}`;
 }

@@ -1,0 +1,1 @@
+"""Who may do what: sign-in, tokens, sessions, names, and who holds control. Knows no HTTP."""

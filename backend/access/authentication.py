@@ -1,0 +1,231 @@
+"""Tells who asks: by a token, then by the cookie that was given for it; knows whose session is over."""
+
+import asyncio
+import secrets
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from itsdangerous import BadData, URLSafeSerializer
+
+from backend.access.attempts import Attempts
+from backend.access.people import BEARER, OPEN, People, Person, printable
+from backend.access.sessions import Sessions
+from backend.access.tokens import TokenFiles, Tokens
+from backend.messages.session import Role
+from backend.refusal import Because, RefusalError
+from backend.supervision import Part
+
+PART = Part(
+    "The watch over the token files", "Tokens that are changed by the command line come into force at the next start."
+)
+
+LONGEST_TOKEN = 200
+
+LOOK_S = 0.5
+SAVE_S = 3600.0
+GRACE_S = 10.0
+"""So long [s] the cookie that a browser sent before it rotated the tokens is still good for STOP."""
+
+
+@dataclass
+class Shown:
+    """What one request or websocket shows of who sends it: a token, or the cookies that may be ours.
+
+    ``is_foreign`` says that another site's page made the browser send it; a wrong token counts once for each.
+    """
+
+    address: str
+    token: str | None = None
+    cookies: Sequence[str] = ()
+    is_foreign: bool = False
+    is_counted: bool = False
+
+
+@dataclass(frozen=True)
+class _Replaced:
+    """The tokens before the last rotation, good for STOP of the one session that asked for it, ``until`` [s]."""
+
+    tokens: Tokens
+    session: str
+    until: float
+
+
+class Authentication:
+    """Tells who asks. ``files`` None asks for nothing: everyone is an operator.
+
+    Cookies are signed with the token of their role. Which of them are live is up to ``sessions``; one that is genuine
+    and neither live nor signed out is good for STOP alone.
+    """
+
+    def __init__(
+        self,
+        files: TokenFiles | None,
+        sessions: Sessions | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._files = files
+        self._clock = clock
+        self._attempts = Attempts(clock)
+        self._replaced: _Replaced | None = None
+        self._turn = asyncio.Lock()
+        self.sessions = sessions or Sessions()
+        self.people = People()
+
+    def sign_in(self, shown: Shown, token: str, name: str = "") -> Person:
+        """Return who ``token`` belongs to. Raises RefusalError for a wrong one, 429 after too many of them.
+
+        A browser that is signed in already goes on with its session, or ends it where it is another person's now.
+        """
+        if self._files is None:
+            return Person(printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
+        role = self._files.tokens.role_of(token[:LONGEST_TOKEN])
+        if role is None:
+            self._count_wrong(shown)
+            raise RefusalError(
+                Because.NOT_SIGNED_IN, "wrong token; use the sign-in link that the service printed at its start"
+            )
+        called, before = printable(name), self._person_of_cookie(shown)
+        if before is not None and before.role is role and called in ("", before.called):
+            return before
+        if before is not None:
+            self.sessions.end(before.session)
+            self._dismiss()
+        session = secrets.token_urlsafe(12)
+        self.sessions.begin(session, role)
+        return Person(self.people.shown(called, role, session), role, session, called or role)
+
+    def cookie(self, person: Person) -> str | None:
+        """Return what a browser shows from now on to be recognised as ``person``; None where it needs no cookie."""
+        if self._files is None or person.session in (BEARER, OPEN):
+            return None
+        content = {"name": person.name, "called": person.called, "role": person.role, "session": person.session}
+        signed: str = _signer(self._files.tokens, person.role).dumps(content)
+        return signed
+
+    def sign_out(self, shown: Shown) -> None:
+        """End the session of the cookie, wherever else that cookie may be by now."""
+        person = self._genuine(shown)
+        if person is not None:
+            self.sessions.end(person.session)
+            self._dismiss()
+
+    def recognise(self, shown: Shown) -> Person | None:
+        """Return who sends this request or opens this websocket, None when not signed in. Raises RefusalError.
+
+        May be asked as often as one likes: a wrong token counts once for each request.
+        """
+        if self._files is None:
+            return Person(Role.OPERATOR, Role.OPERATOR, OPEN)
+        if shown.token is not None:
+            return self._person_of_bearer(shown, shown.token)
+        return self._person_of_cookie(shown)
+
+    def recognise_for_stop(self, shown: Shown) -> Person | None:
+        """Return who presses STOP: also somebody whose session fell asleep or was forgotten, not one signed out."""
+        person = self.recognise(shown)
+        if person is None:
+            person = self._genuine(shown)
+        return person
+
+    async def rotate(self, roles: list[Role], person: Person) -> Tokens:
+        """Put new tokens in force at once; all sessions of ``roles`` end but that of ``person``.
+
+        Raises RefusalError where no token is asked for, 503 when they cannot be written: the old ones hold then.
+        """
+        if self._files is None:
+            raise RefusalError(Because.NOT_NOW, "this service asks for no token: there is nothing to rotate")
+        async with self._turn:
+            self._replaced = _Replaced(self._files.tokens, person.session, self._clock() + GRACE_S)
+            try:
+                await asyncio.to_thread(self._files.rotate, roles)
+            except OSError as error:
+                raise RefusalError(
+                    Because.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
+                ) from error
+            await self._refresh(but=person.session)
+        await self.sessions.save()
+        return self._files.tokens
+
+    async def run(self) -> None:
+        """Notice token files that were changed, and keep the file of sessions fresh, until cancelled."""
+        saved = self._clock()
+        while True:
+            await asyncio.sleep(LOOK_S)
+            async with self._turn:
+                changed = await self._refresh()
+            if changed or self._clock() - saved > SAVE_S:
+                saved = self._clock()
+                for _, person in self.people.connected():
+                    self.sessions.use(person.session)
+                await self.sessions.save()
+
+    async def _refresh(self, but: str | None = None) -> bool:
+        if self._files is None:
+            return False
+        changed = await asyncio.to_thread(self._files.refresh)
+        for role in changed:
+            self.sessions.end_all(role, but)
+        self._dismiss(changed)
+        return bool(changed)
+
+    def _dismiss(self, bearers: Collection[Role] = ()) -> None:
+        """Close the websockets of sessions that are over, and of scripts whose token was replaced."""
+        for over, person in self.people.connected():
+            if person.session == BEARER:
+                ended = person.role in bearers
+            else:
+                ended = person.session != OPEN and not self.sessions.is_live(person.session)
+            if ended:
+                over.set()
+
+    def _person_of_bearer(self, shown: Shown, token: str) -> Person:
+        # The right token passes whatever others have tried: a script that stops the rig must not be locked out.
+        role = self._files.tokens.role_of(token[:LONGEST_TOKEN]) if self._files else Role.OPERATOR
+        if role is None:
+            self._count_wrong(shown)
+            raise RefusalError(Because.NOT_SIGNED_IN, "wrong token; use the one in the data folder")
+        return Person(role, role, BEARER)
+
+    def _person_of_cookie(self, shown: Shown) -> Person | None:
+        person = self._genuine(shown, replaced=False)
+        return person if person is not None and self.sessions.use(person.session) else None
+
+    def _genuine(self, shown: Shown, replaced: bool = True) -> Person | None:
+        """Return whose cookie this is, however old, unless it was signed out."""
+        if self._files is None:
+            return None
+        for value in shown.cookies:
+            for tokens, only in self._accepted(replaced):
+                person = _read(value, tokens)
+                if person is None or only not in (None, person.session):
+                    continue
+                if not self.sessions.was_ended(person.session):
+                    return person
+        return None
+
+    def _accepted(self, replaced: bool) -> Iterator[tuple[Tokens, str | None]]:
+        if self._files is not None:
+            yield self._files.tokens, None
+        if replaced and self._replaced is not None and self._clock() < self._replaced.until:
+            yield self._replaced.tokens, self._replaced.session
+
+    def _count_wrong(self, shown: Shown) -> None:
+        # What a page of somebody else makes a browser send says nothing about the person at that browser.
+        if not shown.is_foreign and not shown.is_counted:
+            shown.is_counted = True
+            self._attempts.failed(shown.address)
+
+
+def _read(value: str, tokens: Tokens) -> Person | None:
+    for role in Role:
+        try:
+            content = _signer(tokens, role).loads(value)
+        except BadData:
+            continue
+        return replace(Person(content["name"], role, content["session"]), called=content["called"])
+    return None
+
+
+def _signer(tokens: Tokens, role: Role) -> URLSafeSerializer:
+    return URLSafeSerializer(tokens.of(role), salt=f"session of {role}")

@@ -1,0 +1,125 @@
+"""Which sessions are live, kept in a file of the data folder so that a restart neither ends nor revives one.
+
+No clock of the wall is asked: a session ends when somebody signs out, when its token is replaced, when too many newer
+ones are there, or after ``IDLE_S`` of the service's own running time without a sign of life.
+"""
+
+import asyncio
+import json
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from backend.messages.session import Role
+from backend.private import write_private
+
+FILE = "sessions.json"
+IDLE_S = 30 * 24 * 3600.0
+LIVE_OF_A_ROLE = 200
+"""More sessions of one role push out the one that was silent for longest; viewers never push out an operator."""
+
+ENDED = 5000
+"""So many sessions that were signed out are told apart from those that only fell asleep, which may still stop."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Live:
+    role: Role
+    used_s: float
+
+
+class Sessions:
+    """The sessions of one data folder; ``folder`` None keeps them in memory only."""
+
+    def __init__(self, folder: Path | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._file = None if folder is None else folder / FILE
+        self._clock = clock
+        self._live: dict[str, _Live] = {}
+        self._ended: dict[str, None] = {}
+        self._ran_s = 0.0
+        self._writing = asyncio.Lock()
+        self.problem: str | None = None
+        self._read()
+        self._begun = clock()
+
+    def begin(self, session: str, role: Role) -> None:
+        """Take in a new session."""
+        self._live[session] = _Live(role, self._now_s)
+        of_role = [known for known, live in self._live.items() if live.role is role]
+        if len(of_role) > LIVE_OF_A_ROLE:
+            del self._live[min(of_role, key=lambda known: self._live[known].used_s)]
+
+    def use(self, session: str) -> bool:
+        """Return whether a session is live, and note that it was heard."""
+        live = self._live.get(session)
+        if live is None:
+            return False
+        if not self._now_s - live.used_s <= IDLE_S:
+            del self._live[session]
+            return False
+        live.used_s = self._now_s
+        return True
+
+    def is_live(self, session: str) -> bool:
+        """Return whether a session is live."""
+        return session in self._live
+
+    def was_ended(self, session: str) -> bool:
+        """Return whether somebody signed out of this session, which is good for nothing then."""
+        return session in self._ended
+
+    def end(self, session: str) -> None:
+        """End a session for good."""
+        self._live.pop(session, None)
+        self._ended[session] = None
+        while len(self._ended) > ENDED:
+            del self._ended[next(iter(self._ended))]
+
+    def end_all(self, role: Role, but: str | None = None) -> None:
+        """End all sessions of a role, save one."""
+        for session in [known for known, live in self._live.items() if live.role is role and known != but]:
+            self.end(session)
+
+    async def save(self) -> None:
+        """Write the file. What keeps it from being written is told in ``problem``."""
+        if self._file is None:
+            return
+        async with self._writing:
+            document = {
+                "ran_s": round(self._now_s),
+                "live": {known: [live.role, round(live.used_s)] for known, live in self._live.items()},
+                "ended": list(self._ended),
+            }
+            try:
+                await asyncio.to_thread(write_private, self._file, json.dumps(document))
+            except OSError as error:
+                self.problem = (
+                    f"sessions cannot be written ({error.strerror or error}): "
+                    "after a restart of the service those who sign out now are signed in again"
+                )
+                _log.exception("sessions cannot be written")
+            else:
+                self.problem = None
+
+    @property
+    def _now_s(self) -> float:
+        """How long services have run on this folder, in all [s]."""
+        return self._ran_s + self._clock() - self._begun
+
+    def _read(self) -> None:
+        if self._file is None or not self._file.exists():
+            return
+        try:
+            document = json.loads(self._file.read_text(encoding="utf-8"))
+            self._ran_s = float(document["ran_s"])
+            self._live = {
+                str(known): _Live(Role(role), float(used_s)) for known, (role, used_s) in document["live"].items()
+            }
+            self._ended = dict.fromkeys(str(session) for session in document["ended"])
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            _log.warning("%s cannot be read (%s): everyone has to sign in again", self._file, error)
+            self._live, self._ended, self._ran_s = {}, {}, 0.0

@@ -1,0 +1,114 @@
+"""Who sends a request is known before anything of its body is taken; then the body is read, whole and in time."""
+
+import re
+from typing import Any
+
+import pydantic_core
+from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from backend.api.auth import authentication_of, signed_in
+from backend.api.cookies import shown_by
+from backend.api.errors import answer_to
+from backend.refusal import Because, RefusalError
+from backend.web_server.guard import MAX_BODY_BYTES
+from backend.web_server.places import Place, Places
+from backend.web_server.protocols import ALL_PLACES, PLACE
+
+OPEN = {"/api/session", "/api/health"}
+"""What may be asked, and sent a body, by somebody who is not signed in."""
+
+CLOSED = ("/api/", "/scene", "/replay")
+
+_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
+
+
+class Admission:
+    """ASGI middleware before the routes.
+
+    A body and a websocket of somebody who is not signed in are refused before either is taken. Whoever is signed in
+    gets a place. A body is read here: more than ``MAX_BODY_BYTES`` is refused whatever its head said, and
+    so is JSON that holds what cannot be written down again, half a character or the one of code 0.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on what may come in, answer the rest."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        try:
+            _show_in(connection)
+            if _has_body(connection):
+                receive = _once_more(await _read(receive), receive)
+        except RefusalError as error:
+            await answer_to(error)(scope, receive, send)
+        except ClientDisconnect:
+            return
+        else:
+            await self._app(scope, receive, send)
+
+
+def _show_in(connection: HTTPConnection) -> None:
+    """Give who is signed in a place. Raises RefusalError for who has to be, and for one websocket too many."""
+    scope = connection.scope
+    is_socket = scope["type"] == "websocket"
+    if not is_socket and (scope["path"] in OPEN or not scope["path"].startswith(CLOSED)):
+        return
+    person = authentication_of(connection).recognise(shown_by(connection))
+    if person is None:
+        if is_socket or _has_body(connection):
+            signed_in(connection)  # says what is to be done
+        return  # a route may still let in somebody whose session is over, to press STOP
+    state = scope.get("state", {})
+    place: Place | None = state.get(PLACE)
+    places: Places | None = state.get(ALL_PLACES)
+    if places is None or place is None or places.recognise(place, person, is_socket=is_socket) or not is_socket:
+        return
+    raise RefusalError(
+        Because.UNAVAILABLE,
+        f"{person.name} has too many connections open: close other pages first",
+        code="too_many_connections",
+    )
+
+
+def _has_body(connection: HTTPConnection) -> bool:
+    return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
+
+
+async def _read(receive: Receive) -> bytes:
+    """Return the whole body. Raises RefusalError, ClientDisconnect."""
+    body = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
+        body += message.get("body", b"")
+        if len(body) > MAX_BODY_BYTES:
+            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {MAX_BODY_BYTES} bytes")
+        if not message.get("more_body", False):
+            break
+    _require_writable(bytes(body))
+    return bytes(body)
+
+
+def _require_writable(body: bytes) -> None:
+    if _NUL.search(body):
+        raise RefusalError(Because.BAD_VALUE, "body: a text holds the character of code 0, which cannot be stored")
+    try:
+        pydantic_core.from_json(body)
+    except ValueError as error:
+        raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
+
+
+def _once_more(body: bytes, receive: Receive) -> Receive:
+    """Return a ``receive`` that gives ``body`` first."""
+    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def again() -> Message:
+        return messages.pop() if messages else await receive()
+
+    return again

@@ -1,1 +1,0 @@
-"""The shapes of everything the HTTP interface takes and gives, by subject."""

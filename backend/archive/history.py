@@ -1,0 +1,85 @@
+"""Where a run came from, what happened in it, how far the set-up is: read from the database in threads."""
+
+import asyncio
+from collections.abc import Callable
+
+from backend.archive import checklist
+from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
+from backend.recording.flight import TRIP_EVENT
+from backend.storage import Database, Session, banks, events, identifications, recordings, runs
+from backend.storage.bank_entry import name_of_entry
+from backend.storage.banks import Bank
+from backend.storage.records import UnknownRecordError
+from plant.parameters import PlantParameters
+
+_RUNS_SHOWN = 20
+
+
+class History:
+    """``bank_in_use`` tells the number of the active bank."""
+
+    def __init__(self, database: Database, parameters: PlantParameters, bank_in_use: Callable[[], int | None]) -> None:
+        self._database = database
+        self._parameters = parameters.document()
+        self._bank_in_use = bank_in_use
+
+    async def lineage(self, run_id: int) -> Lineage:
+        """Return what a run came from and what came of it. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._lineage, run_id)
+
+    async def marks(self, run_id: int) -> RunMarks:
+        """Return what happened during a run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._marks, run_id)
+
+    async def checklist(self) -> Checklist:
+        """Return how far the set-up is."""
+        return await asyncio.to_thread(self._checklist)
+
+    def _lineage(self, run_id: int) -> Lineage:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+            mine = {estimate.id for estimate in identifications.find(session, run_id=run_id)}
+            built = [one for one in banks.find(session) if mine & {entry.identification_id for entry in one.entries}]
+            return Lineage(
+                run=run.id,
+                software=run.software,
+                parameters=run.parameters_name,
+                parameters_as_now=run.parameters == self._parameters,
+                bank=None if bank is None else _named(bank),
+                entries=[] if bank is None else _entries(session, bank),
+                banks_built=[_named(one) for one in built],
+                runs_with_them=runs.with_banks(session, [one.id for one in built], limit=_RUNS_SHOWN),
+            )
+
+    def _marks(self, run_id: int) -> RunMarks:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            try:
+                period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
+            except UnknownRecordError:
+                return RunMarks(marks=[])
+            found = events.between(session, run.started_at, run.ended_at)
+        marks = [
+            RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
+            for event in found
+            # ticks begin anew with each loop process: those of another one do not fit this recording
+            if event.tick is not None and event.kind != TRIP_EVENT and span.first_tick <= event.tick <= span.end_tick
+        ]
+        return RunMarks(marks=marks)
+
+    def _checklist(self) -> Checklist:
+        with self._database.reading() as session:
+            return Checklist(steps=checklist.steps(session, self._parameters, self._bank_in_use()))
+
+
+def _named(bank: Bank) -> LineageBank:
+    return LineageBank(id=bank.id, name=bank.name, version=bank.version)
+
+
+def _entries(session: Session, bank: Bank) -> list[LineageEntry]:
+    run_of = {estimate.id: estimate.run_id for estimate in identifications.find(session)}
+    return [
+        LineageEntry(name=name_of_entry(entry), S_nominal=entry.S_nominal, run=run_of.get(entry.identification_id or 0))
+        for entry in bank.entries
+    ]

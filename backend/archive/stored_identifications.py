@@ -1,0 +1,99 @@
+"""Stored identifications as the page shows them: those of runs, and springs from tables measured elsewhere."""
+
+import asyncio
+from collections.abc import Callable
+
+from backend import __version__
+from backend.archive import views
+from backend.experiments.results.identification_curves import curves_of
+from backend.experiments.results.spring_identification import from_table
+from backend.messages.curves import IdentificationCurves
+from backend.messages.identification import IdentificationView, SpringTableView
+from backend.storage import Database, identifications, results, runs
+from backend.storage.identifications import Identification
+from backend.storage.records import UnknownRecordError
+from backend.storage.runs import Run, RunKind
+
+IDENTIFICATIONS = (
+    RunKind.ACTUATOR_IDENTIFICATION,
+    RunKind.MOTOR_IDENTIFICATION,
+    RunKind.SPRING_IDENTIFICATION,
+)
+
+
+class StoredIdentifications:
+    """Reads and writes the database in threads. ``progress`` tells how far a run is, from 0 to 1."""
+
+    def __init__(self, database: Database, progress: Callable[[Run], float]) -> None:
+        self._database = database
+        self._progress = progress
+
+    async def identifications(self) -> list[IdentificationView]:
+        """Return all identification runs, newest first."""
+        return await asyncio.to_thread(self._identifications)
+
+    async def identification(self, run_id: int) -> IdentificationView:
+        """Return one identification run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._identification, run_id)
+
+    async def curves(self, run_id: int) -> IdentificationCurves:
+        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._curves, run_id)
+
+    async def spring_tables(self) -> list[SpringTableView]:
+        """Return springs identified from tables, newest first."""
+        return await asyncio.to_thread(self._spring_tables)
+
+    async def spring_table(self, number: int) -> SpringTableView:
+        """Return one spring identified from a table. Raises UnknownRecordError."""
+        return views.spring_table_view(await asyncio.to_thread(self._spring_table, number))
+
+    async def spring_table_curves(self, number: int) -> IdentificationCurves:
+        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
+        found = await asyncio.to_thread(self._spring_table, number)
+        return IdentificationCurves.model_validate(curves_of(found))
+
+    async def add_spring_table(self, name: str, table: str, who: str) -> SpringTableView:
+        """Identify a spring from a measured table and store it. Raises IdentificationError."""
+        return views.spring_table_view(await asyncio.to_thread(self._add_spring_table, name, table, who))
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def _identifications(self) -> list[IdentificationView]:
+        with self._database.reading() as session:
+            estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
+            found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
+            return [views.identification_view(run, estimates.get(run.id), self._progress(run)) for run in found]
+
+    def _identification(self, run_id: int) -> IdentificationView:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            if run.kind not in IDENTIFICATIONS:
+                raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
+            estimates = identifications.find(session, run_id=run_id)
+            result = results.newest(session, run_id)
+        view = views.identification_view(run, estimates[0] if estimates else None, self._progress(run))
+        problem = "" if result is None else str(result.metrics.get("problem", ""))
+        return view.model_copy(update={"message": problem}) if problem else view
+
+    def _curves(self, run_id: int) -> IdentificationCurves:
+        with self._database.reading() as session:
+            found = identifications.of_run(session, run_id)
+        return IdentificationCurves.model_validate(curves_of(found))
+
+    def _spring_tables(self) -> list[SpringTableView]:
+        with self._database.reading() as session:
+            found = identifications.find(session, kind="spring")
+        return [views.spring_table_view(table) for table in found if table.run_id is None]
+
+    def _spring_table(self, number: int) -> Identification:
+        with self._database.reading() as session:
+            found = identifications.get(session, number)
+        if found.kind != "spring" or found.run_id is not None:
+            raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
+        return found
+
+    def _add_spring_table(self, name: str, table: str, who: str) -> Identification:
+        new = from_table(name, table, who, __version__)
+        with self._database.session() as session:
+            return identifications.add(session, new)

@@ -1,0 +1,150 @@
+"""Stored runs as the page shows them, with their samples, flight records and results."""
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+from backend import wire
+from backend.archive import views
+from backend.messages.experiment import ExperimentView
+from backend.messages.flight import FlightList
+from backend.messages.run import Evaluation, RunList, RunView, SamplesView
+from backend.messages.state import TaskView
+from backend.recording.reader import Envelope, read_envelope
+from backend.refusal import Because, RefusalError
+from backend.storage import Database, Session, flights, recordings, results, runs
+from backend.storage.records import UnknownRecordError
+from backend.storage.runs import EndState, Run, RunKind
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """What is asked of a recording: ``signals`` from ``from_s`` to ``to_s``, in about ``points`` buckets at most."""
+
+    run: int
+    from_s: float
+    to_s: float
+    points: int
+    signals: Sequence[str]
+
+
+class StoredRuns:
+    """Reads and writes the database in threads, so that the event loop never waits for the disk.
+
+    ``task`` tells what the service is doing at present, ``is_evaluated`` whether a run's result is being computed.
+    """
+
+    def __init__(
+        self, database: Database, task: Callable[[], TaskView | None], is_evaluated: Callable[[int], bool]
+    ) -> None:
+        self._database = database
+        self._task = task
+        self._is_evaluated = is_evaluated
+
+    async def runs(self, kind: str | None, search: str, limit: int, offset: int) -> RunList:
+        """Return a page of runs, newest first. Raises RefusalError for an unknown kind."""
+        wanted = kind.split(",") if kind else []
+        for unknown in (one for one in wanted if one not in set(RunKind)):
+            raise RefusalError(
+                Because.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
+            )
+        kinds = [RunKind(one) for one in wanted]
+        return await asyncio.to_thread(self._runs, kinds, search, limit, offset)
+
+    async def run(self, run_id: int) -> RunView:
+        """Return one run. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._run, run_id)
+
+    async def set_note(self, run_id: int, note: str) -> RunView:
+        """Write the note of a run. Raises UnknownRecordError."""
+        await asyncio.to_thread(self._set_note, run_id, note)
+        return await self.run(run_id)
+
+    async def flights(self) -> FlightList:
+        """Return the newest flight records."""
+        return await asyncio.to_thread(self._flights)
+
+    async def samples(self, asked: Excerpt) -> SamplesView:
+        """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
+        return await asyncio.to_thread(self._samples, asked)
+
+    async def packed_samples(self, asked: Excerpt) -> bytes:
+        """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
+        return await asyncio.to_thread(self._packed_samples, asked)
+
+    async def experiment(self, run_id: int) -> ExperimentView:
+        """Return one experiment run with its result. Raises UnknownRecordError."""
+        return await asyncio.to_thread(self._experiment, run_id)
+
+    # In a thread --------------------------------------------------------------------------------------------
+
+    def _runs(self, kinds: Sequence[RunKind], search: str, limit: int, offset: int) -> RunList:
+        with self._database.reading() as session:
+            found = runs.find(session, kinds=kinds, search=search, limit=limit, offset=offset)
+            with_result = results.present(session, [run.id for run in found])
+            views = [self._view(session, run, run.id in with_result) for run in found]
+            return RunList(runs=views, total=runs.count(session, kinds=kinds, search=search))
+
+    def _run(self, run_id: int) -> RunView:
+        with self._database.reading() as session:
+            return self._view(session, runs.get(session, run_id), bool(results.present(session, [run_id])))
+
+    def _flights(self) -> FlightList:
+        with self._database.reading() as session:
+            return FlightList(flights=[views.flight_view(flight) for flight in flights.find(session)])
+
+    def _set_note(self, run_id: int, note: str) -> None:
+        with self._database.session() as session:
+            runs.set_note(session, run_id, note)
+
+    def _samples(self, asked: Excerpt) -> SamplesView:
+        envelope, raw = self._envelope(asked)
+        return views.samples_view(asked.run, envelope, raw=raw)
+
+    def _packed_samples(self, asked: Excerpt) -> bytes:
+        envelope, raw = self._envelope(asked)
+        first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
+        extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
+        return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in asked.signals])
+
+    def _envelope(self, asked: Excerpt) -> tuple[Envelope, bool]:
+        """Return the envelope and whether its buckets are single samples."""
+        with self._database.reading() as session:
+            period_s = recordings.get(session, asked.run).period_s
+            envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
+        return envelope, envelope.width_s <= 1.5 * period_s
+
+    def _experiment(self, run_id: int) -> ExperimentView:
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            return views.experiment_view(run, results.newest(session, run_id), self.progress(run))
+
+    def _view(self, session: Session, run: Run, has_result: bool) -> RunView:
+        """Return a run with the extent of what was recorded of it."""
+        view = partial(views.run_view, run, self._evaluation(run, has_result))
+        try:
+            recording = recordings.get(session, run.id)
+        except UnknownRecordError:
+            return view(samples=0, duration_s=0.0, missed=0)
+        try:
+            extent = recordings.extent(session, run.id)
+        except UnknownRecordError:
+            return view(0, 0.0, recording.missed, recording.removed_at)
+        duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
+        return view(extent.count, duration_s, recording.missed, recording.removed_at)
+
+    def _evaluation(self, run: Run, has_result: bool) -> Evaluation:
+        task = self._task()
+        if run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
+            return Evaluation.NONE
+        if self._is_evaluated(run.id) or (task is not None and task.run == run.id):
+            return Evaluation.UNDER_WAY
+        return Evaluation.DONE if has_result else Evaluation.MISSING
+
+    def progress(self, run: Run) -> float:
+        """Return how far a run is, from 0 to 1."""
+        task = self._task()
+        if task is None or task.run != run.id:
+            return 1.0
+        return min(0.99, task.elapsed_s / task.duration_s)

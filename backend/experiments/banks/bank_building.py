@@ -1,0 +1,76 @@
+"""From chosen identifications to a controller bank, and from a bank to the gains the loop is given."""
+
+from collections.abc import Sequence
+
+from backend.experiments.banks.bank_consistency import (
+    BankError,
+    NamedEntry,
+    point_of,
+    require_consistent,
+    require_same_parameters,
+)
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.loop.commands import SetTuning
+from backend.loop.tuned import tuning_for
+from backend.storage import Database, Session, banks, identifications, runs
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.identifications import Identification
+from backend.tuning.models import PointModel
+from plant.parameters import PlantParameters
+
+
+def name_of(identification: Identification) -> str:
+    """Return what an identification is called: by the run it came from, or by what it was made of."""
+    if identification.run_id is None:
+        return f"{identification.kind} identification from elsewhere (estimate {identification.id})"
+    return f"identification {identification.run_id}"
+
+
+def entry_of(identification: Identification) -> BankEntry:
+    """Return the bank entry that an actuator identification gives. Raises BankError."""
+    if identification.kind != "actuator":
+        raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
+    if not identification.usable:
+        raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
+    G_q, G_S = (identification.model[name]["first_order"] for name in ("G_q", "G_S"))
+    model = {"K_q": G_q["K"], "T_q": G_q["T"], "K_S": G_S["K"], "T_S": G_S["T"]}
+    model["tension_N"] = identification.options["tension_N"]
+    return BankEntry(identification.model["S_nominal"], model, identification.id)
+
+
+def build_bank(
+    database: Database, parameters: PlantParameters, name: str, run_ids: Sequence[int], who: str, note: str = ""
+) -> Bank:
+    """Store the next version of a bank from the newest estimates of identification runs, ordered by stiffness.
+
+    Raises BankError, UnknownRecordError.
+    """
+    require_name(name)
+    with database.reading() as session:
+        named = [_named(session, parameters, run_id) for run_id in run_ids]
+    entries = require_consistent(parameters, named)
+    with database.session() as session:
+        return banks.add(session, name.strip(), entries, who, note)
+
+
+def require_name(name: str) -> None:
+    """Raise BankError unless a bank can be called so."""
+    if not name.strip():
+        raise BankError("a bank needs a name")
+
+
+def points_of(bank: Bank | None) -> tuple[PointModel, ...]:
+    """Return the models of a bank's entries; none without a bank."""
+    return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
+
+
+def tuning_command(parameters: PlantParameters, choice: TuningChoice, bank: Bank | None) -> SetTuning:
+    """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
+    return tuning_for(parameters, choice.lambdas, points_of(bank), interpolate=choice.interpolate)
+
+
+def _named(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
+    found = identifications.of_run(session, run_id)
+    entry, name = entry_of(found), name_of(found)
+    require_same_parameters(parameters, name, runs.get(session, run_id).parameters)
+    return NamedEntry(name, entry)

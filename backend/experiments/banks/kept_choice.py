@@ -1,0 +1,59 @@
+"""The tuning in force as the data folder keeps it: for the next start of the service, and for the command line."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.storage import Database, Session, settings
+from plant.parameters import PlantParameters
+
+NAME = "tuning in force"
+
+
+@dataclass(frozen=True)
+class KeptChoice:
+    """What was in force, who left it so, and whether that was with the same numbers of the plant.
+
+    ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults.
+    """
+
+    choice: TuningChoice
+    who: str
+    same_plant: bool
+    lacks: tuple[str, ...] = ()
+
+
+def put(database: Database, choice: TuningChoice, parameters: PlantParameters, who: str) -> None:
+    """Keep a choice that has come into force."""
+    with database.session() as session:
+        settings.put(session, NAME, {**choice.document(), "parameters": digest(parameters)}, who)
+
+
+def newest(database: Database, parameters: PlantParameters) -> KeptChoice | None:
+    """Return what was in force last, None on a new data folder. Raises SettingError, OutOfRangeError."""
+    with database.reading() as session:
+        kept = settings.newest(session, NAME)
+    if kept is None:
+        return None
+    lacks = tuple(name for name in TuningChoice().document() if name not in kept.value)
+    return KeptChoice(TuningChoice.of(kept.value), kept.who, kept.value["parameters"] == digest(parameters), lacks)
+
+
+def earlier(session: Session, choice: TuningChoice, parameters: PlantParameters) -> TuningChoice | None:
+    """Return the newest kept choice for this plant other than ``choice``; None where there is none.
+
+    Raises SettingError, OutOfRangeError.
+    """
+    mine = digest(parameters)
+    kept = (TuningChoice.of(one.value) for one in settings.history(session, NAME) if one.value["parameters"] == mine)
+    return next((one for one in kept if one != choice), None)
+
+
+def digest(parameters: PlantParameters) -> str:
+    """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
+    values = {
+        section: {name: entry["value"] for name, entry in entries.items()}
+        for section, entries in parameters.document().items()
+    }
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()

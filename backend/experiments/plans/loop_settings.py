@@ -1,0 +1,36 @@
+"""What the loop is set to while an experiment runs: the tuning, and the seed of the simulator."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TypeVar
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.settings import SettingError, describe, from_values, integer
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class LoopSettings(TuningChoice):
+    """The tuning of an experiment and the seed of the simulator's noise."""
+
+    seed: int = integer(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
+
+    @property
+    def tuning(self) -> TuningChoice:
+        """The tuning alone."""
+        return TuningChoice(**self.document())
+
+
+def split_values(plan: type[_T], values: Mapping[str, object]) -> tuple[_T, LoopSettings]:
+    """Build plan and loop settings from one set of named values. Raises SettingError, OutOfRangeError."""
+    of_loop = {item.name for item in fields(LoopSettings)}
+    of_plan = {setting.name for setting in describe(plan)}
+    for name, value in values.items():
+        if name not in of_loop | of_plan:
+            legal = (*sorted(of_plan), *sorted(of_loop))
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+    return (
+        from_values(plan, {name: value for name, value in values.items() if name in of_plan}),
+        from_values(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
+    )

@@ -1,0 +1,51 @@
+"""An order played on a simulator of its own, faster than real time, before it moves anything real.
+
+The same program, loop and evaluation as the real run; its database lives in a folder that is thrown away.
+"""
+
+import asyncio
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.recording.reader import Envelope, read_envelope
+from backend.storage import banks, open_database
+from backend.storage.banks import Bank
+from backend.storage.results import Result
+from backend.storage.runs import Run
+from plant.parameters import PlantParameters
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """How it went; ``curves`` is None when nothing was played."""
+
+    run: Run
+    result: Result | None
+    curves: Envelope | None
+
+
+def dry_run(
+    parameters: PlantParameters, order: Order, bank: Bank | None, signals: Sequence[str], points: int, folder: Path
+) -> DryRun:
+    """Play ``order`` with the models of ``bank`` and return its result with ``points`` buckets of ``signals``.
+
+    ``folder`` takes the database; whoever gives it throws it away.
+
+    Raises OutOfRangeError for λ that is not safe on these models.
+    """
+    with closing(open_database(folder)) as database:
+        settings = order.loop_settings
+        if bank is not None:
+            with database.session() as session:
+                entries = [replace(entry, identification_id=None) for entry in bank.entries]
+                settings = replace(settings, bank=banks.add(session, bank.name, entries, bank.who).id)
+        with headless_station(database, parameters, settings) as station:
+            outcome = asyncio.run(run_experiment(station, replace(order, loop_settings=settings)))
+        with database.reading() as session:
+            stored = outcome.evaluation.result
+            curves = None if stored is None else read_envelope(session, outcome.run.id, points, signals)
+        return DryRun(outcome.run, stored, curves)

@@ -1,0 +1,52 @@
+"""A station stepped as fast as it goes, on what waits for its writes: for the command line, for dry runs, for tests."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from backend.experiments.banks.bank_building import points_of, tuning_command
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.runner import Station
+from backend.loop.headless import Headless
+from backend.loop.ring import Ring
+from backend.recording.recorder import Recorder
+from backend.storage import Database, banks
+from backend.tuning.preview import Previewer
+from plant.catalog import make_plant
+from plant.choice import SIMULATOR, PlantChoice
+from plant.interface import PlantError
+from plant.parameters import PlantParameters
+
+
+@contextmanager
+def headless_station(
+    database: Database, parameters: PlantParameters, settings: LoopSettings, plant: PlantChoice = SIMULATOR
+) -> Iterator[Station]:
+    """Give an actuator that is computed, with a recorder, set to ``settings``; let go of it at the end of the block.
+
+    Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
+    OutOfRangeError for λ that is not safe on its models.
+    """
+    bank = None
+    if settings.bank:
+        with database.reading() as session:
+            bank = banks.get(session, settings.bank)
+    previewer = Previewer(parameters, points_of(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer.require_safe(settings.lambdas)
+    recorders: list[Recorder] = []
+
+    def record(_ring: Ring) -> None:
+        for recorder in recorders:
+            recorder.drain()
+
+    made = make_plant(plant, parameters, settings.seed)
+    if not made.stepped:
+        raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
+    loop = Headless(made, parameters, tuning_command(parameters, settings, bank), record)
+    recorder = Recorder(database, loop.ring)
+    recorders.append(recorder)
+    loop.listen(recorder.hear)
+    try:
+        yield Station(loop, database, plant.name, parameters)
+    finally:
+        loop.close()
+        recorder.close()

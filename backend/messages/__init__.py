@@ -1,0 +1,1 @@
+"""What service and page say to each other, by subject: pydantic models that know no HTTP."""

@@ -1,0 +1,86 @@
+"""Where things came from, what happened in a run, and how far the set-up has got."""
+
+from datetime import datetime
+from enum import StrEnum
+
+from pydantic import Field
+
+from backend.messages.base import Schema, quantity
+
+LONGEST_S = 1e9
+"""Longer than any recording [s]: thirty years."""
+
+
+class LineageBank(Schema):
+    """A bank that a run used or that was built from it."""
+
+    id: int
+    name: str
+    version: int
+
+
+class LineageEntry(Schema):
+    """Where an entry of the bank in use came from."""
+
+    name: str = Field(description="what the entry is called, by its tension")
+    S_nominal: float = quantity("N·m/rad", "nominal point")
+    run: int | None = Field(description="identification run; null for data from elsewhere or from geometry")
+
+
+class Lineage(Schema):
+    """Back to raw data and forth to what came of it."""
+
+    run: int
+    software: str
+    parameters: str
+    parameters_as_now: bool = Field(description="the plant's parameters are still those of this run")
+    bank: LineageBank | None = Field(description="bank in use; null while the gains came from geometry")
+    entries: list[LineageEntry]
+    banks_built: list[LineageBank] = Field(description="banks with an entry that was identified from this run")
+    runs_with_them: list[int] = Field(description="newest runs that used these banks")
+
+
+class RunMark(Schema):
+    """Something that happened during a run."""
+
+    t: float = quantity("s", "time since the run's first sample")
+    kind: str
+    text: str
+    who: str
+
+
+class RunMarks(Schema):
+    """What happened during a run, in order."""
+
+    marks: list[RunMark]
+
+
+class ReplayRequest(Schema):
+    """The moment to show."""
+
+    t: float = quantity("s", "time since the run's first sample", ge=0.0, le=LONGEST_S)
+
+
+class ChecklistState(StrEnum):
+    """How far a step of the set-up is."""
+
+    MISSING = "missing"
+    DONE = "done"
+    OUTDATED = "outdated"
+    UNUSABLE = "unusable"
+
+
+class ChecklistStep(Schema):
+    """One step from pretension to report."""
+
+    name: str
+    state: ChecklistState
+    detail: str = Field(description="what there is, or why it no longer holds")
+    run: int | None
+    at: datetime | None
+
+
+class Checklist(Schema):
+    """The set-up in order; each step builds on those before."""
+
+    steps: list[ChecklistStep]

@@ -1,0 +1,82 @@
+"""Stored runs and their samples."""
+
+from datetime import datetime
+from enum import StrEnum
+
+from pydantic import Field
+
+from backend.messages.base import Schema, quantity
+
+
+class Evaluation(StrEnum):
+    """Whether a run has its result."""
+
+    NONE = "none"
+    """of a session, and of a run that is not over"""
+    UNDER_WAY = "under_way"
+    DONE = "done"
+    MISSING = "missing"
+    """it could not be computed; asked for again, it may be"""
+
+
+class UsedSetting(Schema):
+    """What a run was set to in one respect."""
+
+    name: str
+    symbol: str
+    unit: str = Field(description="SI, 1 for what has none")
+    meaning: str
+    value: bool | float | str
+
+
+class RunView(Schema):
+    """One stored run."""
+
+    id: int
+    kind: str
+    plant: str
+    parameters: str
+    who: str
+    started: datetime
+    ended: datetime | None
+    end_state: str
+    end_reason: str
+    duration_s: float = quantity("s", "length of what was recorded")
+    samples: int
+    missing_samples: int = Field(description="ticks that the recording lacks; more than 0 is an error of the run")
+    samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
+    settings: list[UsedSetting]
+    note: str
+    evaluation: Evaluation
+    evaluation_problem: str = Field(description="why the run has no result, where that is known")
+
+
+class RunList(Schema):
+    """Runs, newest first, one page of them."""
+
+    runs: list[RunView]
+    total: int
+
+
+class NoteRequest(Schema):
+    """What a person wants to remember about a run."""
+
+    note: str = Field(max_length=4000)
+
+
+class Envelope(Schema):
+    """One signal over the times of the answer. Raw: minimum and maximum are the same values."""
+
+    unit: str
+    minimum: list[float | None]
+    maximum: list[float | None]
+
+
+class SamplesView(Schema):
+    """Samples of a run between two times, raw when few enough, else the min/max envelope."""
+
+    run: int
+    raw: bool
+    width_s: float = quantity("s", "length of a bucket; of raw samples, their period")
+    t: list[float] = quantity("s", "time since the run's first sample")
+    signals: dict[str, Envelope]

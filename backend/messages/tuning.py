@@ -1,0 +1,134 @@
+"""λ of the three loops, what they would do, and where their ranges end."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.messages.base import ANY_SIZE, Schema, quantity
+
+
+class BankReference(Schema):
+    """The bank in use."""
+
+    id: int
+    name: str
+    version: int
+
+
+class TuningParts(Schema):
+    """A tuning, whatever is said of it: the parts of ``TuningChoice`` but for the bank."""
+
+    lam_q: float = quantity("s", "tuning parameter of the position loop")
+    lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
+    lam_motor: float = quantity("s", "tuning parameter of the motor loops")
+    b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
+    interpolate: bool = Field(description="gain scheduling between entries instead of switching")
+
+
+class ChosenTuning(TuningParts):
+    """A tuning with the bank whose models it is for."""
+
+    bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
+
+
+class TuningView(ChosenTuning):
+    """The tuning in force."""
+
+    lam_q_min: float = quantity("s", "smallest λ_q offered (M_s = 1.7 on the high-order model)")
+    lam_q_max: float = quantity("s", "largest λ_q offered")
+    lam_S_min: float = quantity("s", "smallest λ_S offered (M_s = 1.7 on the high-order model)")
+    lam_S_max: float = quantity("s", "largest λ_S offered")
+    lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
+    lam_motor_max: float = quantity("s", "largest λ_motor offered")
+    entry: float = Field(description="active entry of the bank, fractional while interpolating")
+    entry_name: str = Field(description="what that entry is called, by its tension; empty without a bank")
+
+
+class TuningRequest(Schema):
+    """The tuning wanted; what is left out stays as it is."""
+
+    lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None, **ANY_SIZE)
+    lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None, **ANY_SIZE)
+    lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
+    b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
+    interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
+
+
+class TrialRequest(TuningRequest):
+    """A tuning to try: the service itself puts the earlier one back."""
+
+    duration_s: float = quantity("s", "how long it stays in force", ge=1.0, le=600.0)
+
+
+class SavedTuning(TuningParts):
+    """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the defaults then."""
+
+    who: str | None
+    at: datetime | None
+    moved: str = Field(description="which λ of the method's defaults is not offered here, and what stands for it")
+
+
+class PrintedFormula(Schema):
+    """The loop with k_p = 2/(K λ) as table 2 prints it: erratum E1, for comparison only, never in force."""
+
+    stable: bool
+    M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
+    y: list[float] = Field(description="predicted response to a unit reference step, at the times of the loop [1]")
+
+
+class LoopPreview(Schema):
+    """What one outer loop would do at a λ, on the high-order model of the active entry."""
+
+    lam: float = quantity("s", "λ previewed")
+    lam_min: float = quantity("s", "where the safe range begins")
+    lam_max: float = quantity("s", "where the offered range ends")
+    stable: bool
+    M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
+    gain_margin: float | None = Field(
+        description="factor by which the gain may grow before instability; null when unstable or unlimited"
+    )
+    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unstable or unlimited")
+    t: list[float] = quantity("s", "time of the predicted unit step")
+    y: list[float] = Field(description="predicted response to a unit reference step [1]")
+    printed: PrintedFormula
+
+
+class MotorPreview(Schema):
+    """How robust the motor loops are at a λ_motor, as sampled and with L/R: the less robust of the two."""
+
+    M_s: float = Field(description="maximum of the sensitivity function")
+    gain_margin: float | None = Field(
+        description="factor by which the gain may grow before instability; null when unlimited"
+    )
+    gain_reduction_margin: float | None = Field(
+        description="factor to which the gain may fall before instability; null when it may fall to nothing"
+    )
+    phase_margin_deg: float | None = quantity("deg", "phase left before instability; null when unlimited")
+
+
+class RobustLambda(Schema):
+    """The λ of one loop for a wanted M_s, or why there is none."""
+
+    lam: float | None = quantity(
+        "s", "smallest λ offered that has this M_s at every entry of the bank; null where there is none"
+    )
+    reason: str = Field(description="why there is none, or an empty text")
+
+
+class RobustTuning(Schema):
+    """λ of the three loops for a wanted M_s, on the high-order models."""
+
+    M_s: float = Field(description="wanted maximum of the sensitivity function")
+    lam_motor: RobustLambda
+    lam_q: RobustLambda
+    lam_S: RobustLambda
+
+
+class TuningPreview(Schema):
+    """What the loops would do."""
+
+    motor: MotorPreview
+    position: LoopPreview
+    stiffness: LoopPreview
+    u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")
+    F_min_N: float = quantity("N", "least tendon tension of that step")

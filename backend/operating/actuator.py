@@ -1,0 +1,292 @@
+"""The one actuator and what may be asked of it.
+
+Every command goes to the loop and is in force only once the loop has accepted it. STOP waits for nothing else.
+"""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from backend.bring_up.hands import KeptHands, switch_drives
+from backend.faults import Fault
+from backend.loop import commands
+from backend.loop.access import LoopDied, LoopDiedError, result_of
+from backend.loop.commands import Accepted, Command, Event, ProgramEnded, PushReleased, Refused, Stopped
+from backend.loop.hand_push import PUSH_MAX_S
+from backend.loop.mode import LEGAL, Mode
+from backend.loop.ring import Ring
+from backend.loop.supervisor import Supervisor
+from backend.messages.live import MarkKind
+from backend.messages.state import Push, References, State, StopProof
+from backend.operating.event_marks import mark_of
+from backend.operating.journal import Journal
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.present_state import F_PUSH_MAX, PresentState, proof_of
+from backend.operating.retuning import Retuning
+from backend.operating.session_runs import RECORDED, SessionRuns
+from backend.reading import in_digits
+from backend.refusal import Because, RefusalError, require_within
+from backend.supervision import KeptTask, Part, Supervision
+from plant.breakage import Broken
+from plant.brought_up import BroughtUp
+from plant.choice import PlantKind
+
+STOP_PROOF_S = 1.0
+"""How long a stop may take to be confirmed; the loop itself takes two ticks."""
+
+_SHOWN_S = 0.2
+_RELEASE = Part("The release of a push", "Press STOP if the joint is still pushed.")
+_STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
+
+
+class Actuator:
+    """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
+
+    ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
+    itself, if anything: nothing else starts then. ``starting`` is held from that question until what starts shows.
+    ``in_effect`` says what the next loop is to start with.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        session_runs: SessionRuns,
+        journal: Journal,
+        kept: KeptTuning,
+        on_new_ring: Callable[[Ring], None],
+        supervision: Supervision,
+        hands: KeptHands,
+    ) -> None:
+        self.present = present
+        self.occupied: Callable[[], str] = str
+        self.in_effect: Callable[[], BroughtUp] = lambda: supervisor.setup.brought_up
+        self._supervisor = supervisor
+        self._session_runs = session_runs
+        self._journal = journal
+        self._on_new_ring = on_new_ring
+        self._supervision = supervision
+        self._hands = hands
+        self._pushed = False
+        self._releasing: KeptTask | None = None
+        self._stop_waiters: list[asyncio.Future[Stopped]] = []
+        self._changed: list[Callable[[], None]] = []
+        self._turn = asyncio.Lock()
+        self.starting = asyncio.Lock()
+        self.retuning = Retuning(
+            supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
+        )
+        supervisor.listen(self._hear)
+
+    def on_change(self, changed: Callable[[], None]) -> None:
+        """Call ``changed`` when the state is worth telling at once."""
+        self._changed.append(changed)
+
+    def changed(self) -> None:
+        """Tell that the state has changed."""
+        for changed in self._changed:
+            changed()
+
+    async def stop(self, who: str) -> StopProof:
+        """Stop hard and wait for the proof. Raises RefusalError when the loop does not give it."""
+        waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+        self._stop_waiters.append(waiter)
+        try:
+            await self._supervisor.send(commands.Stop(Fault.STOP_PRESSED, hard=True))
+            stopped = await result_of(waiter, STOP_PROOF_S)
+        except TimeoutError:
+            raise RefusalError(
+                Because.UNAVAILABLE, "the loop has not confirmed zero volts: use the e-stop at the rig"
+            ) from None
+        finally:
+            self._stop_waiters.remove(waiter)
+        self._journal.note(MarkKind.FAULT, "STOP", stopped.arrived_tick, who)
+        return proof_of(stopped)
+
+    async def operator_lost(self, who: str) -> None:
+        """Stop softly: the page that held control was not heard, and the references were held long enough."""
+        self.note_control("control lost", who)
+        if self.present.mode in _STILL or not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
+
+    def note_control(self, text: str, who: str) -> None:
+        """Put on record what happens to control."""
+        self._journal.note(MarkKind.NOTE, text, self.present.tick, who)
+        self.changed()
+
+    async def reset(self, who: str) -> State:
+        """Clear the latched fault after its cause is gone; start the loop anew if it, its watchdog or its card died."""
+        async with self.starting, self._turn:
+            lost = self._supervisor.guard.watchdog_lost or self.present.card_lost
+            if self._supervisor.alive and not lost:
+                accepted = await self._command(commands.Reset())
+                self._journal.note(MarkKind.FAULT, "reset", accepted.tick, who)
+            else:
+                self.require_unoccupied()  # a new loop has another zero, and a step works with this one
+                await self._start_anew(MarkKind.FAULT, "loop started again", who)
+        self.present.forget_stop()
+        return await self._state_once(lambda: self.present.fault is Fault.NONE)
+
+    async def take_up(self, brought_up: BroughtUp, who: str) -> None:
+        """Start the loop anew with what a bring-up has found. Raises RefusalError unless it is off."""
+        async with self._turn:
+            if self.present.mode is not Mode.OFF:
+                raise RefusalError(
+                    Because.NOT_NOW, f"what was measured takes effect in off; the mode is {self.present.mode}"
+                )
+            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+            await self._start_anew(MarkKind.NOTE, "loop started with what the bring-up has measured", who)
+        self.changed()
+
+    async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
+        before = self._supervisor.setup.brought_up
+        brought_up = await asyncio.to_thread(self.in_effect)
+        if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
+            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        await self._supervisor.restart()
+        self._on_new_ring(self._supervisor.ring)
+        self.present.starts += 1
+        self._journal.note(kind, text, 0, who)
+
+    async def set_mode(self, mode: Mode, who: str) -> State:
+        """Move to another mode; one in which a person moves the joint is recorded as a session."""
+        if mode in _STILL:
+            return await self._moved_to(mode, who)
+        async with self.starting:
+            self.require_unoccupied()
+            return await self._moved_to(mode, who)
+
+    async def _moved_to(self, mode: Mode, who: str) -> State:
+        async with self._turn:
+            self._require_legal(mode)
+            if mode in RECORDED:
+                run = await self._session_runs.begin(mode, self.present.tuning, who)
+                try:
+                    await self._command(commands.SetMode(mode, run))
+                except BaseException:
+                    await self._session_runs.abandon(run)
+                    raise
+            else:
+                await self._command(commands.SetMode(mode))
+        return await self._state_once(lambda: self.present.mode is mode)
+
+    def require_unoccupied(self) -> None:
+        """Raise RefusalError while something has the rig for itself."""
+        occupied = self.occupied()
+        if occupied:
+            raise RefusalError(Because.NOT_NOW, f"{occupied}: wait for its end, or cancel it")
+
+    async def switch_drives(self, on: bool, who: str) -> None:
+        """Take the drives away, at any time, or give them back. Raises RefusalError; LoopDiedError where they come on.
+
+        They come on in off and beside no step of the bring-up only.
+        """
+        async with self._turn:
+            if on:
+                self.require_unoccupied()
+            accepted = _accepted(await switch_drives(self._supervisor, self._hands, on, who))
+            self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
+        self.changed()
+
+    async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
+        """Set the references of the cascade. Raises OutOfRangeError."""
+        b = self.present.bounds
+        require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
+        require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        accepted = await self._command(commands.SetReferences(q_ref, S_ref))
+        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref)} N·m/rad"
+        self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
+        self.changed()
+        return References(q_ref=q_ref, S_ref=S_ref)
+
+    async def push(self, push: Push, who: str) -> Push:
+        """Push the joint of a simulated plant from outside. Raises RefusalError on any other, OutOfRangeError."""
+        plant = self.present.plant
+        if not plant.simulated:
+            by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
+            message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
+            raise RefusalError(Because.NOT_NOW, message, code="not_a_simulator")
+        require_within("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        remedy = "order it again to push for longer"
+        require_within("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
+        # before it is sent: whoever loses control meanwhile has it let go after it has begun
+        self._pushed = push.F_push != 0.0
+        accepted = await self._command(commands.Push(push.F_push, push.duration_s))
+        text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+        return push
+
+    def let_go(self) -> None:
+        """Let go of a push without waiting: whoever ordered it does not hold control any more."""
+        if self._pushed:
+            self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
+
+    async def _let_go(self) -> None:
+        self._pushed = False
+        if not self._supervisor.alive:
+            return
+        with suppress(LoopDiedError):
+            await self._supervisor.send(commands.Push(0.0, 0.0))
+        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.present.tick)
+
+    async def break_plant(self, broken: Broken | None, who: str) -> None:
+        """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
+        accepted = await self._command(commands.Inject(broken))
+        text = "mended" if broken is None else f"broken on purpose: {broken.words}"
+        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+
+    def fall_silent(self, duration_s: float, who: str) -> None:
+        """Send the loop no heartbeat for a while, to try its reaction."""
+        self._supervisor.fall_silent(duration_s)
+        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.present.tick, who)
+
+    async def _command(self, command: Command) -> Accepted:
+        return _accepted(await self._supervisor.send(command))
+
+    async def _state_once(self, reached: Callable[[], bool]) -> State:
+        """Return the state as soon as the samples show what was accepted, a moment later at most."""
+        with suppress(TimeoutError, LoopDiedError):
+            await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
+        self.changed()
+        return self.present.state()
+
+    def _require_legal(self, wanted: Mode) -> None:
+        mode = self.present.mode
+        legal = self.present.legal(mode)
+        asked_of_loop = self.present.unready and wanted in LEGAL[mode]
+        if wanted in legal or asked_of_loop or not self._supervisor.alive:  # a dead loop gives its own answer too
+            return
+        if mode is Mode.TRIPPED:
+            reason = "a fault is latched: reset it first"
+        elif wanted in LEGAL[mode]:
+            reason = f"{wanted} has to wait until both tendons hold the pretension"
+        else:
+            reason = f"{mode} cannot go to {wanted}"
+        names = [str(choice) for choice in legal]
+        raise RefusalError(
+            Because.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
+        )
+
+    def _hear(self, event: Event | LoopDied) -> None:
+        self.present.hear(event)
+        if isinstance(event, PushReleased):
+            self._pushed = False
+        mark = mark_of(event, self.present.tick)
+        if mark is not None:
+            self._journal.note(*mark)
+        if isinstance(event, Stopped):
+            for waiter in self._stop_waiters:
+                if not waiter.done():
+                    waiter.set_result(event)
+        if not isinstance(event, Accepted | Refused | ProgramEnded):
+            self.changed()
+
+
+def _accepted(answer: Accepted | Refused) -> Accepted:
+    if isinstance(answer, Refused):
+        legal = [str(mode) for mode in answer.legal] or None
+        raise RefusalError(Because.NOT_NOW, answer.reason, code="refused", legal=legal)
+    return answer

@@ -1,0 +1,107 @@
+"""Experiments played on a simulator beside the service: one after the other, in a process of their own.
+
+Who asks for many of them waits for oneself only: reports, exports and evaluations have other processes.
+"""
+
+import asyncio
+import shutil
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any, TypeVar
+
+from backend.access.people import Person
+from backend.archive.views import dry_run_view
+from backend.experiments.playing.dry_run import dry_run
+from backend.experiments.playing.runner import Order
+from backend.messages.experiment import DryRunView
+from backend.messages.session import Role
+from backend.offload import Offload
+from backend.refusal import Because, RefusalError, require_within
+from backend.storage.banks import Bank
+from plant.parameters import PlantParameters
+
+T = TypeVar("T")
+
+SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
+POINTS = 1200
+
+LONGEST_S = 600.0
+"""Longest program that is played dry [s]. What is longer is played with ``sinew experiment``."""
+
+PLACES = 4
+"""Dry runs under way or waiting."""
+
+VIEWERS_PLACES = 2
+"""So many of them for viewers, so that an operator always finds one."""
+
+LOOK_S = 0.5
+
+
+class DryRuns:
+    """One dry run per person, PLACES in all. Belongs to the service's event loop."""
+
+    def __init__(self, offload: Offload) -> None:
+        self._offload = offload
+        self._people: list[Person] = []
+
+    async def play(
+        self,
+        parameters: PlantParameters,
+        order: Order,
+        bank: Bank | None,
+        person: Person,
+        left: Callable[[], Awaitable[bool]],
+    ) -> DryRunView:
+        """Play an order, as long as whoever asked has not ``left()``.
+
+        Raises OutOfRangeError when it takes too long, RefusalError where there is no place, WorkerDiedError.
+        """
+        duration_s = order.plan.program().duration_s
+        remedy = "play it with `sinew experiment` on the command line"
+        require_within("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
+        self._require_place(person)
+        self._people.append(person)
+        try:
+            folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
+            try:
+                played = await _unless_left(
+                    self._offload.run(dry_run, parameters, order, bank, SIGNALS, POINTS, Path(folder)), left
+                )
+            finally:
+                # Here, not in the process: one that is killed clears up nothing.
+                shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            self._people.remove(person)
+        # not what the run says: its bank has another number in a database of its own
+        settings = {**asdict(order.plan), **asdict(order.loop_settings)}
+        return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
+
+    def _require_place(self, person: Person) -> None:
+        if any(other.name == person.name and other.role == person.role for other in self._people):
+            raise RefusalError(
+                Because.TOO_MANY, "a dry run of yours is under way or waits: wait for it, or leave it", code="busy"
+            )
+        viewers = sum(not _is_operator(other) for other in self._people)
+        if len(self._people) >= PLACES or (not _is_operator(person) and viewers >= VIEWERS_PLACES):
+            raise RefusalError(
+                Because.TOO_MANY, f"{len(self._people)} dry runs are under way or wait: try again later", code="busy"
+            )
+
+
+def _is_operator(person: Person) -> bool:
+    return person.role is Role.OPERATOR
+
+
+async def _unless_left(work: Coroutine[Any, Any, T], left: Callable[[], Awaitable[bool]]) -> T:
+    """Return what ``work`` gives; cancel it when whoever waits for it has left."""
+    working = asyncio.ensure_future(work)
+    try:
+        while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
+            if await left():
+                raise RefusalError(Because.UNAVAILABLE, "whoever asked for this dry run has left: it was ended")
+        return working.result()
+    finally:
+        working.cancel()
+        await asyncio.gather(working, return_exceptions=True)

@@ -1,0 +1,53 @@
+"""What an event of the loop leaves on the time axis and in the journal."""
+
+from typing import NamedTuple, assert_never
+
+from backend.faults import Fault, explained
+from backend.loop.access import LoopDied
+from backend.loop.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PretensionReached,
+    ProgramEnded,
+    PushReleased,
+    ReadinessChanged,
+    Refused,
+    Stopped,
+)
+from backend.messages.live import MarkKind
+
+
+class Mark(NamedTuple):
+    """One mark at ``tick``."""
+
+    kind: MarkKind
+    text: str
+    tick: int
+
+
+def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
+    """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
+    match event:
+        case ModeChanged(tick, before, after):
+            return Mark(MarkKind.MODE, f"{before} → {after}", tick)
+        case PretensionReached(tick):
+            return Mark(MarkKind.MODE, "pretension reached", tick)
+        case PushReleased(tick, why):
+            return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
+        case Stopped(fault=Fault.STOP_PRESSED):
+            return None
+        case Stopped(fault=fault, arrived_tick=tick, detail=seen):
+            return Mark(MarkKind.FAULT, explained(fault, seen), tick)
+        case PlantFailing(tick, reason):
+            return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
+        case PlantAnswers(tick):
+            return Mark(MarkKind.FAULT, "the plant answers again", tick)
+        case LoopDied(reason):
+            return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
+        case Accepted() | Refused() | ProgramEnded() | ReadinessChanged():
+            return None
+        case _:
+            assert_never(event)

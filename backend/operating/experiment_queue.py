@@ -1,0 +1,124 @@
+"""Experiments that wait for their turn: one after the other, until one does not complete."""
+
+import logging
+from collections.abc import Awaitable, Callable
+from itertools import count
+
+from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
+from backend.refusal import Because, RefusalError
+from backend.storage.runs import EndState
+from backend.supervision import Part, Supervision
+
+_log = logging.getLogger(__name__)
+
+LONGEST = 50
+_PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
+
+Start = Callable[[ExperimentRequest, str], Awaitable[int]]
+Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
+
+
+class Queue:
+    """Belongs to the service's event loop. ``start`` starts one experiment.
+
+    ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
+    what it will run with, whatever is in force by then.
+    """
+
+    def __init__(self, start: Start, check: Check, supervision: Supervision) -> None:
+        self._supervision = supervision
+        self._start = start
+        self._check = check
+        self._items: list[QueuedView] = []
+        self._numbers = count(1)
+        self._running = False
+        self._problem = ""
+        self._refused: int | None = None
+        self._run: int | None = None
+
+    def view(self) -> QueueView:
+        """Return what waits and whether the queue goes on by itself."""
+        return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
+
+    async def add(self, request: ExperimentRequest, who: str) -> QueueView:
+        """Put an experiment at the end. Raises what a start with these settings would raise; nothing starts yet."""
+        self._require_room()
+        whole = await self._check(request)
+        self._require_room()  # others may have been added meanwhile
+        if not self._items:
+            self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
+        self._items.append(QueuedView(id=next(self._numbers), name=whole.name, settings=whole.settings, who=who))
+        return self.view()
+
+    def remove(self, item_id: int) -> QueueView:
+        """Take an experiment out. Raises RefusalError when it does not wait any more."""
+        kept = [item for item in self._items if item.id != item_id]
+        if len(kept) == len(self._items):
+            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+        self._items = kept
+        if not kept or item_id == self._refused:
+            self._tell("")
+        return self.view()
+
+    def _require_room(self) -> None:
+        if len(self._items) >= LONGEST:
+            raise RefusalError(Because.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first")
+
+    async def run(self) -> QueueView:
+        """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
+        if not self._items:
+            raise RefusalError(Because.NOT_NOW, "the queue is empty: add an experiment first")
+        if not self._running:
+            self._tell("")
+            await self._begin()
+            self._running = True
+        return self.view()
+
+    def hold(self) -> QueueView:
+        """Start no further experiment; the one that runs goes on."""
+        self._running = False
+        return self.view()
+
+    def ended(self, run_id: int, end_state: EndState | None) -> None:
+        """Go on after an experiment; None when it failed without an end state."""
+        if run_id != self._run:
+            return
+        self._run = None
+        if end_state is not EndState.COMPLETED:
+            how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
+            self._hold(f"run {run_id} {how}")
+        elif not self._items:
+            self._running = False
+        elif self._running:
+            self._supervision.keep_task(_PART, self._go_on)
+
+    def _tell(self, problem: str, refused: int | None = None) -> None:
+        """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""
+        self._problem, self._refused = problem, refused
+
+    async def _go_on(self) -> None:
+        if not (self._running and self._items):  # a person was quicker: held, or nothing waits any more
+            self._running = False
+            return
+        following = self._items[0]
+        try:
+            await self._begin()
+        except Exception as error:
+            # Whatever refuses the next one is for a person to read; those that wait stay.
+            _log.warning("the queue is held: %s", error)
+            if following in self._items:
+                self._hold(f"the next one was refused: {error}", following.id)
+            else:
+                self._hold(f"the one that a person has taken out meanwhile was refused: {error}")
+
+    def _hold(self, cause: str, refused: int | None = None) -> None:
+        """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""
+        count = len(self._items)
+        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
+        self._tell(f"held because {cause}; {remedy}", refused)
+        self._running = False
+
+    async def _begin(self) -> None:
+        item = self._items[0]
+        self._run = await self._start(ExperimentRequest(name=item.name, settings=item.settings), item.who)
+        self._items = [waiting for waiting in self._items if waiting.id != item.id]

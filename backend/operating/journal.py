@@ -1,0 +1,150 @@
+"""What happened and who asked for it: marks on the time axis at once, rows in the database as they can be written."""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import islice
+
+from backend.messages.live import EventMessage, MarkKind
+from backend.storage import Database, UnfitError, events
+from backend.supervision import Part
+
+PART = Part("The journal", "Events wait in memory meanwhile.")
+
+BOUND = 10_000
+"""So many events wait in memory while the database takes none: hours of them, at most some MB."""
+
+BATCH = 500
+RETRY_S = 1.0
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """One event; ``lost`` is how many others it stands for."""
+
+    mark: EventMessage
+    who: str
+    run: int | None
+    at: datetime
+    lost: int = 0
+
+
+class Journal:
+    """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
+
+    What cannot be written waits in memory, in order and with the time at which it happened; ``problem`` says so. Past
+    ``bound`` events, the next ones are lost: how many stands in their place.
+    """
+
+    def __init__(self, database: Database, bound: int = BOUND) -> None:
+        self._database = database
+        self._bound = bound
+        self._waiting: deque[_Entry] = deque()
+        self._under_way = 0  # so many of the first of those are being written at this moment
+        self._arrived = asyncio.Event()
+        self._error = ""
+        self._announce: list[Callable[[EventMessage], None]] = []
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be written at present, "" while all is well."""
+        if not self._error:
+            return ""
+        lost = sum(entry.lost for entry in self._waiting)
+        past = f", {lost} more were lost" if lost else ""
+        kept = sum(not entry.lost for entry in self._waiting)
+        return f"events cannot be stored: {self._error}; {kept} wait in memory{past}"
+
+    def on_mark(self, announce: Callable[[EventMessage], None]) -> None:
+        """Call ``announce`` with every mark."""
+        self._announce.append(announce)
+
+    def note(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
+        """Put a mark at ``tick``; ``who`` is empty when nobody asked for what happened."""
+        mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
+        for announce in self._announce:
+            announce(mark)
+        self._keep(_Entry(mark.model_copy(update={"text": text}), who, run, datetime.now(UTC)))
+
+    async def run(self) -> None:
+        """Write until cancelled; a transaction that is under way then is waited for."""
+        while True:
+            while self._waiting:
+                if not await self._write_next():
+                    await asyncio.sleep(RETRY_S)
+            self._arrived.clear()
+            await self._arrived.wait()
+
+    def close(self) -> None:
+        """Write what still waits; what the database does not take goes to the log."""
+        while self._waiting:
+            batch = list(islice(self._waiting, BATCH))
+            done = self._write(batch)
+            self._forget(done)
+            if done < len(batch):
+                break
+        for entry in self._waiting:
+            _log.error("event not stored: %s", entry.mark.text)
+
+    def _keep(self, entry: _Entry) -> None:
+        if len(self._waiting) - self._under_way < self._bound:
+            self._waiting.append(entry)
+        else:
+            counts = self._waiting[-1].lost and len(self._waiting) > self._under_way
+            lost = self._waiting.pop().lost + 1 if counts else 1
+            text = f"{lost} events that followed could not be kept"
+            mark = EventMessage(tick=entry.mark.tick, kind=MarkKind.NOTE, text=text)
+            self._waiting.append(_Entry(mark, "", None, entry.at, lost))
+            _log.error("event lost: %s", entry.mark.text)
+        self._arrived.set()
+
+    async def _write_next(self) -> bool:
+        """Write the oldest entries; whether the database has taken them."""
+        batch = list(islice(self._waiting, BATCH))
+        self._under_way = len(batch)
+        writing = asyncio.ensure_future(asyncio.to_thread(self._write, batch))
+        try:
+            await asyncio.shield(writing)
+        finally:
+            done = await writing  # whoever cancels this waits for the transaction that is under way
+            self._under_way = 0
+            self._forget(done)
+        return done == len(batch)
+
+    def _forget(self, count: int) -> None:
+        for _ in range(count):
+            self._waiting.popleft()
+
+    def _write(self, batch: Sequence[_Entry]) -> int:
+        """Write all of ``batch`` in one transaction; return how many of its first entries are dealt with."""
+        try:
+            self._store(batch)
+        except (UnfitError, ValueError) as error:
+            return self._write_singly(batch, error)
+        except Exception as error:
+            if not self._error:
+                _log.error("events cannot be stored: %s", error)
+            self._error = str(error)
+            return 0
+        self._error = ""
+        return len(batch)
+
+    def _write_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
+        """Write what can be written; what never can is logged and left out, so that it does not hold up the rest."""
+        if len(batch) == 1:
+            _log.error("event not stored: %s: %r", error, batch[0].mark.text)
+            return 1
+        for position, entry in enumerate(batch):
+            if not self._write([entry]):
+                return position
+        return len(batch)
+
+    def _store(self, batch: Sequence[_Entry]) -> None:
+        with self._database.session() as session:
+            for entry in batch:
+                mark = entry.mark
+                events.add(session, mark.kind, mark.text, who=entry.who, run_id=entry.run, tick=mark.tick, at=entry.at)

@@ -1,0 +1,71 @@
+"""The tuning in force outlives the service: kept at each change, in force again at the next start."""
+
+import logging
+
+from backend.experiments.banks import kept_choice
+from backend.experiments.banks.kept_choice import KeptChoice
+from backend.experiments.settings import SettingError
+from backend.operating.tuning_in_use import Chosen, TuningInUse, by_default, initial
+from backend.refusal import OutOfRangeError
+from backend.storage import Database, StorageError, banks
+from backend.storage.records import UnknownRecordError
+from backend.tuning.formulas import TuningError
+from plant.parameters import PlantParameters
+
+_log = logging.getLogger(__name__)
+
+
+class KeptTuning:
+    """Writes and reads the tuning in force as a setting in the database."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def put(self, tuning: TuningInUse, who: str) -> None:
+        """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
+        try:
+            kept_choice.put(self._database, tuning.choice, tuning.parameters, who)
+        except StorageError:
+            _log.exception("the tuning in force was not kept for the next start")
+
+    def earlier(self, tuning: TuningInUse) -> Chosen | None:
+        """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
+        try:
+            with self._database.reading() as session:
+                choice = kept_choice.earlier(session, tuning.choice, tuning.parameters)
+                if choice is None:
+                    return None
+                return Chosen(choice, None if choice.bank == 0 else banks.get(session, choice.bank))
+        except (SettingError, OutOfRangeError, UnknownRecordError):
+            _log.exception("what was in force before the present tuning cannot be had any more")
+            return None
+
+    def restore(self, parameters: PlantParameters) -> tuple[TuningInUse, str]:
+        """Return what to start with, and a sentence on it for the journal; mostly empty on a new data folder.
+
+        What was kept for other parameters, or cannot be used any more, gives way to the defaults.
+        """
+        try:
+            kept = kept_choice.newest(self._database, parameters)
+            if kept is None:
+                return by_default(parameters)
+            if not kept.same_plant:
+                return _defaults(parameters, "the tuning of last time was for other parameters")
+            with self._database.reading() as session:
+                bank = None if kept.choice.bank == 0 else banks.get(session, kept.choice.bank)
+            tuning = initial(parameters, kept.choice, bank)
+        except (SettingError, OutOfRangeError, TuningError, UnknownRecordError) as error:
+            return _defaults(parameters, f"the tuning of last time is refused, {error}")
+        return tuning, _said(tuning, kept)
+
+
+def _defaults(parameters: PlantParameters, why: str) -> tuple[TuningInUse, str]:
+    tuning, moved = by_default(parameters)
+    return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
+
+
+def _said(tuning: TuningInUse, kept: KeptChoice) -> str:
+    bank = tuning.bank
+    models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+    said = f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
+    return said + (f"; {', '.join(kept.lacks)} was not kept at that time: its default" if kept.lacks else "")

@@ -1,0 +1,250 @@
+"""Identifications and experiments that run in this service, one at a time."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import asdict
+
+from backend.access.people import Person
+from backend.archive.stored_banks import StoredBanks
+from backend.experiments.forecasts.forecast import expected_s, forecast
+from backend.experiments.forecasts.way import start_from
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.loop_settings import LoopSettings, split_values
+from backend.experiments.plans.plan import Plan
+from backend.experiments.playing.play import Notify, NotReadyError, require_ready
+from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
+from backend.experiments.results.evaluation import Evaluation
+from backend.experiments.settings import SettingError
+from backend.faults import Fault
+from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
+from backend.messages.identification import IdentificationRequest, Prediction
+from backend.operating import run_kinds
+from backend.operating.actuator import Actuator
+from backend.operating.dry_runs import DryRuns
+from backend.operating.experiment_queue import Queue
+from backend.operating.identification_orders import plans_of, prediction_of
+from backend.operating.run_progress import run_progress
+from backend.operating.safe_stop import SafeStop
+from backend.refusal import Because, RefusalError
+from backend.storage.banks import Bank
+from backend.storage.runs import EndState, Run
+from backend.supervision import Supervision
+
+_log = logging.getLogger(__name__)
+
+
+class OrderedRuns:
+    """Starts what takes its time and keeps the state informed of how far it is."""
+
+    def __init__(
+        self,
+        station: Station,
+        actuator: Actuator,
+        banks: StoredBanks,
+        prepare_report: Callable[[], None],
+        seed: int,
+        dry_runs: DryRuns,
+        supervision: Supervision,
+        safe_stop: SafeStop,
+    ) -> None:
+        self._station = station
+        self._actuator = actuator
+        self._banks = banks
+        self._prepare_report = prepare_report
+        self._seed = seed
+        self._dry_runs = dry_runs
+        self._safe_stop = safe_stop
+        self.queue = Queue(self.start_experiment, self.checked, supervision)
+        self._problem = ""
+        self._without_result: int | None = None
+        self._running: asyncio.Task[None] | None = None
+        self._closing = False
+        self._evaluating: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
+
+    @property
+    def problems(self) -> list[str]:
+        """What became of the last run that failed, until another one is started or it has its result after all."""
+        return [self._problem] if self._problem else []
+
+    def evaluated(self, run_id: int) -> None:
+        """Take note that a run has been evaluated again: that its result is missing is not so any more."""
+        if run_id == self._without_result:
+            self._problem, self._without_result = "", None
+            self._actuator.changed()
+
+    def experiment_kinds(self) -> list[ExperimentKind]:
+        """Return the experiments there are, with their settings and those of the loop as in force."""
+        present = self._actuator.present
+        return run_kinds.experiment_kinds(self._loop_settings(), present.operators_tuning.view(0.0), present.plant.kind)
+
+    async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
+        """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
+        plan, wanted = self._order(request)
+        self._require_seed(wanted)
+        async with self._actuator.starting:
+            self._require_free()
+            require_ready(self._station.loop)
+            return await self._start(await self._bank_of(wanted), Order(plan, wanted, who))
+
+    async def checked(self, request: ExperimentRequest) -> ExperimentRequest:
+        """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
+
+        Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
+        """
+        plan, wanted = self._order(request)
+        self._require_seed(wanted)
+        tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
+        await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
+        return ExperimentRequest(name=request.name, settings={**asdict(plan), **asdict(wanted)})
+
+    async def dry_run(
+        self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
+    ) -> DryRunView:
+        """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
+        plan, wanted = self._order(request)
+        bank = await self._bank_of(wanted)
+        order = Order(plan, wanted, person.name)
+        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, bank, person, left)
+
+    async def start_identification(self, request: IdentificationRequest, who: str) -> int:
+        """Start an identification, or several in turn, and return the first run.
+
+        Raises RefusalError, SettingError, OutOfRangeError.
+        """
+        plans = plans_of(request)
+        parameters = self._station.parameters
+        async with self._actuator.starting:
+            self._require_free()
+            loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
+            start = start_from(self._station.loop.ring.newest())
+            told = await asyncio.to_thread(forecast, plans, parameters, start, loop.lam_motor)
+            told.require_within_range(parameters)
+            return await self._start(bank, *(Order(plan, loop, who) for plan in plans))
+
+    async def predict_identification(self, request: IdentificationRequest) -> Prediction:
+        """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
+        tuning, start = self._actuator.present.tuning, start_from(self._station.loop.ring.newest())
+        return await asyncio.to_thread(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+
+    def is_evaluating(self, run_id: int) -> bool:
+        """Whether the result of a run is being computed."""
+        return run_id in self._evaluating
+
+    async def close(self, cause: str = "service ended") -> None:
+        """Give up what is running; its run is closed as ended by ``cause``."""
+        self._closing = True
+        if self._running is not None:
+            self._running.cancel(cause)
+            await asyncio.gather(self._running, return_exceptions=True)
+
+    def _require_free(self) -> None:
+        self._actuator.require_unoccupied()
+        task = self._actuator.present.task
+        if task is not None:
+            raise RefusalError(
+                Because.NOT_NOW, f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
+            )
+        if self._actuator.present.trial() is not None:
+            raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+
+    async def _start(self, bank: Bank | None, *orders: Order) -> int:
+        """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
+        await self._actuator.retuning.lend(orders[0].loop_settings.tuning, bank, orders[0].who)
+        try:
+            run = await asyncio.to_thread(create_run, self._station, orders[0])
+        except BaseException:
+            await self._actuator.retuning.give_back()
+            raise
+        self._problem, self._without_result = "", None
+        progress = await self._progress(orders[0], run, len(orders) - 1)
+        progress("starting", 0.0)
+        self._running = asyncio.create_task(self._perform(orders, run, progress))
+        self._prepare_report()
+        return run.id
+
+    async def _perform(self, orders: Sequence[Order], run: Run, show: Notify) -> None:
+        """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
+
+        While the result of one is computed the next one plays: together they take what was announced.
+        """
+        end_state: EndState | None = None
+        playing = True
+        try:
+            for position, order in enumerate(orders):
+                if position > 0:
+                    run = await asyncio.to_thread(create_run, self._station, order)
+                    show = await self._progress(order, run, len(orders) - 1 - position)
+                over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
+                closed = await played(self._station, order, run, show, over)
+                end_state = EndState(closed.end_state)
+                work = asyncio.create_task(evaluated(self._station, order.plan, closed))
+                self._evaluating[run.id] = end_state, work
+                if end_state is not EndState.COMPLETED:
+                    break
+            playing = False
+            show("evaluation", 0.0)
+            if await self._without_result_of_any():
+                end_state = None  # whoever waits for the result, the queue too, waits for a person
+        except NotReadyError as error:
+            playing = False
+            _log.warning("no run follows run %s: %s", run.id, error)
+        except Exception as error:
+            _log.exception("run %s failed", run.id)
+            self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
+        finally:
+            if playing and not self._closing:
+                # Nobody watches over the program any more, and its run is closed: it must not play on.
+                self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
+                self._safe_stop.begin(Fault.SERVICE_LOST)
+            if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
+                await self._actuator.retuning.give_back()
+            await self._end_evaluating()
+            self._actuator.present.task = None
+            self._actuator.changed()
+            self.queue.ended(run.id, end_state)
+
+    async def _without_result_of_any(self) -> bool:
+        """Wait for the results under way; whether a run that completed came to none, which is told."""
+        missing = False
+        for run_id, (end_state, work) in tuple(self._evaluating.items()):
+            evaluation = await work
+            del self._evaluating[run_id]
+            if evaluation.result is None and end_state is EndState.COMPLETED:
+                self._without_result, missing = run_id, True
+                self._problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
+        return missing
+
+    async def _end_evaluating(self) -> None:
+        """Wait for results under way after a run failed, give them up when the service closes: each run keeps why."""
+        waiting = [work for _, work in self._evaluating.values()]
+        for work in waiting if self._closing else ():
+            work.cancel()
+        await asyncio.gather(*waiting, return_exceptions=True)
+        self._evaluating.clear()
+
+    async def _progress(self, order: Order, run: Run, following: int) -> Notify:
+        """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
+        start = start_from(self._station.loop.ring.newest())
+        duration_s = await asyncio.to_thread(expected_s, order.plan, self._station.parameters, start)
+        return run_progress(self._actuator.present, order.plan.kind, run.id, duration_s, following)
+
+    def _require_seed(self, wanted: LoopSettings) -> None:
+        if wanted.seed != self._seed:
+            remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
+            raise SettingError("seed", wanted.seed, remedy)
+
+    async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
+        return await self._banks.stored_bank(wanted.bank) if wanted.bank else None
+
+    def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
+        """Return what is asked for, with the operator's tuning where nothing else is said."""
+        entry = experiment(request.name)
+        return split_values(entry.plan, {**asdict(self._loop_settings()), **request.settings})
+
+    def _loop_settings(self) -> LoopSettings:
+        return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)
+
+
+async def _nothing() -> None:
+    """Leave the tuning with a sequence of runs until the last one is over."""

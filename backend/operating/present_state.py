@@ -1,0 +1,251 @@
+"""What the actuator does at present, put together from samples, events and the tuning in force."""
+
+from collections.abc import Callable
+from typing import assert_never
+
+from backend import __version__
+from backend.controllers.limits import Bounds, bounds_for
+from backend.faults import EXPLAINED, Fault, explained
+from backend.loop.access import LoopDied
+from backend.loop.commands import (
+    Accepted,
+    Event,
+    ModeChanged,
+    PlantAnswers,
+    PlantFailing,
+    PretensionReached,
+    ProgramEnded,
+    PushReleased,
+    ReadinessChanged,
+    Refused,
+    Stopped,
+)
+from backend.loop.mode import LEGAL, Mode
+from backend.loop.supervisor import Supervisor
+from backend.messages.control import HolderView
+from backend.messages.session import Health, PersonView
+from backend.messages.state import (
+    FaultView,
+    LimitsView,
+    PlantView,
+    State,
+    StopProof,
+    TaskView,
+    TensionView,
+    TrialView,
+)
+from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
+from backend.operating.safety_chain import chain
+from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view
+from plant.choice import PlantChoice, PlantKind
+from plant.parameters import PlantParameters
+from plant.spring import elongation, slope
+
+F_PUSH_MAX = 30.0
+"""Largest push [N] that an operator may ask the simulator for."""
+
+
+class PresentState:
+    """The present state.
+
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
+    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
+    tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
+    ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
+    fault of the loop.
+    """
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        parameters: PlantParameters,
+        tuning: TuningInUse,
+        problems: Callable[[], list[str]],
+    ) -> None:
+        self.tuning = tuning
+        self.own_tuning: TuningInUse | None = None
+        self.tuning_problem = ""
+        self.earlier: Chosen | None = None
+        self.task: TaskView | None = None
+        self.trial: Callable[[], TrialView | None] = lambda: None
+        self.holder: Callable[[], HolderView | None] = lambda: None
+        self.people: Callable[[], list[PersonView]] = list
+        self.starts = 1
+        self.occupied: Callable[[], str] = str
+        self._unready = ""
+        self.bounds = bounds_for(parameters)
+        self._parameters = parameters
+        self._tensions = _tensions(parameters, self.bounds)
+        self._supervisor = supervisor
+        self._problems = problems
+        self._observation = Observation(lambda: supervisor.ring)
+        self._pretension_done = False
+        self._stop: Stopped | None = None
+        self._plant_problem = ""
+
+    @property
+    def plant(self) -> PlantChoice:
+        """What is controlled."""
+        return self._supervisor.setup.plant
+
+    @property
+    def card_lost(self) -> bool:
+        """Whether a card does not answer: what was opened there is gone for good, and a new loop opens it anew."""
+        return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
+
+    @property
+    def operators_tuning(self) -> TuningInUse:
+        """What the operator has chosen, also while a run has another in force."""
+        return self.own_tuning or self.tuning
+
+    @property
+    def unready(self) -> str:
+        """What has to come before pretension; empty where nothing has."""
+        return self.occupied() or self._unready
+
+    @property
+    def mode(self) -> Mode:
+        """Mode of the newest sample."""
+        return mode_of(self._observation.sample())
+
+    @property
+    def fault(self) -> Fault:
+        """Fault latched in the newest sample."""
+        return fault_of(self._observation.sample())
+
+    @property
+    def tick(self) -> int:
+        """Index of the newest sample."""
+        sample = self._observation.sample()
+        return 0 if sample is None else int(sample["tick"])
+
+    @property
+    def entry(self) -> float:
+        """Active entry of the bank, fractional while interpolating."""
+        return entry_of(self._observation.sample())
+
+    def legal(self, mode: Mode) -> list[Mode]:
+        """Return where an operator may go from ``mode`` now."""
+        if not self._supervisor.alive:
+            return []
+        if mode is Mode.OFF and self.unready:
+            return []
+        if mode is Mode.PRETENSION and not self._pretension_done:
+            return [Mode.STOPPING, Mode.OFF]
+        return list(LEGAL[mode])
+
+    def hear(self, event: Event | LoopDied) -> None:
+        """Take in what the loop tells."""
+        match event:
+            case ModeChanged():
+                self._pretension_done = False
+            case LoopDied():
+                self._pretension_done = False
+                self._plant_problem = ""
+                self._unready = ""
+            case PretensionReached():
+                self._pretension_done = True
+            case Stopped():
+                self._stop = event
+            case PlantFailing(_, reason):
+                self._plant_problem = f"the plant cannot be read or written: {reason}"
+            case PlantAnswers():
+                self._plant_problem = ""
+            case ReadinessChanged(_, unready):
+                self._unready = unready
+            case Accepted() | Refused() | ProgramEnded() | PushReleased():
+                pass
+            case _:
+                assert_never(event)
+
+    def forget_stop(self) -> None:
+        """Drop the proof of a stop that has been reset, and the trouble that a reset is refused for."""
+        self._stop = None
+        self._plant_problem = ""
+
+    def health(self) -> Health:
+        """Return what anybody may know."""
+        timing = self._observation.timing()
+        alive = self._supervisor.alive
+        return Health(
+            alive=alive,
+            mode=self.mode if alive else None,
+            rate_Hz=timing.rate_Hz,
+            overruns=timing.overruns,
+            version=__version__,
+        )
+
+    def state(self) -> State:
+        """Return everything the status line and the controls show."""
+        sample = self._observation.sample()
+        mode = mode_of(sample)
+        holder = self.holder()
+        link = self._observation.link(self._supervisor.alive, self.starts)
+        return State(
+            mode=mode,
+            legal_modes=self.legal(mode),
+            plant=self._plant_view(),
+            parameters=self._parameters.name,
+            tick=self.tick,
+            link=link,
+            timing=self._observation.timing(),
+            references=references_of(sample),
+            tuning=self.tuning.view(entry_of(sample)),
+            limits=self._limits(),
+            fault=self._fault_view(sample),
+            unready=self.unready,
+            pretension_done=self._pretension_done,
+            stop_proof=None if self._stop is None else proof_of(self._stop),
+            holder=holder,
+            people=self.people(),
+            chain=chain(self._supervisor, holder, link, fault_of(sample)),
+            task=self.task,
+            trial=self.trial(),
+            own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
+            earlier=None if self.earlier is None else chosen_view(self.earlier),
+            recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
+            problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
+        )
+
+    def _plant_view(self) -> PlantView:
+        plant = self.plant
+        return PlantView(kind=plant.kind, simulated=plant.simulated, name=plant.name, says=self._supervisor.driven)
+
+    def _limits(self) -> LimitsView:
+        b = self.bounds
+        return LimitsView(
+            q_min=b.q_min,
+            q_max=b.q_max,
+            S_min=b.S_min,
+            S_max=b.S_max,
+            F_min=b.F_slack,
+            F_max=b.F_max,
+            F_push_max=F_PUSH_MAX if self.plant.simulated else 0.0,
+            u_max=b.u_max,
+            q_trip=b.q_trip,
+            tensions=self._tensions,
+        )
+
+    def _fault_view(self, sample: Sample | None) -> FaultView | None:
+        fault = fault_of(sample)
+        if fault is Fault.NONE:
+            return None
+        seen, tick = "", self.tick
+        if self._stop is not None and self._stop.fault is fault:
+            seen, tick = self._stop.detail, self._stop.arrived_tick
+        return FaultView(code=fault, message=explained(fault, seen), remedy=EXPLAINED[fault].remedy, tick=tick)
+
+
+def proof_of(stopped: Stopped) -> StopProof:
+    """Return the proof as the page shows it."""
+    return StopProof(arrived_tick=stopped.arrived_tick, zero_tick=stopped.zero_tick, milliseconds=stopped.milliseconds)
+
+
+def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
+    """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
+    r_j = parameters.geometry.r_j
+    springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+    return [
+        TensionView(F=F, S=r_j**2 * sum(slope(spring, elongation(spring, F)) for spring in springs))
+        for F in (bounds.F_slack, 10.0, 20.0, 30.0, 40.0, min(bounds.F_max, *(spring.F_solid for spring in springs)))
+    ]

@@ -1,0 +1,248 @@
+"""Changes of the tuning in force: by a person for good or on trial, and lent to a run that asks for its own.
+
+What a run asks for is in force until its program has ended; then what the operator had chosen comes back. Only the
+operator's tuning outlives the service.
+"""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.loop.access import LoopDiedError
+from backend.loop.commands import Accepted, SetTuning
+from backend.loop.supervisor import Supervisor
+from backend.messages.live import MarkKind
+from backend.messages.state import State
+from backend.messages.tuning import (
+    MotorPreview,
+    RobustTuning,
+    TrialRequest,
+    TuningPreview,
+    TuningRequest,
+    TuningView,
+)
+from backend.operating.journal import Journal
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.present_state import PresentState
+from backend.operating.tuning_in_use import TuningInUse
+from backend.operating.tuning_trial import Trial
+from backend.refusal import Because, RefusalError
+from backend.storage.banks import Bank
+from backend.supervision import Supervision
+
+RETRY_S = 0.5
+"""How soon it is tried again to put a tuning back that the loop did not take [s]."""
+
+_log = logging.getLogger(__name__)
+
+
+class Retuning:
+    """Belongs to the service's event loop. ``send`` hands a tuning to the loop; ``turn`` is held by who changes it."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        present: PresentState,
+        journal: Journal,
+        kept: KeptTuning,
+        supervision: Supervision,
+        send: Callable[[SetTuning], Awaitable[Accepted]],
+        turn: asyncio.Lock,
+        changed: Callable[[], None],
+    ) -> None:
+        self._supervisor = supervisor
+        self._present = present
+        self._journal = journal
+        self._kept = kept
+        self._send = send
+        self._turn = turn
+        self._changed = changed
+        self._trial = Trial(self._end_trial_at_its_time, supervision)
+        present.trial = self._trial.view
+        present.earlier = kept.earlier(present.tuning)
+
+    async def set(self, request: TuningRequest, who: str) -> TuningView:
+        """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        view = await self._change(request, who, self._choose)
+        await self._keep(who)
+        return view
+
+    async def try_out(self, request: TrialRequest, who: str) -> State:
+        """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
+        before = self._trial.before or self._present.tuning
+        await self._change(request, who, self._put_in_force)
+        self._trial.begin(before, request.duration_s)
+        self._changed()
+        return self._present.state()
+
+    async def end_trial(self, keep: bool, who: str) -> State:
+        """Keep what is tried, or go back at once. Raises RefusalError when nothing is on trial."""
+        before = self._trial.before
+        if before is None:
+            raise RefusalError(Because.NOT_NOW, "nothing is on trial: what is in force stays")
+        if keep:
+            self._trial.forget()
+            self._present.earlier = before
+            self._journal.note(MarkKind.TUNING, "trial kept", self._present.tick, who)
+            await self._keep(who)
+        else:
+            await self._end_trial(before, who)
+        self._changed()
+        return self._present.state()
+
+    async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
+        """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
+        async with self._turn:
+            self._require_own()
+            before = self._present.tuning
+            tick = await self._choose(await asyncio.to_thread(before.with_bank, bank))
+            said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+            self._journal.note(MarkKind.BANK, said, tick, who)
+        await self._keep(who)
+        return self._present.tuning.view(self._present.entry)
+
+    async def undo(self, who: str) -> TuningView:
+        """Put back in force what the operator had before the last change; to undo that is to do it again.
+
+        Raises RefusalError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            earlier, before = self._present.earlier, self._present.tuning
+            if earlier is None:
+                raise RefusalError(Because.NOT_NOW, "the tuning has not been changed: there is nothing to undo")
+            after = await asyncio.to_thread(before.with_choice, earlier.choice, earlier.bank)
+            tick = await self._choose(after)
+            self._journal.note(MarkKind.TUNING, f"undone: {after.difference(before)}", tick, who)
+        await self._keep(who)
+        return self._present.tuning.view(self._present.entry)
+
+    async def lend(self, choice: TuningChoice, bank: Bank | None, who: str) -> None:
+        """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
+
+        Raises OutOfRangeError and RefusalError; nothing changes then.
+        """
+        async with self._turn:
+            self._require_own()
+            if self._trial.before is not None:
+                raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
+            own = self._present.tuning
+            if choice != own.choice:
+                wanted = await asyncio.to_thread(own.with_choice, choice, bank)
+                tick = await self._put_in_force(wanted)
+                self._journal.note(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
+            self._present.own_tuning = own
+        self._changed()
+
+    async def give_back(self) -> None:
+        """Put the operator's tuning back in force; does so as soon as the loop takes it."""
+        own = self._present.own_tuning
+        if own is not None:
+            await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
+        self._changed()
+
+    async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
+        """Predict what λ would do at the active entry of the bank."""
+        return await asyncio.to_thread(self._present.tuning.preview, lam_q, lam_S, round(self._present.entry))
+
+    async def motor(self, lam_motor: float) -> MotorPreview:
+        """Tell how robust the motor loops are at a λ."""
+        return await asyncio.to_thread(self._present.tuning.motor, lam_motor)
+
+    async def robust(self, M_s: float) -> RobustTuning:
+        """Find the λ of each loop for a wanted M_s."""
+        return await asyncio.to_thread(self._present.tuning.robust, M_s)
+
+    async def _change(
+        self, request: TuningRequest, who: str, put: Callable[[TuningInUse], Awaitable[int]]
+    ) -> TuningView:
+        async with self._turn:
+            self._require_own()
+            before = self._present.tuning
+            after = await asyncio.to_thread(before.changed, request)
+            tick = await put(after)
+            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+        return after.view(self._present.entry)
+
+    async def _until_put_back(self, what: str, tuning: TuningInUse, put_back: Callable[[], Awaitable[None]]) -> None:
+        """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
+        try:
+            while True:
+                try:
+                    return await put_back()
+                except Exception as error:
+                    # A loop that is being restarted refuses for a moment; what was promised to come back does.
+                    _log.exception("%s could not be put back yet", what)
+                    self._present.tuning_problem = (
+                        f"{what} ({tuning.difference(self._present.tuning)}) is not back in force: {error}. "
+                        f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
+                        "again: it starts with the operator's tuning."
+                    )
+                    self._changed()
+                    await asyncio.sleep(RETRY_S)
+        finally:
+            if self._present.tuning_problem:
+                self._present.tuning_problem = ""
+                self._changed()
+
+    async def _return(self, own: TuningInUse) -> None:
+        async with self._turn:
+            if self._present.own_tuning is not own:  # given back by another road while this waited
+                return
+            lent = self._present.tuning
+            if own.choice != lent.choice:
+                try:
+                    tick = await self._put_in_force(own) if self._supervisor.alive else self._remember(own)
+                except LoopDiedError:
+                    tick = self._remember(own)
+                self._journal.note(MarkKind.TUNING, f"after the run: {own.difference(lent)}", tick)
+            self._present.own_tuning = None
+
+    async def _end_trial_at_its_time(self, before: TuningInUse) -> None:
+        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before))
+
+    async def _end_trial(self, before: TuningInUse, who: str = "") -> None:
+        async with self._turn:
+            tried = self._present.tuning
+            if self._trial.before is not before:  # somebody chose another tuning while this waited
+                return
+            tick = await self._put_in_force(before) if self._supervisor.alive else self._remember(before)
+            self._journal.note(MarkKind.TUNING, f"trial over: {before.difference(tried)}", tick, who)
+
+    def _require_own(self) -> None:
+        """Raise RefusalError while a run has the tuning."""
+        if self._present.own_tuning is None:
+            return
+        task = self._present.task
+        what = "a run is being started" if task is None else f"{task.kind} is running"
+        raise RefusalError(Because.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
+
+    async def _keep(self, who: str) -> None:
+        """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
+        await asyncio.to_thread(self._kept.put, self._present.tuning, who)
+
+    async def _choose(self, tuning: TuningInUse) -> int:
+        """Put in force what the operator has chosen for good; one step back is remembered."""
+        before = self._trial.before or self._present.tuning
+        tick = await self._put_in_force(tuning)
+        if tuning.choice != before.choice:
+            self._present.earlier = before
+            self._changed()
+        return tick
+
+    async def _put_in_force(self, tuning: TuningInUse) -> int:
+        accepted = await self._send(tuning.command())
+        self._remember(tuning)
+        return accepted.tick
+
+    def _remember(self, tuning: TuningInUse) -> int:
+        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
+        self._trial.forget()
+        self._present.tuning = tuning
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
+        self._changed()
+        return self._present.tick

@@ -1,0 +1,44 @@
+"""The tuning that each bank is meant to run with, saved by a person, as settings in the database."""
+
+import asyncio
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.messages.tuning import SavedTuning
+from backend.operating.tuning_in_use import TuningInUse, parts_of
+from backend.storage import Database, settings
+from backend.storage.settings import StoredSetting
+
+
+class SavedTunings:
+    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    async def of(self, tuning: TuningInUse) -> SavedTuning:
+        """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
+        stored = await asyncio.to_thread(self._newest, tuning)
+        if stored is not None:
+            return _saved(stored)
+        default = await asyncio.to_thread(tuning.default)
+        return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
+
+    async def save(self, tuning: TuningInUse, who: str) -> SavedTuning:
+        """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
+        return _saved(await asyncio.to_thread(self._put, tuning, who))
+
+    def _newest(self, tuning: TuningInUse) -> StoredSetting | None:
+        with self._database.reading() as session:
+            return settings.newest(session, _setting_of(tuning))
+
+    def _put(self, tuning: TuningInUse, who: str) -> StoredSetting:
+        with self._database.session() as session:
+            return settings.put(session, _setting_of(tuning), parts_of(tuning.choice), who)
+
+
+def _saved(stored: StoredSetting) -> SavedTuning:
+    return SavedTuning(**parts_of(TuningChoice.of(stored.value)), who=stored.who, at=stored.at, moved="")
+
+
+def _setting_of(tuning: TuningInUse) -> str:
+    return f"tuning/{'geometry' if tuning.bank is None else tuning.bank.id}"

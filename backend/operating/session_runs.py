@@ -1,0 +1,48 @@
+"""Runs of kind ``session``: what a person does by hand in run and compliance. The recorder closes them."""
+
+import asyncio
+
+from backend import __version__
+from backend.loop.mode import Mode
+from backend.operating.tuning_in_use import TuningInUse
+from backend.storage import runs
+from backend.storage.database import Database
+from backend.storage.runs import EndState, NewRun, RunKind
+from plant.parameters import PlantParameters
+
+RECORDED = (Mode.RUN, Mode.COMPLIANCE)
+
+
+class SessionRuns:
+    """Stores a run before the loop is told to move, so that no sample is without its run."""
+
+    def __init__(self, database: Database, plant: str, parameters: PlantParameters) -> None:
+        self._database = database
+        self._plant = plant
+        self._parameters = parameters
+
+    async def begin(self, mode: Mode, tuning: TuningInUse, who: str) -> int:
+        """Store a session run as running and return its number."""
+        new = NewRun(
+            kind=RunKind.SESSION,
+            plant=self._plant,
+            parameters_name=self._parameters.name,
+            parameters=self._parameters.document(),
+            who=who,
+            software=__version__,
+            settings={"mode": str(mode), "loop": tuning.choice.document()},
+            bank_id=None if tuning.bank is None else tuning.bank.id,
+        )
+        return await asyncio.to_thread(self._create, new)
+
+    async def abandon(self, run: int) -> None:
+        """Close a run that the loop refused to begin."""
+        await asyncio.to_thread(self._end, run)
+
+    def _create(self, new: NewRun) -> int:
+        with self._database.session() as session:
+            return runs.create(session, new).id
+
+    def _end(self, run: int) -> None:
+        with self._database.session() as session:
+            runs.end(session, run, EndState.STOPPED, "refused before it began")

@@ -1,0 +1,225 @@
+"""uvicorn's two protocols with a place for each connection and an end to every wait.
+
+A request's head, its body, the pause until the next request, and an answer that nobody reads: each has its time.
+"""
+
+import asyncio
+from enum import Enum, auto
+from typing import Any
+
+import h11
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from uvicorn.server import ServerState
+from websockets.http11 import Response
+from websockets.server import ServerProtocol
+
+from backend.web_server.guard import HEADERS
+from backend.web_server.places import Place, Places
+
+HEAD_S = 10.0
+"""So long the head of a request may take, from its first byte or the connection's beginning."""
+
+BODY_S = 10.0
+"""So long a body may take: it is 256 kB at most."""
+
+LONGEST_HEAD = 16 * 1024
+"""Bytes that the head of a request may have: cookies, an address with its query, and room to spare."""
+
+REST_S = 1.0
+"""So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
+
+GUEST_PAUSE_S, KNOWN_PAUSE_S = 5.0, 60.0
+"""So long a connection is kept between two requests: of a guest, of somebody who is signed in."""
+
+STALL_S = 30.0
+"""So long an answer may wait without a single byte being taken."""
+
+PLACE = "place"
+"""Key of the connection's place in the ``state`` of a request's scope."""
+
+ALL_PLACES = "places"
+"""Key of the account of all places, there too."""
+
+
+class _Placed(asyncio.Protocol):
+    """Gives the place back at the end, and ends a connection that takes nothing of what it asked for.
+
+    Comes before uvicorn's protocol in the order of classes.
+    """
+
+    transport: asyncio.Transport
+    loop: asyncio.AbstractEventLoop
+    app_state: dict[str, Any]
+    _stalled: asyncio.TimerHandle | None = None
+
+    @property
+    def place(self) -> Place:
+        """Where this connection stands."""
+        place: Place = self.app_state[PLACE]
+        return place
+
+    @property
+    def places(self) -> Places:
+        """The account of all places."""
+        places: Places = self.app_state[ALL_PLACES]
+        return places
+
+    def end(self) -> None:
+        """Close at once; what was not sent is lost."""
+        self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Give the place back."""
+        self.places.leave(self.place)
+        self._unset_stall()
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """Begin to watch whether anything is taken."""
+        super().pause_writing()
+        self._watch_writing()
+
+    def resume_writing(self) -> None:
+        """All but a little was taken."""
+        super().resume_writing()
+        self._unset_stall()
+
+    def _watch_writing(self) -> None:
+        waiting = self.transport.get_write_buffer_size()
+        self._stalled = self.loop.call_later(STALL_S, self._look_at_writing, waiting)
+
+    def _look_at_writing(self, waiting: int) -> None:
+        if self.transport.get_write_buffer_size() < waiting:
+            self._watch_writing()
+        else:
+            self.end()
+
+    def _unset_stall(self) -> None:
+        if self._stalled is not None:
+            self._stalled.cancel()
+            self._stalled = None
+
+
+class _Wait(Enum):
+    """What a connection is waited for."""
+
+    HEAD = auto()
+    BODY = auto()
+    REST = auto()
+    NOTHING = auto()
+
+
+class HttpProtocol(_Placed, H11Protocol):
+    """HTTP/1.1 on a connection that has a place."""
+
+    def __init__(self, places: Places, place: Place, config: Config, server_state: ServerState) -> None:
+        super().__init__(config, server_state, {ALL_PLACES: places, PLACE: place})
+        self._waits_for = _Wait.NOTHING
+        self._patience: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as in uvicorn
+        """Take over the place, and what was said already."""
+        super().connection_made(transport)
+        self.place.end = self.end
+        self.place.is_answered = lambda: bool(self.place.first_words) or self._waiting() is _Wait.NOTHING
+        self._watch()
+        # Not at once: until this returns the transport cannot be told to pause.
+        self.loop.call_soon(self._take_first_words)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Wait for nothing more."""
+        self._unset_patience()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take the next bytes; the time that is left goes on, unless they end what was waited for.
+
+        They go on in pieces, so that a head that is too long is refused by its length, before its lines are looked at.
+        """
+        for begin in range(0, len(data), LONGEST_HEAD):
+            if self.transport.is_closing():
+                return
+            super().data_received(data[begin : begin + LONGEST_HEAD])
+        self._watch()
+
+    def on_response_complete(self) -> None:
+        """Keep the connection for the next request."""
+        self.timeout_keep_alive = int(KNOWN_PAUSE_S if self.place.costs else GUEST_PAUSE_S)
+        super().on_response_complete()
+        self._watch()
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Hand over to the other protocol, which has its own times."""
+        self._unset_patience()
+        self._unset_stall()
+        super().handle_websocket_upgrade(event)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP, with the headers that every answer has."""
+        if self.conn.our_state not in (h11.IDLE, h11.SEND_RESPONSE):
+            self.end()
+            return
+        content = msg.encode("ascii")
+        headers = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+        headers += [(b"content-type", b"text/plain; charset=utf-8"), (b"connection", b"close")]
+        headers += [(b"content-length", str(len(content)).encode())]
+        for sent in (
+            h11.Response(status_code=400, headers=headers, reason=b"Bad Request"),
+            h11.Data(data=content),
+            h11.EndOfMessage(),
+        ):
+            self.transport.write(self.conn.send(sent) or b"")
+        if self.cycle is not None:
+            self.cycle.disconnected = True  # a request whose body went wrong: its route's own answer goes nowhere
+            self.cycle.message_event.set()
+        self.transport.close()
+
+    def _take_first_words(self) -> None:
+        words, self.place.first_words = self.place.first_words, b""
+        if not self.transport.is_closing():
+            self.data_received(words)
+
+    def _waiting(self) -> _Wait:
+        cycle: Any = self.cycle  # None before the first request, which uvicorn does not declare
+        if cycle is None:
+            return _Wait.HEAD
+        if not cycle.response_complete:
+            return _Wait.BODY if cycle.more_body else _Wait.NOTHING
+        return _Wait.REST if self.conn.their_state is h11.SEND_BODY else _Wait.HEAD
+
+    def _watch(self) -> None:
+        waits_for = self._waiting()
+        if waits_for is self._waits_for:
+            return
+        self._unset_patience()
+        self._waits_for = waits_for
+        pause_s = self.timeout_keep_alive if self.cycle else 0.0
+        seconds = {_Wait.HEAD: pause_s + HEAD_S, _Wait.BODY: BODY_S, _Wait.REST: REST_S}.get(waits_for)
+        if seconds is not None and not self.transport.is_closing():
+            self._patience = self.loop.call_later(seconds, self.end)
+
+    def _unset_patience(self) -> None:
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
+
+
+class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
+    """A websocket on a connection that has a place."""
+
+    def __init__(self, config: Config, server_state: ServerState, app_state: dict[str, Any]) -> None:
+        super().__init__(config, server_state, app_state)
+        self.conn = _Handshake(max_size=config.ws_max_size, logger=self.logger)
+        self.place.end = self.end
+        self.place.is_answered = lambda: True
+
+
+class _Handshake(ServerProtocol):
+    """Refuses with the headers that every answer has."""
+
+    def reject(self, status: int, text: str) -> Response:
+        response = super().reject(status, text)
+        response.headers.update(HEADERS)
+        return response

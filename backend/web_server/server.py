@@ -1,0 +1,80 @@
+"""uvicorn's server with a listener of our own in front, and what it is told."""
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from backend.ending import Ending, EndingServer
+from backend.web_server.listener import Listener
+from backend.web_server.places import RESERVE, Place, Places, Room, descriptor_limit, open_descriptors
+from backend.web_server.protocols import LONGEST_HEAD, HttpProtocol, SocketProtocol
+
+GRACE_S = 3
+
+
+class CannotListenError(Exception):
+    """The address cannot be listened on."""
+
+
+@contextmanager
+def listening_on(host: str, port: int) -> Iterator[socket.socket]:
+    """Hold the socket that is listened on. Raises CannotListenError."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        listening = socket.create_server((host, port), family=family)
+    except OSError as error:
+        reason = error.strerror or error
+        raise CannotListenError(
+            f"cannot listen on {host} port {port}: {reason}; choose another --host or --port"
+        ) from None
+    with listening:
+        yield listening
+
+
+class Server(EndingServer):
+    """Serves on the sockets given. ``ready`` is called when it answers, not when it begins to start."""
+
+    def __init__(self, app: ASGIApp, ready: Callable[[], None], ending: Ending) -> None:
+        super().__init__(
+            uvicorn.Config(
+                app,
+                http=HttpProtocol,
+                ws=SocketProtocol,
+                h11_max_incomplete_event_size=LONGEST_HEAD,
+                log_config=None,  # the service's own handler writes, and limits, all there is to say
+                log_level="warning",
+                access_log=False,  # it would write the token of the sign-in link
+                server_header=False,
+                ws_per_message_deflate=False,
+                ws_max_size=1 << 20,
+                timeout_graceful_shutdown=GRACE_S,
+            ),
+            ending,
+        )
+        self._ready = ready
+        self._listeners: list[Listener] = []
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start the application, then let connections in."""
+        await super().startup([])  # no socket for asyncio to accept on
+        if not self.started:
+            return
+        limit = descriptor_limit()
+        places = Places(Room.within(limit, open_descriptors()))
+
+        def protocol(place: Place) -> asyncio.Protocol:
+            return HttpProtocol(places, place, self.config, self.server_state)
+
+        highest = limit - RESERVE // 2
+        self._listeners = [Listener(listening, places, protocol, highest) for listening in sockets or []]
+        self._ready()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Let nobody in any more, then let those inside finish."""
+        for listener in self._listeners:
+            listener.close()
+        await super().shutdown(sockets)

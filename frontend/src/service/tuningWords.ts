@@ -1,0 +1,31 @@
+/** A tuning in words: the λ, b, and the bank whose models it is applied to. Pure. */
+
+import type { Bank } from "../wire/types";
+
+const LAMBDAS = [
+  ["lam_q", "λ_q"],
+  ["lam_S", "λ_S"],
+  ["lam_motor", "λ_motor"],
+] as const;
+
+/** The tuning of an order or a run in one line: "λ_q 0.5 s, …, gains from geometry". */
+export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
+  const parts = [
+    ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, " s")),
+    settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
+    bankInWords(settings.bank, banks),
+    settings.interpolate === true ? "interpolating between entries" : "",
+  ];
+  return parts.filter((part) => part !== "").join(", ");
+}
+
+export function bankInWords(id: unknown, banks: readonly Bank[]): string {
+  if (typeof id !== "number") return "";
+  if (id === 0) return "gains from geometry";
+  const bank = banks.find((one) => one.id === id);
+  return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
+}
+
+function partOf(value: unknown, symbol: string, unit: string): string {
+  return typeof value === "number" ? `${symbol} ${value}${unit}` : "";
+}

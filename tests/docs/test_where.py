@@ -1,0 +1,31 @@
+"""docs/where.md sends nobody to a file that is not there, and the rooms keep the sizes that they are meant to have."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "where.md").read_text(encoding="utf-8")
+LARGEST_SHARE = 0.12
+"""No room has more of the lines of backend, plant and migrations: a larger one is two rooms."""
+LARGEST_API = 2000
+
+
+def lines(folder: Path) -> int:
+    return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in folder.rglob("*.py"))
+
+
+def test_every_place_is_there() -> None:
+    rows = re.findall(r"^\| (?!What I add|-)(.*) \|(.*)\|(.*)\|$", PAGE, re.MULTILINE)
+    assert len(rows) == 20
+    named = [[path for cell in row[1:] for path in re.findall(r"`([^`]+)`", cell)] for row in rows]
+    assert all(named)
+    assert [path for paths in named for path in paths if not (ROOT / path).exists()] == []
+
+
+def test_no_room_is_too_large() -> None:
+    rooms = [ROOT / "plant", *(file.parent for file in (ROOT / "backend").glob("*/__init__.py"))]
+    whole = sum(lines(ROOT / part) for part in ("backend", "plant", "migrations"))
+    shares = {room.name: lines(room) / whole for room in rooms}
+    assert len(shares) > 15
+    assert {name: round(share, 3) for name, share in shares.items() if share > LARGEST_SHARE} == {}
+    assert lines(ROOT / "backend" / "api") < LARGEST_API

@@ -1,0 +1,63 @@
+"""Which tests belong to a source file: those that import it, then those of its rooms that import what imports it."""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+
+from tests.conftest import ONLY_COMPUTES
+from tests.mutate.trees import ROOT
+
+ROOMS = {
+    "plant": ("tests/plant", "tests/closed_loop"),
+    "backend/controllers": ("tests/controllers", "tests/closed_loop", "tests/loop"),
+    "backend/identification": ("tests/identification",),
+    "backend/tuning": ("tests/tuning", "tests/closed_loop"),
+    "backend/loop": ("tests/loop",),
+}
+"""What is changed, and where it is tested."""
+
+
+def sources() -> list[str]:
+    """Return the files that are changed, as paths in the project."""
+    return [str(path.relative_to(ROOT)) for room in ROOMS for path in sorted((ROOT / room).glob("*.py"))]
+
+
+def files_of_tests() -> list[str]:
+    """Return the files with tests that only compute."""
+    folders = [ROOT / "tests" / name for name in sorted(ONLY_COMPUTES) if (ROOT / "tests" / name).is_dir()]
+    return [str(path.relative_to(ROOT)) for folder in folders for path in sorted(folder.glob("test_*.py"))]
+
+
+def belonging_to(path: str, steps: dict[str, int]) -> dict[str, int]:
+    """Return the files with tests that belong to a source file, and by how many imports each is away from it.
+
+    ``steps`` says that of the modules. Those that name the file, themselves or through what they share, are 0 away,
+    wherever they are; further ones count in the rooms where files like it are tested.
+    """
+    rooms = tuple(f"{folder}/" for folder in ROOMS[path.rpartition("/")[0]])
+    away = {test: min((steps[m] for m in _imported(test) if m in steps), default=None) for test in files_of_tests()}
+    return {test: n for test, n in away.items() if n is not None and (n == 0 or test.startswith(rooms))}
+
+
+@cache
+def _imported(test: str) -> frozenset[str]:
+    seen: set[str] = set()
+    open_files = [test]
+    while open_files:
+        file = open_files.pop()
+        for module in _imports(file):
+            if module not in seen:
+                seen.add(module)
+                shared = module.replace(".", "/") + ".py"
+                if module.startswith("tests.") and (ROOT / shared).exists():
+                    open_files.append(shared)
+    return frozenset(seen)
+
+
+def _imports(file: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)

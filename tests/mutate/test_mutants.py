@@ -1,0 +1,90 @@
+"""What `make mutate` changes: one operator, constant or sign of what computes, and never what is only said."""
+
+import ast
+import io
+import tokenize
+from pathlib import Path
+
+from tests.mutate.__main__ import chosen, explained
+from tests.mutate.belonging import belonging_to, sources
+from tests.mutate.mutants import mutants
+from tests.mutate.trees import ROOT, Imports, Tree, tracked
+
+FRICTION = "plant/friction.py"
+TORQUE = """
+import pathlib
+import numba
+from plant.friction import Friction, friction_torque
+from plant.joint import Joint, elongation_A
+
+def test_torque():
+    known = [path.name.split("-")[0] for path in pathlib.Path(numba.config.CACHE_DIR).glob("plant_*/*.nbc")]
+    torque = friction_torque(Friction(1.0, 0.5, 1e-9), 1.0, 4.0)
+    print(torque, elongation_A(Joint(2.0, 1.0, 0.0, 0.0), 3.0, 1.0), known)
+    assert torque == 3.0
+"""
+SOURCE = '''"""1 + 1"""
+def f(λ: float = 2.0, *, n: "1" = 0) -> float:
+    if not λ < -1e-3 or n in (
+        3,
+    ):
+        raise ValueError(f"{n + 1} is more than 4", 5)
+    n += 1  # 6
+    return (λ * (n)) - 7
+'''
+CHANGES = [
+    ("2.0", "3.0"), ("0", "1"), ("not", ""), ("<", "<="), ("<", ">"), ("-", ""), ("1e-3", "1.001"), ("or", "and"),
+    ("in", "not in"), ("3", "4"), ("+=", "-="), ("1", "2"), ("*", "/"), ("-", "+"), ("7", "8"),
+]  # fmt: skip
+
+
+def words(text: str) -> list[str]:
+    said = (tokenize.STRING, tokenize.COMMENT)
+    return [token.string for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type in said]
+
+
+def test_each_operator_constant_and_sign_that_computes_is_changed_once() -> None:
+    assert [(mutant.old, mutant.new) for mutant in mutants("f.py", SOURCE)] == CHANGES
+    assert [mutant.after for mutant in mutants("f.py", SOURCE)][-1] == "return (λ * (n)) - 8"
+
+
+def test_a_mutant_is_another_program_that_says_the_same() -> None:
+    for mutant in chosen(60, seed=2):
+        text = (ROOT / mutant.path).read_text(encoding="utf-8")
+        changed = mutant.of(text)
+        assert ast.dump(ast.parse(changed)) != ast.dump(ast.parse(text)), mutant
+        assert len([1 for a, b in zip(text.splitlines(), changed.splitlines(), strict=True) if a != b]) == 1, mutant
+        assert words(changed) == words(text), mutant
+
+
+def test_places_are_spread_over_the_rooms_and_the_same_for_a_seed() -> None:
+    some = chosen(100, seed=1)
+    assert some == chosen(100, seed=1) != chosen(100, seed=2)
+    assert len({mutant.path for mutant in some}) > len(sources()) // 2
+    assert {mutant.path.rpartition("/")[0] for mutant in some} == {path.rpartition("/")[0] for path in sources()}
+    imports = Imports()
+    assert imports.touched_by("plant/spring.py") > {"plant/spring.py", "plant/joint.py", "backend/loop/loop.py"}
+    assert FRICTION not in imports.touched_by("plant/spring.py")
+    assert [mutant.path for mutant in some if not belonging_to(mutant.path, imports.steps_to(mutant.path))] == []
+
+
+def test_what_is_explained_says_why() -> None:
+    assert all((ROOT / path).is_file() and len(because.split()) > 5 for (path, _, _), because in explained().items())
+
+
+def test_in_a_copy_the_change_runs_and_only_what_it_touches_is_compiled_anew(tmp_path: Path) -> None:
+    base, tree = Tree(tmp_path / "base"), Tree(tmp_path / "tree")
+    for copy in (base, tree):
+        copy.bring_up_to_date(name for name in tracked() if name.startswith(("plant/", "backend/__", "backend/cont")))
+        (copy.root / "test_torque.py").write_text(TORQUE, encoding="utf-8")
+    asked, touched = ["-q", "test_torque.py"], {FRICTION}
+    assert base.test(asked, 100.0)[0] == 0
+    (mutant,) = (m for m in mutants(FRICTION, (ROOT / FRICTION).read_text("utf-8")) if m.old == "+")
+    file = tree.root / FRICTION
+    before = file.read_bytes(), file.stat().st_mtime_ns
+    with tree.changed(mutant.path, mutant.of(file.read_text("utf-8"))):
+        code, said = tree.test(asked, 100.0, base, touched)
+    assert code == 1
+    assert "\n-1.0 5.0 ['joint.elongation_A']\n" in said
+    assert (file.read_bytes(), file.stat().st_mtime_ns) == before
+    assert tree.test(["-q", "-p", "no:timeout", "--collect-only", "test_torque.py"], 0.0)[0] is None

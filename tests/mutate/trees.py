@@ -1,0 +1,172 @@
+"""Copies of the project to change files in, and the machine code that may be kept when one is changed.
+
+A compiled function holds what it calls, from other files too. So a changed file costs the code of all modules that
+import it, however far away; what is left is taken over from the unchanged copy. Nothing is shared: each mutant has a
+folder of its own for what is compiled for it.
+"""
+
+import importlib
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+import grimp
+import numba
+import pytest
+from numba.core.caching import _CacheLocator
+
+ROOT = Path(__file__).parents[2]
+AT_MOST = 10.0
+"""Times its limit of processor time that a run may last: what waits for something that never comes takes none."""
+
+
+def tracked() -> list[str]:
+    """Return the files of the project, those not committed yet too."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True)
+    return sorted(name for name in listed.stdout.split("\0") if (ROOT / name).is_file())
+
+
+class Imports:
+    """Who imports whom in the project."""
+
+    def __init__(self) -> None:
+        self._graph = grimp.build_graph("plant", "backend", cache_dir=None)
+
+    def steps_to(self, path: str) -> dict[str, int]:
+        """Return by how many imports modules have a file: itself 0, what imports it 1, what imports that 2."""
+        here = path.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+        steps, last = {here: 0}, {here}
+        while last:
+            last = {above for module in last for above in self._graph.find_modules_that_directly_import(module)} - set(
+                steps
+            )
+            steps |= dict.fromkeys(last, max(steps.values()) + 1)
+        return steps
+
+    def touched_by(self, path: str) -> set[str]:
+        """Return the file and all that import it, directly or not, as paths."""
+        return {f"{module.replace('.', '/')}.py" for module in self.steps_to(path)}
+
+
+class Tree:
+    """A copy of the project at ``root``, with what is compiled in it beside it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.cache = root.with_name(f"{root.name}-compiled")
+
+    def bring_up_to_date(self, files: Iterable[str]) -> None:
+        """Copy what is not as it is in the project, with its time; remove what is no longer there."""
+        wanted = set(files)
+        for path in [path for path in self.root.rglob("*.py") if str(path.relative_to(self.root)) not in wanted]:
+            path.unlink()
+        for name in wanted:
+            here, there = ROOT / name, self.root / name
+            if not there.exists() or there.read_bytes() != here.read_bytes():
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(here, there)
+        self.cache.mkdir(exist_ok=True)
+
+    @contextmanager
+    def changed(self, path: str, text: str) -> Iterator[None]:
+        """Have ``text`` in a file for a while, and nothing compiled."""
+        file = self.root / path
+        kept, times = file.read_bytes(), file.stat()
+        shutil.rmtree(self.cache, ignore_errors=True)
+        file.write_text(text, encoding="utf-8")
+        os.utime(file, (times.st_atime, times.st_mtime + 10.0))  # by its second Python tells it from what it knows
+        try:
+            yield
+        finally:
+            file.write_bytes(kept)
+            os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+
+    def take_over(self, base: "Tree", code_of_base: Path, touched: Collection[str]) -> None:
+        """Have of what is compiled in the base that which comes from files that are not touched; in a process here."""
+        importlib.import_module("plant.compiled")
+        target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
+        for sources in ("plant", "backend/controllers", "backend/identification", "backend/tuning", "backend/loop"):
+            old, new = (
+                folder / _CacheLocator.get_suitable_cache_subpath(str(tree.root / sources / "any.py"))
+                for tree, folder in ((base, code_of_base), (self, target))
+            )
+            untouched = [f.stem for f in (self.root / sources).glob("*.py") if f"{sources}/{f.name}" not in touched]
+            new.mkdir(parents=True, exist_ok=True)
+            for code in old.glob("*.nb?"):
+                if code.name.split(".")[0] in untouched:
+                    shutil.copy2(code, new)
+
+    def run(self, command: list[str], limit_s: float) -> str:
+        """Return what Python says in this copy. Raises subprocess.SubprocessError."""
+        environment = os.environ | {"PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(self.cache)}
+        ended = subprocess.run(
+            [sys.executable, *command], cwd=self.root, env=environment, capture_output=True, text=True, check=True,
+            timeout=limit_s,
+        )  # fmt: skip
+        return ended.stdout
+
+    def test(
+        self, arguments: list[str], limit_s: float, base: "Tree | None" = None, touched: Collection[str] = ()
+    ) -> tuple[int | None, str]:
+        """Run pytest in this copy; return its exit code and what it said: None where it took longer.
+
+        ``limit_s`` is of processor time: a machine with much to do kills nothing.
+
+        Of what is compiled in the base it has what comes from files that are not ``touched``.
+        """
+        taken = None if base is None else (base, _code_of(base), touched)
+        said = self.root.with_name(f"{self.root.name}.txt")
+        said.write_text("", encoding="utf-8")
+        process = _SERVER.Process(target=_pytest, args=(self, arguments, said, limit_s, taken))
+        process.start()
+        process.join(AT_MOST * limit_s)
+        code, group = process.exitcode, process.pid
+        assert group
+        with suppress(ProcessLookupError):
+            os.killpg(group, signal.SIGKILL)
+        process.kill()
+        process.join()
+        return None if code == -signal.SIGXCPU else code, said.read_text(encoding="utf-8", errors="replace")
+
+    def enter(self) -> None:
+        """Make this process one that runs here: what it has loaded of the project it forgets."""
+        os.chdir(self.root)
+        os.environ |= {"PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(self.cache), "PYTHONDONTWRITEBYTECODE": "1"}
+        sys.dont_write_bytecode = True
+        sys.path[:] = [str(self.root), *(path for path in sys.path if path not in ("", str(ROOT)))]
+        for name in [name for name in sys.modules if name.partition(".")[0] in ("tests", "plant", "backend")]:
+            del sys.modules[name]
+
+
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(["numpy", "scipy.optimize", "scipy.signal", "numba", "control", "hypothesis", "pytest"])
+"""Loading these takes longer than most mutants live: a process that has them is copied for each."""
+
+
+def _pytest(
+    tree: Tree, arguments: list[str], said: Path, limit_s: float, taken: tuple[Tree, Path, Collection[str]] | None
+) -> None:
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_CPU, (round(limit_s), round(limit_s) + 5))
+    with said.open("w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    tree.enter()
+    if taken is not None:
+        tree.take_over(*taken)
+    sys.exit(pytest.main(arguments))
+
+
+@cache
+def _code_of(tree: Tree) -> Path:
+    """Return the folder where the project keeps what it compiles in a copy; it is asked once."""
+    return Path(tree.run(["-c", "import numba, plant.compiled; print(numba.config.CACHE_DIR)"], 120.0).strip())

@@ -1,0 +1,92 @@
+"""One mutant before the tests that belong to it."""
+
+import hashlib
+import json
+import re
+import threading
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from tests.mutate.belonging import belonging_to
+from tests.mutate.mutants import Mutant
+from tests.mutate.trees import ROOT, Imports, Tree
+
+PYTEST = ["-x", "-q", "-rfE", "--tb=no", "-m", "not live"]
+PYTEST += ["-p", "no:schemathesis", "-p", "no:cacheprovider"]
+NO_TESTS = 5
+FIRST = 3
+"""Files of tests that most mutants do not outlive: to load the others takes longer."""
+
+SURVIVED, HUNG = "survived", "hung"
+
+
+class Memory:
+    """What earlier runs found, in a file: how long tests take on what is not changed, and which mutants they killed."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock = path, threading.Lock()
+        self._known: dict[str, float | str] = json.loads(path.read_text("utf-8")) if path.exists() else {}
+
+    def get(self, key: str) -> float | str | None:
+        return self._known.get(key)
+
+    def put(self, key: str, value: float | str) -> None:
+        with self._lock:
+            self._known[key] = value
+            self._path.write_text(json.dumps(self._known, indent=1), encoding="utf-8")
+
+
+def digest(files: Iterable[str]) -> str:
+    """Return what tells one state of some files from another."""
+    content = b"".join(name.encode() + (ROOT / name).read_bytes() for name in sorted(files))
+    return hashlib.sha256(content).hexdigest()[:16]
+
+
+class Trials:
+    """Mutants before their tests: ``base`` is the copy in which nothing is changed, and how long its tests take."""
+
+    def __init__(self, base: Tree, memory: Memory, sources: str, limit_s: float, most_steps: int) -> None:
+        self._base, self._memory, self._sources = base, memory, sources
+        self._limit_s, self._most_steps = limit_s, most_steps
+        self._imports, self._lock = Imports(), threading.Lock()
+
+    def verdict(self, mutant: Mutant, tree: Tree) -> str:
+        """Return what killed a mutant, or that it survived. Raises ValueError where a test fails without it too."""
+        text = (ROOT / mutant.path).read_text(encoding="utf-8")
+        steps = self._imports.steps_to(mutant.path)
+        away = {test: n for test, n in belonging_to(mutant.path, steps).items() if n <= self._most_steps}
+        tests = sorted(away, key=lambda test: (away[test], self._seconds(test)))
+        with tree.changed(mutant.path, mutant.of(text)):
+            for some in (tests[:FIRST], tests[FIRST:]):
+                if some and (killed_by := self._killed_by(some, tree, self._imports.touched_by(mutant.path))):
+                    return killed_by
+        return SURVIVED
+
+    def _killed_by(self, tests: list[str], tree: Tree, touched: set[str]) -> str:
+        code, said = tree.test([*PYTEST, *tests], self._limit_s, self._base, touched)
+        if code is None:
+            return f"{HUNG} for {self._limit_s:.0f} s"
+        if code in (0, NO_TESTS):
+            return ""
+        failed = re.search(r"^(?:FAILED|ERROR) (([^\s:]+)\S*)", said, re.MULTILINE)
+        if failed is None:
+            return f"exit code {code}: {said[-300:]}"
+        self._require_green(failed[2])
+        return failed[1]
+
+    def _require_green(self, test: str) -> None:
+        with self._lock:
+            if self._memory.get(self._key(test)) is None:
+                begun = time.monotonic()
+                code, said = self._base.test([*PYTEST, test], self._limit_s)
+                if code not in (0, NO_TESTS):
+                    raise ValueError(f"{test} fails with nothing changed:\n{said}")
+                self._memory.put(self._key(test), time.monotonic() - begun)
+
+    def _seconds(self, test: str) -> float:
+        """Return how long a file of tests takes; a guess where that is not known: a second for 1000 characters."""
+        return float(self._memory.get(self._key(test)) or len((ROOT / test).read_bytes()) / 1e3)
+
+    def _key(self, test: str) -> str:
+        return f"{test} {digest([test])} on {self._sources}"
