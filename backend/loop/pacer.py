@@ -91,6 +91,10 @@ class Pacer:
         self._deadline_ns = now_ns()
         self.overruns = 0
 
+    def resume(self) -> None:
+        """Go on from now after a pause that was meant: what it took is no overrun."""
+        self._deadline_ns = self._now_ns()
+
     def met(self) -> float:
         """Take note of a period that somebody else's clock has ended; return how late against the one before [s].
 

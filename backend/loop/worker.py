@@ -70,6 +70,7 @@ class Worker:
         self._readiness: tuple[str, bool] | None = None
         self._ahead: list[Segment] = []
         self._ahead_of = 0
+        self._paused = False
         if drives_off:  # a line that does not fall leaves the loop locked all the same
             loop.handle(0, SwitchDrives(on=False))
 
@@ -90,6 +91,9 @@ class Worker:
             self._silence_s += min(begun_s - before_s, PAUSE_S)
             before_s = begun_s
             self._listen()
+            if self._paused:
+                pacer.resume()
+                self._paused = False
             self._loop.tick(lateness_s, pacer.overruns)
             self._tick += 1
             if (readiness := self._loop.readiness) != self._readiness:
@@ -141,6 +145,8 @@ class Worker:
                     self.tell(Refused(sequence, self._tick, reason))
             case command:
                 self._loop.handle(sequence, command)
+                # The card's watchdog may have been tried, at zero volts, which takes its time.
+                self._paused = self._paused or isinstance(command, SwitchDrives)
 
     def _keep(self, sequence: int, segments: tuple[Segment, ...]) -> None:
         if sequence != self._ahead_of:  # the rest of another one never came

@@ -182,8 +182,12 @@ class Actuator:
     async def switch_drives(self, on: bool, who: str) -> None:
         """Take the drives away, at any time, or give them back. Raises RefusalError; LoopDiedError where they come on.
 
-        They come on in off and beside no step of the bring-up only.
+        They come on in off and beside no step of the bring-up only. Off waits for nothing; it is said again in turn, to
+        a loop that was only starting.
         """
+        if not on:
+            with suppress(LoopDiedError):
+                await self._supervisor.send(commands.SwitchDrives(on=False))
         async with self._turn:
             if on:
                 self.require_unoccupied()

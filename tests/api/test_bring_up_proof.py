@@ -26,9 +26,9 @@ from backend.messages.bring_up import BringUpStep
 from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
 from backend.refusal import RefusalError
-from backend.storage import open_database
+from backend.storage import StorageError, open_database
 from backend.storage.runs import Run
-from plant.brought_up import CellCalibration
+from plant.brought_up import BroughtUp, CellCalibration
 from plant.choice import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
@@ -230,6 +230,40 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
     monkeypatch.setattr("backend.operating.ordered_runs.create_run", slowly)
     try:
         stepped(database, IDEAL, work, VirtualRig(wiring, Simulator(IDEAL, 0)))
+    finally:
+        let_go.set()
+        database.close()
+
+
+def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path) -> None:
+    """A start of the loop, or a disk that is slow, is waited for by the answer, not by the drives."""
+    database = open_database(tmp_path)
+    rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))
+    asked, let_go = threading.Event(), threading.Event()
+
+    def slowly() -> BroughtUp:
+        asked.set()
+        assert let_go.wait(60.0)
+        raise StorageError("the disk has failed")
+
+    async def work(parts: Parts) -> None:
+        parts.actuator.in_effect = slowly
+        start = asyncio.create_task(parts.actuator.take_up(BroughtUp(), "Ada"))
+        while not asked.is_set():
+            await asyncio.sleep(0.001)
+        assert rig.card_state().drive_enabled
+        off = asyncio.create_task(parts.actuator.switch_drives(False, "Bob"))
+        while rig.card_state().drive_enabled:
+            await asyncio.sleep(0.001)
+            assert not off.done()
+        let_go.set()
+        with pytest.raises(StorageError):
+            await start
+        await off
+        assert not rig.card_state().drive_enabled
+
+    try:
+        stepped(database, IDEAL, work, rig)
     finally:
         let_go.set()
         database.close()

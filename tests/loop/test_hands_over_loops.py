@@ -78,3 +78,30 @@ def test_a_new_loop_stays_locked_until_somebody_switches_the_drives_on(
     assert (line[0], line[-1]) == (False, True)
     assert free == first
     assert life(free, ideal, tuning)[2][0]
+
+
+def test_what_switching_on_takes_is_no_overrun(ideal: PlantParameters, tuning: SetTuning) -> None:
+    """The trial of the card's watchdog waits on purpose; a pause that nobody meant is counted all the same."""
+    trial_ns, pause_ns = 600_000_000, 5_000_000
+
+    class Unhurried(VirtualRig):
+        def switch_drives(self, *, on: bool) -> None:
+            bench.now_ns += trial_ns
+            super().switch_drives(on=on)
+
+    bench = Bench(ideal, tuning, Unhurried(load_wiring("pcie-6323"), Simulator(ideal, 0)))
+
+    def service(tick: int) -> None:
+        if tick == 10:
+            bench.say(SwitchDrives(on=True), 1)
+        if tick == 30:
+            bench.now_ns += pause_ns
+        if tick == 50:
+            bench.say(Shutdown(), 2)
+
+    bench.run(service)
+    overruns = bench.column("overruns")
+    assert (overruns[20], overruns[-1]) == (0, pause_ns // 1_000_000 - 1)
+    assert bench.now_ns > trial_ns
+    bench.service.close()
+    bench.ring.close()
