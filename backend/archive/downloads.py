@@ -5,12 +5,12 @@ from datetime import UTC, datetime
 
 from backend.offload import Offload
 from backend.reading import Angles
-from backend.recording.columns import Columns, recorded_columns
+from backend.recording.columns import columns_of_run
 from backend.recording.flight import flight_columns
 from backend.refusal import Because, RefusalError
 from backend.reports.rendering import export, render
 from backend.reports.source import Source, load_source
-from backend.storage import Database, results, runs
+from backend.storage import Database, results
 from backend.storage.runs import EndState, RunKind
 
 COMPUTING_S = 60.0
@@ -38,7 +38,7 @@ class Downloads:
 
     async def data(self, run_id: int, kind: str) -> bytes:
         """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
-        columns = await asyncio.to_thread(self._columns, run_id)
+        columns = await asyncio.to_thread(columns_of_run, self._database, run_id)
         return await self._offload.run(export, columns, kind)
 
     async def flight(self, event_id: int, kind: str) -> bytes:
@@ -61,11 +61,6 @@ class Downloads:
                 Because.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
             )
         return source
-
-    def _columns(self, run_id: int) -> Columns:
-        with self._database.reading() as session:
-            runs.get(session, run_id)
-        return recorded_columns(self._database, run_id)[0]
 
     def _keep(self, run_id: int, kind: str, content: bytes) -> None:
         with self._database.session() as session:

@@ -21,7 +21,7 @@ from backend.messages.system import (
     SystemView,
 )
 from backend.storage import Database
-from backend.storage.maintenance import backup, check
+from backend.storage.maintenance import backup, check, next_copy
 from backend.storage.migrate import revision
 
 _PACKAGES = ("numpy", "scipy", "numba", "fastapi", "sqlalchemy", "viser")
@@ -45,18 +45,14 @@ class Maintenance:
 
     async def backup(self) -> BackupView:
         """Copy the database to the data folder. Raises BackupError."""
-        target = self._backups / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db"
+        target = next_copy(self._data)
         await asyncio.to_thread(backup, self._database.engine, target)
         return _backup_view(target)
-
-    @property
-    def _backups(self) -> Path:
-        return self._data / "backups"
 
     def _view(self) -> SystemView:
         granted, ring = self._supervisor.granted, self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
-        copies = sorted(self._backups.glob("*.db"), reverse=True) if self._backups.is_dir() else []
+        copies = sorted(next_copy(self._data).parent.glob("*.db"), reverse=True)
         return SystemView(
             granted=None
             if granted is None

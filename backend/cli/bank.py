@@ -14,7 +14,7 @@ from backend.cli.place import DataFolder, ParameterSet, database_of, settings_wi
 
 if TYPE_CHECKING:
     from backend.experiments.banks.bank_difference import EntryDifference, LoopFigures
-    from backend.storage import Database, Session
+    from backend.storage import Database
     from backend.storage.bank_entry import ChannelFit
     from backend.storage.banks import Bank
 
@@ -53,10 +53,11 @@ def show(
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
     from backend.storage import banks, identifications
+    from backend.storage.bank_entry import fits_in
 
     with database_of(settings_with(data=data)) as database, database.reading() as session:
         found = banks.get(session, bank)
-        _print(found, identifications.runs_of(session), _fits_of(session, found), as_json=as_json)
+        _print(found, identifications.runs_of(session), fits_in(session, found), as_json=as_json)
 
 
 @app.command()
@@ -70,13 +71,14 @@ def build(
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
     from backend.experiments.banks.bank_building import build_bank
     from backend.storage import identifications as identifications_
+    from backend.storage.bank_entry import fits_in
     from plant.parameters import load_parameters
 
     with database_of(settings_with(data=data)) as database:
         parameters = load_parameters(params or _parameters_name(database, identifications))
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
-            _print(bank, identifications_.runs_of(session), _fits_of(session, bank), as_json=as_json)
+            _print(bank, identifications_.runs_of(session), fits_in(session, bank), as_json=as_json)
 
 
 @app.command()
@@ -155,15 +157,6 @@ def import_file(
     with database_of(settings) as database:
         bank = import_bank(database, load_parameters(settings.params), document, current_user(), name)
         _print(bank, {}, {}, as_json=as_json)
-
-
-def _fits_of(session: "Session", bank: "Bank") -> "Fits":
-    """How good the models of a bank's entries are, by the number of their estimate."""
-    from backend.storage import identifications
-    from backend.storage.bank_entry import fits_of
-
-    named = [entry.identification_id for entry in bank.entries]
-    return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
 
 
 def _parameters_name(database: "Database", chosen: list[int]) -> str:

@@ -1,6 +1,5 @@
 """``sinew db``."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -33,9 +32,10 @@ def backup(
 ) -> None:
     """Copy the database while it may be in use."""
     from backend.storage.maintenance import backup as copy
+    from backend.storage.maintenance import next_copy
 
     settings = settings_with(data=data)
-    wanted = file or settings.data / "backups" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.db"
+    wanted = file or next_copy(settings.data)
     with database_of(settings) as database:
         copy(database.engine, wanted)
     out.print(f"wrote {wanted}", highlight=False, markup=False)

@@ -75,17 +75,14 @@ def export(
     data: DataFolder = None,
 ) -> None:
     """Write all samples of a run to a file; SI units."""
-    from backend.recording.columns import recorded_columns
+    from backend.recording.columns import columns_of_run
     from backend.reports.rendering import EXPORTS
-    from backend.storage import runs
 
     kind = file.suffix.removeprefix(".")
     if kind not in EXPORTS:
         fail(f"{file}: name the file .csv, .parquet or .mat", status=2)
     with database_of(settings_with(data=data)) as database:
-        with database.reading() as session:
-            runs.get(session, run)
-        file.write_bytes(EXPORTS[kind](recorded_columns(database, run)[0]))
+        file.write_bytes(EXPORTS[kind](columns_of_run(database, run)))
     out.print(f"wrote {file}", highlight=False, markup=False)
 
 

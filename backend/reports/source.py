@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from backend.reading import Angles
 from backend.recording.columns import Columns, drawn_columns, recorded_columns
 from backend.storage import Database, banks, identifications, results, runs
-from backend.storage.bank_entry import ChannelFit, fits_of
+from backend.storage.bank_entry import ChannelFit, fits_in
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
 from backend.storage.results import Result
@@ -44,8 +44,7 @@ def load_source(database: Database, run_id: int, angles: Angles = Angles.DEGREES
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
         estimates = identifications.find(session, run_id=run_id)
         runs_of = identifications.runs_of(session)
-        named = () if bank is None else [entry.identification_id for entry in bank.entries]
-        fits = {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
+        fits = {} if bank is None else fits_in(session, bank)
     by_hand = run.kind == RunKind.SESSION
     columns = drawn_columns(database, run_id) if by_hand else recorded_columns(database, run_id)[0]
     return Source(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)

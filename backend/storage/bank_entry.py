@@ -1,4 +1,4 @@
-"""What a bank's entry is called wherever people read of it, and how good the identification behind it was. Pure."""
+"""What a bank's entry is called wherever people read of it, and how good the identification behind it was."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,9 @@ from math import isfinite
 from typing import Any
 
 from backend.identification.result import Grade
-from backend.storage.banks import BankEntry
+from backend.storage import identifications
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.database import Session
 from backend.storage.identifications import Identification
 
 CHANNELS = ("G_q", "G_S")
@@ -63,6 +65,12 @@ class ChannelFit:
 def fits_of(found: Identification) -> dict[str, ChannelFit]:
     """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
     return {name: _fit(found.model.get(name, {}), found.quality.get(name, {})) for name in CHANNELS}
+
+
+def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, ChannelFit]]:
+    """Return the fits behind a bank's entries, by the number of their estimate. Raises UnknownRecordError."""
+    named = [entry.identification_id for entry in bank.entries]
+    return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
 
 
 def _fit(model: Mapping[str, Any], quality: Mapping[str, Any]) -> ChannelFit:

@@ -19,6 +19,11 @@ class BackupError(Exception):
     """The copy was not made; the message says why, and nothing was left behind."""
 
 
+def next_copy(data: Path) -> Path:
+    """Return where the next copy of a data folder's database goes, named by the time."""
+    return data / "backups" / f"{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db"
+
+
 def backup(engine: Engine, target: Path) -> None:
     """Copy an SQLite database to a new file while others read and write it. Raises BackupError."""
     if engine.dialect.name != "sqlite":
