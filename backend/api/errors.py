@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.results.again import NotEvaluableError
@@ -81,6 +82,7 @@ _BECAUSE: dict[type[Exception], Because] = {
     LoopDiedError: Because.UNAVAILABLE,
     NotEvaluableError: Because.NOT_NOW,
     StorageError: Because.UNAVAILABLE,
+    UnreadableDocumentError: Because.UNAVAILABLE,
     WorkerDiedError: Because.UNAVAILABLE,
 }
 """Refusals of the parts below whose message says everything."""

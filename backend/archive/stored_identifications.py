@@ -73,7 +73,7 @@ class StoredIdentifications:
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
         view = views.identification_view(run, estimates[0] if estimates else None, self._progress(run))
-        problem = "" if result is None else str(result.metrics.get("problem", ""))
+        problem = "" if result is None else result.metrics.problem
         return view.model_copy(update={"message": problem}) if problem else view
 
     def _curves(self, run_id: int) -> IdentificationCurves:

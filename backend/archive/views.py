@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documents.result import Criterion as Judged
 from backend.experiments.results.used_settings import used_settings
 from backend.identification.motor import grade_of
 from backend.identification.result import Grade
@@ -25,7 +27,7 @@ from backend.messages.identification import (
 )
 from backend.messages.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
 from backend.recording import reader
-from backend.reports.verdict import reason_of, verdict_of
+from backend.reports.verdict import verdict_of
 from backend.sample import STORED
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
@@ -181,32 +183,34 @@ def dry_run_view(
 
 
 def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
-    metrics, criteria = (None, []) if result is None else (result.metrics, result.criteria)
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     running = "" if run.ended_at is not None else "the run is not over"
     found = verdict_of(metrics, criteria, run.evaluation_problem or running)
     return {
         "outcome": found.outcome,
         "verdict": found.sentence,
-        "metrics": [_metric(item) for item in (metrics or {}).get("figures", [])],
+        "metrics": [MeasuredMetric(**asdict(item)) for item in (metrics.figures if metrics else ())],
         "criteria": [_criterion(item) for item in criteria],
     }
 
 
-def _metric(item: Mapping[str, Any]) -> MeasuredMetric:
-    told = {name: item[name] for name in ("name", "label", "definition", "value", "unit")}
-    return MeasuredMetric(**told, reason=reason_of(item, item["value"]))
-
-
-def _criterion(item: Mapping[str, Any]) -> Criterion:
-    told = {name: item[name] for name in ("name", "bound", "relation", "unit", "passed")}
-    reason = reason_of(item, item["passed"])
-    return Criterion(**told, label=item["title"], value=item["figure"], reason=reason)
+def _criterion(item: Judged) -> Criterion:
+    return Criterion(
+        name=item.name,
+        label=item.title,
+        value=item.figure,
+        relation=item.relation,
+        bound=item.bound,
+        unit=item.unit,
+        passed=item.passed,
+        reason=item.reason,
+    )
 
 
 def _message(run: Run, result: Result | None) -> str:
     if result is None and run.evaluation_problem:
         return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
-    return run.end_detail or str("" if result is None else result.metrics.get("problem", ""))
+    return run.end_detail or ("" if result is None else result.metrics.problem)
 
 
 def _model_view(estimate: Identification, channel: str) -> ModelView:

@@ -55,6 +55,7 @@ def _expected() -> tuple[type[Exception], ...]:
     """Return what may go wrong without being a mistake of the program; anything else shows where it happened."""
     from backend.access.tokens import TokenError
     from backend.data_folder import AlreadyRunningError, DataFolderError
+    from backend.documents.edge import UnreadableDocumentError
     from backend.experiments.banks.bank_consistency import BankError
     from backend.experiments.results.again import NotEvaluableError
     from backend.experiments.settings import SettingError
@@ -91,6 +92,7 @@ def _expected() -> tuple[type[Exception], ...]:
         TokenError,
         TuningError,
         UnknownRecordError,
+        UnreadableDocumentError,
         UnusableSettingError,
     )
 

@@ -64,7 +64,7 @@ def data(
     A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
     a record that identifies nothing.
     """
-    from backend.experiments.results.document import json_ready
+    from backend.documents.edge import json_ready
     from backend.identification.errors import IdentificationError
     from backend.identification.estimate import estimate
     from backend.identification.import_data import Selection, record_from
@@ -142,7 +142,7 @@ def _method(name: str) -> Any:
 
 
 def _show_motor(record: "Record", resolution: float | None, *, as_json: bool) -> None:
-    from backend.experiments.results.document import json_ready
+    from backend.documents.edge import json_ready
     from backend.identification.motor_record import NAMES, identify_motor_record
 
     found = identify_motor_record(record, resolution)

@@ -16,15 +16,29 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.playing.runner import Order, Outcome
+    from backend.reports.source import Source
     from plant.parameters import PlantParameters
 
 _Plan = TypeVar("_Plan")
 
 
+@dataclass(frozen=True)
+class _Played:
+    """How an order went, all that is stored of it, and the files that were written."""
+
+    outcome: "Outcome"
+    source: "Source"
+    files: tuple[Path, ...]
+
+    def document(self) -> dict[str, Any]:
+        """Return what a program wants to know of it."""
+        from backend.reports.files import metrics_document
+
+        return {**metrics_document(self.source), "files": [str(path) for path in self.files]}
+
+
 class _Play(Protocol):
-    def __call__(
-        self, order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False
-    ) -> "tuple[Outcome, dict[str, Any]]": ...
+    def __call__(self, order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played: ...
 
 
 def values_of(words: list[str]) -> dict[str, object]:
@@ -93,12 +107,12 @@ def run_headless(settings: Settings, order: "Order", tuning: str, folder: Path |
     """Play an order on the simulator, store it, and show what came of it; exit 1 when it did not complete."""
     with _bench(settings, order) as play:
         _say(tuning, as_json=as_json)
-        outcome, document = play(order, folder, hidden=as_json)
+        played = play(order, folder, hidden=as_json)
         if as_json:
-            print_json(document)
+            print_json(played.document())
         else:
-            show_run(document)
-    _end_status(outcome)
+            show_run(played.source, played.files)
+    _end_status(played.outcome)
 
 
 def run_in_turn(
@@ -109,15 +123,15 @@ def run_in_turn(
     with _bench(settings, orders[0]) as play:
         _say(tuning, as_json=as_json)
         for order in orders:
-            outcome, document = play(order, folder, hidden=as_json, own_folder=True)
-            documents.append(document)
+            played = play(order, folder, hidden=as_json, own_folder=True)
+            documents.append(played.document())
             if not as_json:
-                show_run(document)
-            if outcome.run.end_state != "completed" or outcome.evaluation.problem:
+                show_run(played.source, played.files)
+            if played.outcome.run.end_state != "completed" or played.outcome.evaluation.problem:
                 break
     if as_json:
         print_json(documents)
-    _end_status(outcome)
+    _end_status(played.outcome)
 
 
 @contextmanager
@@ -125,7 +139,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.experiments.playing.headless_station import headless_station
     from backend.experiments.playing.runner import run_experiment
-    from backend.reports.files import metrics_document, write_files
+    from backend.reports.files import write_files
     from backend.reports.source import load_source
     from plant.parameters import load_parameters
 
@@ -135,15 +149,12 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
         headless_station(database, parameters, first.loop_settings, settings.plant_choice) as station,
     ):
 
-        def play(
-            order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False
-        ) -> "tuple[Outcome, dict[str, Any]]":
+        def play(order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played:
             with meter(order.plan.program().duration_s, hidden=hidden) as progress:
                 outcome = asyncio.run(run_experiment(station, order, progress))
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
             written = write_files(database, outcome.run.id, into, angles()) if into else ()
-            document = metrics_document(load_source(database, outcome.run.id))
-            return outcome, {**document, "files": [str(path) for path in written]}
+            return _Played(outcome, load_source(database, outcome.run.id), written)
 
         yield play
 

@@ -1,32 +1,43 @@
 """A run on the screen: what it was set to, what was measured, how it was judged."""
 
-from typing import Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from backend.cli.output import angles, out, print_table
 from backend.reading import in_words, read, reading_of
 
+if TYPE_CHECKING:
+    from backend.documents.result import Criterion, Figure
+    from backend.reports.source import Source
+
 _JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
 
 
-def show_run(document: dict[str, Any]) -> None:
-    """Print how a run ended and what came of it; ``document`` as ``metrics_document`` makes it."""
-    end = ": ".join(filter(None, (document["end_state"], document["end_detail"])))
-    _say(f"run {document['run']}, {document['kind']}: {end}", style="bold")
-    _figures(document)
-    _criteria(document)
-    if document["identification"]:
-        _say(document["identification"]["verdict"])
-    elif not document["metrics"]:
-        _say(document["verdict"])
-    for path in document.get("files", ()):
+def show_run(source: "Source", files: Sequence[Path] = ()) -> None:
+    """Print how a run ended and what came of it, and the files that were written."""
+    from backend.reports.verdict import verdict_of
+
+    run, result = source.run, source.result
+    end = ": ".join(filter(None, (run.end_state, run.end_detail)))
+    _say(f"run {run.id}, {run.kind}: {end}", style="bold")
+    sentence = verdict_of(result.metrics if result else None, result.criteria if result else ()).sentence
+    if result is not None:
+        _figures(result.metrics.figures)
+        _criteria(result.criteria, sentence)
+    if source.identification is not None:
+        _say(source.identification.verdict)
+    elif result is None or not result.metrics.figures:
+        _say(sentence)
+    for path in files:
         out.print(f"wrote {path}", highlight=False, markup=False)
 
 
-def show_settings(document: dict[str, Any]) -> None:
+def show_settings(source: "Source") -> None:
     """Print what a run was set to."""
     from backend.experiments.results.used_settings import used_settings
 
-    used = used_settings(document["settings"])
+    used = used_settings(source.run.settings)
     rows = [
         (
             item["meaning"],
@@ -44,43 +55,42 @@ def _setting(value: object, unit: str) -> object:
     return read(value, unit, angles()) if isinstance(value, float) else value
 
 
-def _figures(document: dict[str, Any]) -> None:
-    labels, units, missing = document["labels"], document["units"], document["not_measured"]
+def _figures(figures: "Sequence[Figure]") -> None:
     rows = [
         (
-            labels[name],
-            _figure(value, units[name]),
-            reading_of(units[name], angles()).unit,
-            in_words(missing.get(name, "measured"), angles()),
+            item.label,
+            _figure(item.value, item.unit),
+            reading_of(item.unit, angles()).unit,
+            in_words(item.reason or "measured", angles()),
         )
-        for name, value in document["metrics"].items()
+        for item in figures
     ]
     if rows:
-        kept = 4 if missing else 3
+        kept = 4 if any(item.reason for item in figures) else 3
         print_table(("figure", "value", "unit", "measured")[:kept], [row[:kept] for row in rows])
 
 
-def _criteria(document: dict[str, Any]) -> None:
+def _criteria(criteria: "Sequence[Criterion]", verdict: str) -> None:
     rows = [
         (
-            item["title"],
-            _figure(item["figure"], item["unit"]),
-            f"{item['relation']} {read(item['bound'], item['unit'], angles()):g}",
-            reading_of(item["unit"], angles()).unit,
+            item.title,
+            _figure(item.figure, item.unit),
+            f"{item.relation} {read(item.bound, item.unit, angles()):g}",
+            reading_of(item.unit, angles()).unit,
             in_words(_judged(item), angles()),
         )
-        for item in document["criteria"]
+        for item in criteria
     ]
     if rows:
         print_table(("criterion", "value", "bound", "unit", "verdict"), rows)
-        _say(document["verdict"])
+        _say(verdict)
 
 
-def _judged(item: dict[str, Any]) -> str:
+def _judged(item: "Criterion") -> str:
     from backend.reports.verdict import SEEN
 
-    seen = "" if item["passed"] is None else f"{SEEN[item['relation']]}, "
-    return _JUDGED[item["passed"]] + (f": {seen}{item['reason']}" if item["reason"] else "")
+    seen = "" if item.passed is None else f"{SEEN[item.relation]}, "
+    return _JUDGED[item.passed] + (f": {seen}{item.reason}" if item.reason else "")
 
 
 def _figure(value: float | None, unit: str) -> float | str:

@@ -48,12 +48,12 @@ def show(run: RunNumber, data: DataFolder = None, as_json: AsJson = False) -> No
     from backend.reports.source import load_source
 
     with database_of(settings_with(data=data)) as database:
-        document = metrics_document(load_source(database, run))
+        source = load_source(database, run)
     if as_json:
-        print_json(document)
+        print_json(metrics_document(source))
         return
-    show_settings(document)
-    show_run(document)
+    show_settings(source)
+    show_run(source)
 
 
 @app.command()

@@ -30,7 +30,7 @@ from backend.reports.identification_figures import (
     residual_panels,
     step_panels,
 )
-from backend.reports.judgement import OUTCOMES, figures_table
+from backend.reports.judgement import OUTCOMES, measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
@@ -49,7 +49,7 @@ _NOTES = (
 
 def actuator_identification_report(source: Source) -> Report:
     """Build the report; a run without a model says why it gave none."""
-    found, metrics = source.identification, source.result.metrics if source.result else {}
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
     tension_N = source.run.settings["plan"]["tension_N"]
     sections = []
     if found is not None:
@@ -60,7 +60,7 @@ def actuator_identification_report(source: Source) -> Report:
                     _models(found),
                     _candidates(found),
                     _comparison(found, tension_N),
-                    figures_table(metrics, source.angles),
+                    *measured_figures(source),
                 ),
             ),
         ]
@@ -75,7 +75,7 @@ def actuator_identification_report(source: Source) -> Report:
         title=f"Actuator identification at {exact(tension_N)} N",
         subtitle=subtitle(source),
         outcome=_outcome(found),
-        verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
         facts=(*facts(source), *_point(found)),
         sections=tuple(sections),
         footer=f"Sinew {source.run.software} · actuator identification · run {source.run.id}",

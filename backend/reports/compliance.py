@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from backend.documents.result import Metrics
 from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.document import Figure, Report, Section
@@ -37,17 +38,16 @@ _NOTES = (
 
 def compliance_report(source: Source) -> Report:
     """Build the report; a run without result says why it has none."""
-    seen = () if source.result is None else (_figures(source),)
+    seen = () if source.result is None else (_figures(source, source.result.metrics),)
     return experiment_report(source, "Compliance experiment", "compliance experiment", seen, _NOTES)
 
 
-def _figures(source: Source) -> Section:
-    metrics = source.result.metrics if source.result else {}
-    figures = {item["name"]: item["value"] for item in metrics["figures"]}
-    pushed_s = next(phase["start_s"] for phase in metrics["phases"] if phase["name"] == "pushes")
+def _figures(source: Source, metrics: Metrics) -> Section:
+    pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
+    delay_s = metrics.value_of("delay_s") or 0.0
     r_j = source.run.parameters["geometry"]["r_j"]["value"]
     F_max = source.run.parameters["safety"]["F_max"]["value"]
-    panels = force_panels(source.columns, r_j, pushed_s, figures["delay_s"] or 0.0, "forces", source.angles)
+    panels = force_panels(source.columns, r_j, pushed_s, delay_s, "forces", source.angles)
     return Section(
         "Figures",
         (

@@ -1,9 +1,11 @@
 """What a run leaves in a folder: the report to read, the data and the metrics to compute with."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from backend.documents.result import CRITERIA
 from backend.reading import Angles
 from backend.recording.columns import recorded_columns
 from backend.reports.build import build_report
@@ -11,7 +13,7 @@ from backend.reports.exports import to_csv
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
-from backend.reports.verdict import reason_of, verdict_of
+from backend.reports.verdict import verdict_of
 from backend.storage import Database
 
 
@@ -39,12 +41,10 @@ def write_files(database: Database, run_id: int, folder: Path, angles: Angles = 
 def metrics_document(source: Source) -> dict[str, Any]:
     """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
     run = source.run
-    metrics = source.result.metrics if source.result else {}
-    figures = metrics.get("figures", [])
+    metrics = source.result.metrics if source.result else None
+    criteria = source.result.criteria if source.result else ()
+    figures = metrics.figures if metrics else ()
     found = source.identification
-    judged = verdict_of(
-        source.result.metrics if source.result else None, source.result.criteria if source.result else ()
-    )
     return {
         "run": run.id,
         "kind": run.kind,
@@ -53,16 +53,16 @@ def metrics_document(source: Source) -> dict[str, Any]:
         "plant": run.plant,
         "parameters": run.parameters_name,
         "settings": run.settings,
-        "complete": metrics.get("complete", False),
-        "problem": metrics.get("problem", "") if source.result else run.evaluation_problem,
-        "missing_samples": metrics.get("missing_samples"),
-        "metrics": {item["name"]: item["value"] for item in figures},
-        "not_measured": {item["name"]: reason for item in figures if (reason := reason_of(item, item["value"]))},
-        "verdict": judged.sentence,
-        "labels": {item["name"]: item["label"] for item in figures},
-        "units": {item["name"]: item["unit"] for item in figures},
-        "criteria": source.result.criteria if source.result else [],
-        "steps": metrics.get("steps", []),
+        "complete": metrics.complete if metrics else False,
+        "problem": metrics.problem if metrics else run.evaluation_problem,
+        "missing_samples": metrics.missing_samples if metrics else None,
+        "metrics": {item.name: item.value for item in figures},
+        "not_measured": {item.name: item.reason for item in figures if item.reason},
+        "verdict": verdict_of(metrics, criteria).sentence,
+        "labels": {item.name: item.label for item in figures},
+        "units": {item.name: item.unit for item in figures},
+        "criteria": CRITERIA.write(criteria),
+        "steps": [asdict(step) for step in (metrics.steps or () if metrics else ())],
         "identification": None
         if found is None
         else {"estimate": found.id, "model": found.model, "quality": found.quality, "verdict": found.verdict},

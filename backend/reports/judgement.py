@@ -1,14 +1,14 @@
 """What a run came to: its criteria, its figures, and a sentence that says it."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
+from backend.documents.result import Criterion, Metrics
 from backend.identification.result import Grade
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
-from backend.reports.verdict import SEEN, reason_of, verdict_of
+from backend.reports.verdict import SEEN, verdict_of
 
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
 """Outcome of a report by the grade of its model."""
@@ -49,7 +49,7 @@ def results_section(source: Source) -> tuple[Section, ...]:
     return (Section("Results", tables if source.result.criteria else tables[1:]),)
 
 
-def criteria_table(criteria: list[dict[str, Any]], angles: Angles) -> Table:
+def criteria_table(criteria: Sequence[Criterion], angles: Angles) -> Table:
     """Return each criterion with bound, figure and result."""
     columns = (
         Column("Criterion", number=False),
@@ -60,14 +60,14 @@ def criteria_table(criteria: list[dict[str, Any]], angles: Angles) -> Table:
     )
     rows = tuple(
         (
-            item["title"],
-            f"{item['relation']} {exact(read(item['bound'], item['unit'], angles))}",
-            measured(read_or_none(item["figure"], item["unit"], angles)),
-            reading_of(item["unit"], angles).unit,
+            item.title,
+            f"{item.relation} {exact(read(item.bound, item.unit, angles))}",
+            measured(read_or_none(item.figure, item.unit, angles)),
+            reading_of(item.unit, angles).unit,
             _with_reason(
-                _WORDS[item["passed"]],
-                reason_of(item, item["passed"]),
-                "" if item["passed"] is None else SEEN[item["relation"]],
+                _WORDS[item.passed],
+                item.reason,
+                "" if item.passed is None else SEEN[item.relation],
             ),
         )
         for item in criteria
@@ -75,7 +75,12 @@ def criteria_table(criteria: list[dict[str, Any]], angles: Angles) -> Table:
     return Table("Criteria.", columns, rows)
 
 
-def figures_table(metrics: Mapping[str, Any], angles: Angles) -> Table:
+def measured_figures(source: Source) -> tuple[Table, ...]:
+    """Return the table of figures; none for a run without a result."""
+    return () if source.result is None else (figures_table(source.result.metrics, source.angles),)
+
+
+def figures_table(metrics: Metrics, angles: Angles) -> Table:
     """Return the figures of a result, each with unit and definition."""
     columns = (
         Column("Quantity", number=False),
@@ -83,19 +88,19 @@ def figures_table(metrics: Mapping[str, Any], angles: Angles) -> Table:
         Column("Unit", number=False),
         Column("Definition", number=False, wide=True),
     )
-    part = "" if metrics["complete"] else " The run is incomplete: only finished steps count."
+    part = "" if metrics.complete else " The run is incomplete: only finished steps count."
     rows = tuple(
         (
-            item["label"],
-            measured(read_or_none(item["value"], item["unit"], angles)),
-            shown_unit(item["unit"], angles),
+            item.label,
+            measured(read_or_none(item.value, item.unit, angles)),
+            shown_unit(item.unit, angles),
             _with_reason(
-                item["definition"],
-                reason_of(item, item["value"]),
-                "" if item["value"] is None else SEEN["<"],
+                item.definition,
+                item.reason,
+                "" if item.value is None else SEEN["<"],
             ),
         )
-        for item in metrics["figures"]
+        for item in metrics.figures
     )
     return Table(f"Metrics on measured signals.{part}", columns, rows)
 

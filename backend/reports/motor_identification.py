@@ -10,7 +10,7 @@ from backend.identification.result import worst
 from backend.reading import Angles
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
-from backend.reports.judgement import OUTCOMES, figures_table
+from backend.reports.judgement import OUTCOMES, measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
@@ -32,11 +32,11 @@ _NOTES = (
 
 def motor_identification_report(source: Source) -> Report:
     """Build the report; a run without a model says why it gave none."""
-    found, metrics = source.identification, source.result.metrics if source.result else {}
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
         tables: list[Block] = [_estimates(found.model), _rule(found.model), *_refused(found.quality)]
-        sections.append(Section("Motors", (*tables, figures_table(metrics, source.angles))))
+        sections.append(Section("Motors", (*tables, *measured_figures(source))))
     sections.append(Section("How it was made", (settings_table(source), *_in_force(source))))
     if found is not None:
         sections.append(Section("Figures", _figures(found.quality, source.angles)))
@@ -45,7 +45,7 @@ def motor_identification_report(source: Source) -> Report:
         title="Motor identification",
         subtitle=subtitle(source),
         outcome=_outcome(found),
-        verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
         facts=facts(source),
         sections=tuple(sections),
         footer=f"Sinew {source.run.software} · motor identification · run {source.run.id}",

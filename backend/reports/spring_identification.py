@@ -7,7 +7,7 @@ import numpy as np
 
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, to_svg, upper_legend
-from backend.reports.judgement import figures_table
+from backend.reports.judgement import measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
 from plant.parameter_sections import SIDES
@@ -27,11 +27,11 @@ _NOTES = (
 
 def spring_identification_report(source: Source) -> Report:
     """Build the report; a run without a model says why it gave none."""
-    found, metrics = source.identification, source.result.metrics if source.result else {}
+    found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
         tables = tuple(_fits(side, found.model[side]) for side in SIDES)
-        sections.append(Section("Springs", (*tables, *_reasons(found.model), figures_table(metrics, source.angles))))
+        sections.append(Section("Springs", (*tables, *_reasons(found.model), *measured_figures(source))))
     sections.append(Section("How it was made", (settings_table(source), *_data(source))))
     if found is not None:
         sections.append(Section("Figures", _figures(found.quality, found.model)))
@@ -40,7 +40,7 @@ def spring_identification_report(source: Source) -> Report:
         title="Spring identification",
         subtitle=subtitle(source),
         outcome="incomplete" if found is None else "passed" if found.usable else "failed",
-        verdict=found.verdict if found else metrics.get("problem") or "No model: the run holds no samples.",
+        verdict=found.verdict if found else problem or "No model: the run holds no samples.",
         facts=facts(source),
         sections=tuple(sections),
         footer=f"Sinew {source.run.software} · spring identification · run {source.run.id}",

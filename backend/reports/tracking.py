@@ -1,10 +1,11 @@
 """The report of a tracking run: what was asked, what came out, against which bounds, from which gains."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from backend.documents.result import Metrics, StepFigures
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
@@ -38,22 +39,23 @@ _NAMES = {
 
 def tracking_report(source: Source) -> Report:
     """Build the report of a tracking run; a run without result says why it has none."""
-    metrics = source.result.metrics if source.result else {}
+    metrics = source.result.metrics if source.result else None
+    steps = (metrics.steps if metrics else None) or ()
     seen = []
     if source.columns["t"].size:
-        seen.append(_figures(source, metrics))
-    if metrics.get("steps"):
-        seen.append(Section("Steps", _steps(metrics["steps"], source.angles)))
+        seen.append(_figures(source, metrics, steps))
+    if steps:
+        seen.append(Section("Steps", _steps(steps, source.angles)))
     return experiment_report(source, "Tracking experiment", "tracking experiment", seen, _NOTES)
 
 
-def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
+def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigures]) -> Section:
     columns = source.columns
     played_s = float(columns["t"][-1])
     parameters = source.run.parameters
     u_max, F_max = parameters["motor"]["u_max"]["value"], parameters["safety"]["F_max"]["value"]
-    both = next((phase for phase in metrics.get("phases", []) if phase["name"] == "both"), None)
-    split_s = min(both["start_s"], played_s) if both else played_s
+    both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
+    split_s = min(both.start_s, played_s) if both else played_s
     blocks = [
         Figure(
             "separate",
@@ -74,12 +76,12 @@ def _figures(source: Source, metrics: Mapping[str, Any]) -> Section:
     blocks.append(
         Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
     )
-    if metrics.get("steps"):
+    if steps:
         lam = {name: _constant(columns[f"lam_{name}"]) for name in ("q", "S")}
         blocks.append(
             Figure(
                 "steps",
-                step_panels(columns, metrics["steps"], lam, "steps"),
+                step_panels(columns, steps, lam, "steps"),
                 "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
                 "for on a first-order process (dashed). The motor loops' lags delay the real one; the reference "
                 "governor slows large steps, so that the motors stay within their voltage.",
@@ -92,7 +94,7 @@ def _constant(column: Any) -> float | None:
     return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
 
 
-def _steps(steps: list[dict[str, Any]], angles: Angles) -> tuple[Table, ...]:
+def _steps(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ...]:
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
         Column("Phase", number=False),
@@ -108,18 +110,18 @@ def _steps(steps: list[dict[str, Any]], angles: Angles) -> tuple[Table, ...]:
     )
     rows = []
     for step in steps:
-        signal, other = step["signal"], "S" if step["signal"] == "q" else "q"
+        signal, other = step.signal, "S" if step.signal == "q" else "q"
         rows.append(
             (
-                step["phase"],
+                step.phase,
                 axis_label(signal, units[signal], angles),
-                shown(read(step["before"], units[signal], angles)),
-                shown(read(step["after"], units[signal], angles)),
-                measured(step["rise_s"]),
-                measured(step["reach_s"]),
-                measured(step["settling_s"]),
-                measured(step["overshoot_percent"], 2),
-                measured(read_or_none(step["steady_error"], units[signal], angles), 2),
+                shown(read(step.before, units[signal], angles)),
+                shown(read(step.after, units[signal], angles)),
+                measured(step.rise_s),
+                measured(step.reach_s),
+                measured(step.settling_s),
+                measured(step.overshoot_percent, 2),
+                measured(read_or_none(step.steady_error, units[signal], angles), 2),
                 _deviation(step, units[other], angles),
             )
         )
@@ -127,24 +129,24 @@ def _steps(steps: list[dict[str, Any]], angles: Angles) -> tuple[Table, ...]:
     return (every, *_reasons(steps))
 
 
-def _deviation(step: dict[str, Any], unit: str, angles: Angles) -> str:
-    if not step["alone"]:
+def _deviation(step: StepFigures, unit: str, angles: Angles) -> str:
+    if not step.alone:
         return "both step"
-    value = step["cross_coupling"]
+    value = step.cross_coupling
     return NOT_MEASURED if value is None else f"{shown(read(value, unit, angles), 2)} {reading_of(unit, angles).unit}"
 
 
-def _reasons(steps: list[dict[str, Any]]) -> tuple[Table, ...]:
+def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
     """Return why figures of steps are missing, a line for each step and reason."""
     rows = []
     for step in steps:
         by_reason: dict[str, list[str]] = {}
-        for name, reason in step.get("reasons", {}).items():
-            if name == "cross_coupling" and not step["alone"]:
+        for name, reason in step.reasons.items():
+            if name == "cross_coupling" and not step.alone:
                 continue
             by_reason.setdefault(reason, []).append(_NAMES[name])
         for reason, names in by_reason.items():
-            rows.append((f"{step['start_s']:g}", step["signal"], ", ".join(names), reason))
+            rows.append((f"{step.start_s:g}", step.signal, ", ".join(names), reason))
     columns = (
         Column("Step at", "s"),
         Column("of", number=False),

@@ -1,12 +1,12 @@
 """Figures of a tracking run: the six panels of the paper's figure 7, tensions, and all steps on one scale."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from backend.documents.result import StepFigures
 from backend.reading import Angles
 from backend.reports.drawing import (
     COLOURS,
@@ -60,19 +60,17 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
         return to_svg(drawn, name)
 
 
-def step_panels(
-    columns: Columns, steps: Sequence[Mapping[str, Any]], lam: Mapping[str, float | None], name: str
-) -> str:
+def step_panels(columns: Columns, steps: Sequence[StepFigures], lam: Mapping[str, float | None], name: str) -> str:
     """Draw all steps of q and of S on one scale, from 0 to 1, over the response that λ was chosen for."""
     with figure(1, 2, height_in=2.2, gap_in=(0.0, 0.2), sharey=True) as (drawn, axes):
         for panel, signal, letter in zip(axes, ("q", "S"), "AB", strict=True):
             longest = 0.0
-            for step in (item for item in steps if item["signal"] == signal):
-                part = _between(columns, step["start_s"], step["end_s"])
+            for step in (item for item in steps if item.signal == signal):
+                part = _between(columns, step.start_s, step.end_s)
                 if part["t"].size == 0:
                     continue
-                t = part["t"] - step["start_s"]
-                y = (part[signal] - step["before"]) / (step["after"] - step["before"])
+                t = part["t"] - step.start_s
+                y = (part[signal] - step.before) / (step.after - step.before)
                 panel.plot(*thinned(t, y), color=COLOURS[signal], linewidth=0.8, alpha=0.75)
                 longest = max(longest, float(t[-1]))
             _design(panel, lam[signal], longest)

@@ -1,13 +1,10 @@
 """What a run came to, in one word and one sentence: the same in report, page, dry run and command line. Pure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
-Document = dict[str, Any]
-
-OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
+from backend.documents.result import Criterion, Metrics
 
 
 class Outcome(StrEnum):
@@ -29,14 +26,14 @@ class Verdict:
     sentence: str
 
 
-def verdict_of(metrics: Document | None, criteria: Sequence[Document], problem: str = "") -> Verdict:
+def verdict_of(metrics: Metrics | None, criteria: Sequence[Criterion], problem: str = "") -> Verdict:
     """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
     if metrics is None:
         return Verdict(Outcome.INCOMPLETE, f"No result: {problem or 'the run has not been evaluated'}.")
-    if not metrics["complete"]:
+    if not metrics.complete:
         failed = _titles(criteria, passed=False)
         already = f" Already failed: {', '.join(failed)}." if failed else ""
-        played = f"{metrics['played_s']:.6g} s of {metrics['planned_s']:.6g} s were played"
+        played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
         return Verdict(Outcome.INCOMPLETE, f"Incomplete: {played}. Figures cover that part only.{already}")
     if not criteria:
         return Verdict(Outcome.NEUTRAL, "Completed. No criteria are set for this kind of run.")
@@ -47,12 +44,7 @@ SEEN = {"<": "at least this", ">": "at most this"}
 """What a figure is that was not seen whole, by the relation to its bound."""
 
 
-def reason_of(item: Mapping[str, Any], value: Any) -> str:
-    """Return why a stored figure or criterion was not measured; "" where ``value`` is there and nothing is missing."""
-    return str(item.get("reason", "" if value is not None else OLDER))
-
-
-def _judged(criteria: Sequence[Document]) -> Verdict:
+def _judged(criteria: Sequence[Criterion]) -> Verdict:
     failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
     parts = []
     if failed:
@@ -67,5 +59,5 @@ def _judged(criteria: Sequence[Document]) -> Verdict:
     return Verdict(Outcome.PASSED, f"All {len(criteria)} criteria passed.")
 
 
-def _titles(criteria: Sequence[Document], *, passed: bool | None) -> list[str]:
-    return [item["title"] for item in criteria if item["passed"] is passed]
+def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:
+    return [item.title for item in criteria if item.passed is passed]

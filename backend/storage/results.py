@@ -1,23 +1,24 @@
 """What was computed from a run: metrics with pass or fail per criterion, and the reports handed out."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.storage.records import to_record
-from backend.storage.schema import Document, ReportRow, ResultRow
+from backend.storage.schema import ReportRow, ResultRow
 
 
 @dataclass(frozen=True)
 class NewResult:
-    """Metrics (SI, None where a metric does not exist) and criteria of a run."""
+    """Metrics and criteria of a run."""
 
     run_id: int
-    metrics: Document
-    criteria: list[Document]
+    metrics: Metrics
+    criteria: tuple[Criterion, ...]
     software: str
 
 
@@ -42,16 +43,34 @@ class Report:
 
 def add(session: Session, new: NewResult) -> Result:
     """Store a result beside all earlier ones of the run."""
-    row = ResultRow(**asdict(new), created_at=datetime.now(UTC))
+    row = ResultRow(
+        run_id=new.run_id,
+        metrics=METRICS.write(new.metrics),
+        criteria=CRITERIA.write(new.criteria),
+        software=new.software,
+        created_at=datetime.now(UTC),
+    )
     session.add(row)
     session.flush()
-    return to_record(Result, row)
+    return _result(row)
 
 
 def newest(session: Session, run_id: int) -> Result | None:
-    """Return the newest result of a run, None when there is none yet."""
+    """Return the newest result of a run, None when there is none yet. Raises UnreadableDocumentError."""
     row = session.scalar(select(ResultRow).where(ResultRow.run_id == run_id).order_by(ResultRow.id.desc()).limit(1))
-    return None if row is None else to_record(Result, row)
+    return None if row is None else _result(row)
+
+
+def _result(row: ResultRow) -> Result:
+    of = f"run {row.run_id}"
+    return Result(
+        id=row.id,
+        run_id=row.run_id,
+        metrics=METRICS.read(row.metrics, of),
+        criteria=CRITERIA.read(row.criteria, of),
+        software=row.software,
+        created_at=row.created_at,
+    )
 
 
 def present(session: Session, run_ids: Sequence[int]) -> set[int]:

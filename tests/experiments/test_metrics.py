@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.results.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from backend.archive import checklist
+from backend.documents.result import Metrics
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.motor_identification import identify, to_store
 from backend.identification.motor import grade_of, judge_motor
@@ -55,7 +56,7 @@ def outcome(found: Identification) -> tuple[str, str]:
     tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()})
     assert tracked.result is not None
     run = replace(tracked.run, kind="motor_identification")
-    result = replace(tracked.result, metrics={"complete": True, "figures": []}, criteria=[])
+    result = replace(tracked.result, metrics=Metrics(complete=True, played_s=1.0, planned_s=1.0), criteria=())
     report = build_report(Source(run, result, tracked.columns, None, found))
     return report.outcome, report.verdict
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from backend.cli import main
+from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.actuator_identification import identify, to_store
 from backend.identification.actuator import ActuatorIdentification
@@ -93,7 +94,7 @@ def report_of(found: Identification, record: dict[str, np.ndarray]) -> Report:
     run = replace(
         tracked.run, kind="actuator_identification", settings={**tracked.run.settings, "plan": {"tension_N": 20.0}}
     )
-    result = replace(tracked.result, metrics={"complete": True, "figures": []}, criteria=[])
+    result = replace(tracked.result, metrics=Metrics(complete=True, played_s=1.0, planned_s=1.0), criteria=())
     return build_report(Source(run, result, record, None, found))
 
 

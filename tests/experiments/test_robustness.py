@@ -139,15 +139,15 @@ def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: 
         source = load_source(database, outcome.run.id)
     assert source.result is not None
     back = source.result.criteria[0]
-    assert (back["passed"], back["figure"]) == (False, plan.hold_s)
-    assert back["reason"].startswith("motor B was not back on its reference when the load changed again after 3.5 s")
-    swing = float(back["reason"].partition(" up to ")[2].partition(" %")[0])
+    assert (back.passed, back.figure) == (False, plan.hold_s)
+    assert back.reason.startswith("motor B was not back on its reference when the load changed again after 3.5 s")
+    swing = float(back.reason.partition(" up to ")[2].partition(" %")[0])
     window = slice(*(round((LEAD_IN_S + turns * plan.hold_s) / T_s) for turns in (2, 3)))
     error = np.abs(source.columns["theta_B_ref"] - source.columns["theta_B"])[window]
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
     assert late > 5.0 * BACK_SHARE * error.max()
-    assert "to both sides: it hunts" in back["reason"]
+    assert "to both sides: it hunts" in back.reason
     report = build_report(source)
     assert report.outcome == "failed"
     assert any("at least this: motor B was not back" in cell for cell in cells_of(report))
@@ -162,7 +162,7 @@ def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns
 def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> None:
     assert source.result is not None
     figures = robustness_figures(source.columns, PLAN.phases(), 0.0)
-    stored = {item["name"]: item["value"] for item in source.result.metrics["figures"]}
+    stored = {item.name: item.value for item in source.result.metrics.figures}
     assert stored == pytest.approx({name: getattr(figures, name) for name in stored})
     report = build_report(source)
     assert report.title == "Robustness under a load"

@@ -80,9 +80,9 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
     assert columns["S_ref"][0] == 10.0
 
     assert result is not None
-    assert result.metrics["complete"]
-    assert len(result.metrics["steps"]) == 17
-    figures = {item["name"]: item["value"] for item in result.metrics["figures"]}
+    assert result.metrics.complete
+    assert len(result.metrics.steps) == 17
+    figures = {item.name: item.value for item in result.metrics.figures}
     assert figures["max_tension_N"] == pytest.approx(max(columns["F_A"].max(), columns["F_B"].max()))
     with station.database.reading() as session:
         assert results.newest(session, run.id) == result
@@ -97,12 +97,12 @@ def test_tracking_keeps_what_it_promises(
     plan = TrackingPlan(q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
-    figures = {item["name"]: item["value"] for item in outcome.evaluation.result.metrics["figures"]}
+    figures = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}
     assert figures["overshoot_q_percent"] < overshoot
     assert figures["overshoot_S_percent"] < overshoot
     assert figures["deviation_S"] < deviation_S
     assert figures["min_tension_N"] > tension
-    assert [item["passed"] for item in outcome.evaluation.result.criteria] == [True] * 4
+    assert [item.passed for item in outcome.evaluation.result.criteria] == [True] * 4
     columns, _ = recorded_columns(station.database, outcome.run.id)
     count = station.parameters.sensors.joint_step
     to_the_count = tracking_metrics(columns, plan.program(), plan.phases(), q_count=count).overall
@@ -139,12 +139,12 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
     assert outcome.run.end_detail
     result = outcome.evaluation.result
     assert result is not None
-    assert not result.metrics["complete"]
-    assert 2.0 <= result.metrics["played_s"] < 3.5
+    assert not result.metrics.complete
+    assert 2.0 <= result.metrics.played_s < 3.5
     assert len(result.criteria) == 4
-    assert not any(item["passed"] for item in result.criteria)
+    assert not any(item.passed for item in result.criteria)
     columns, _ = recorded_columns(station.database, outcome.run.id)
-    assert columns["t"].size == round(result.metrics["played_s"] * 1000)
+    assert columns["t"].size == round(result.metrics.played_s * 1000)
 
     with pytest.raises(NotReadyError, match="reset"):
         create_run(station, Order(HASTY, LoopSettings(), "A. Operator"))
@@ -185,13 +185,13 @@ def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is
     outcome = perform(station, CompliancePlan(pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
-    figures = {item["name"]: item["value"] for item in result.metrics["figures"]}
+    figures = {item.name: item.value for item in result.metrics.figures}
     assert figures["rmse_aligned_N"] < 0.5
     assert figures["delay_s"] == pytest.approx(station.parameters.sensors.force_delay, abs=0.004)
     assert figures["stiffness_felt"] == pytest.approx(10.0, rel=0.03)
     assert figures["largest_push_N"] > 5.0
     assert result.criteria
-    assert all(item["passed"] for item in result.criteria)
+    assert all(item.passed for item in result.criteria)
 
 
 def test_an_identification_that_ends_early_gives_no_model(station: Station) -> None:

@@ -57,9 +57,7 @@ def performed(
 
 def figures(outcome: Outcome) -> dict[str, tuple[float | None, str]]:
     assert outcome.evaluation.result is not None
-    return {
-        figure["name"]: (figure["value"], figure["unit"]) for figure in outcome.evaluation.result.metrics["figures"]
-    }
+    return {figure.name: (figure.value, figure.unit) for figure in outcome.evaluation.result.metrics.figures}
 
 
 @pytest.mark.parametrize("name", PLANS)

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from sqlalchemy import text
 
+from backend.documents.result import Metrics
 from backend.recording.reader import read_samples
 from backend.recording.retention import NotRemovableError, Rule, overview, remove
 from backend.storage import Database, Session, events, identifications, recordings, results, runs
@@ -71,7 +72,12 @@ def _identified(session: Session, run: int) -> None:
 
 
 def _judged(session: Session, run: int) -> None:
-    results.add(session, NewResult(run_id=run, metrics={}, criteria=[], software="0.1.0"))
+    results.add(
+        session,
+        NewResult(
+            run_id=run, metrics=Metrics(complete=True, played_s=1.0, planned_s=1.0), criteria=(), software="0.1.0"
+        ),
+    )
 
 
 @pytest.mark.parametrize("use", [_identified, _judged])

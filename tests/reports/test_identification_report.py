@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawn
 
+from backend.documents.result import Figure as Measured
+from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.identification.result import Model
 from backend.reading import Angles
@@ -23,6 +25,7 @@ from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 REST = 1_000
+PLAYED = Metrics(complete=True, played_s=3.48, planned_s=3.48)
 
 
 def record() -> dict[str, np.ndarray]:
@@ -79,18 +82,18 @@ def identification() -> Identification:
     )
 
 
-def source(found: Identification | None, metrics: dict[str, object]) -> Source:
+def source(found: Identification | None, metrics: Metrics) -> Source:
     tracked = source_of({name: column[:100] for name, column in samples(PLAN).items()})
     assert tracked.result is not None
     settings = {**tracked.run.settings, "plan": {"tension_N": 20.0}}
     run = replace(tracked.run, kind="actuator_identification", settings=settings)
-    return Source(run, replace(tracked.result, metrics=metrics, criteria=[]), record(), None, found)
+    return Source(run, replace(tracked.result, metrics=metrics, criteria=()), record(), None, found)
 
 
 @pytest.fixture(scope="module")
 def report() -> Report:
-    figures = [{"label": "Joint motion", "value": 57.0, "unit": "1", "definition": "peak to peak"}]
-    return build_report(source(identification(), {"complete": True, "figures": figures}))
+    motion = Measured("motion_counts", "1", "Joint motion", "peak to peak", 57.0)
+    return build_report(source(identification(), replace(PLAYED, figures=(motion,))))
 
 
 def test_report_says_models_geometry_and_table_1(report: Report) -> None:
@@ -131,7 +134,7 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
         saved(self, *args, **how)
 
     monkeypatch.setattr(Drawn, "savefig", looked_at)
-    made = build_report(replace(source(identification(), {"complete": True, "figures": []}), angles=angles))
+    made = build_report(replace(source(identification(), PLAYED), angles=angles))
     captions = [block.caption for section in made.sections for block in section.blocks if isinstance(block, Figure)]
     assert any(f"to a step of θ_A,ref by {words}, and of their first" in caption for caption in captions)
     to_html(made)
@@ -140,7 +143,7 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
 
 
 def test_a_run_without_a_model_says_why() -> None:
-    report = build_report(source(None, {"complete": False, "figures": [], "problem": "the run ended early (stopped)"}))
+    report = build_report(source(None, replace(PLAYED, complete=False, problem="the run ended early (stopped)")))
     assert report.outcome == "incomplete"
     assert report.verdict == "the run ended early (stopped)"
     assert to_pdf(report).startswith(b"%PDF-")

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from backend.documents.result import Metrics
 from backend.experiments.plans.compliance_plan import CompliancePlan
 from backend.experiments.results.compliance import compliance_criteria, compliance_figures
-from backend.experiments.results.document import criteria_documents, figure_documents
+from backend.experiments.results.document import figure_documents
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html
@@ -35,13 +36,11 @@ def compliance_source() -> Source:
         "F_B": 17 + push / 2,
     }
     figures = compliance_figures(columns, 0.075)
-    metrics = {
-        "complete": True,
-        "figures": figure_documents(figures),
-        "phases": [vars(phase) for phase in plan.phases()],
-    }
+    metrics = Metrics(
+        complete=True, played_s=t[-1], planned_s=t[-1], figures=figure_documents(figures), phases=plan.phases()
+    )
     assert tracked.result is not None
-    criteria = criteria_documents(compliance_criteria(figures))
+    criteria = compliance_criteria(figures)
     run = replace(tracked.run, kind="compliance")
     return Source(run, replace(tracked.result, metrics=metrics, criteria=criteria), columns, None)
 

@@ -1,11 +1,11 @@
 """What a run came to is one sentence, and a missing figure has one reason: in report, interface and metrics file."""
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
 
 from backend.archive.views import experiment_view, run_view
+from backend.documents.result import CRITERIA, METRICS
 from backend.messages.run import Evaluation
 from backend.reports.build import build_report
 from backend.reports.files import metrics_document
@@ -47,11 +47,10 @@ def test_a_result_without_reasons_says_that_it_is_old() -> None:
     source = source_of(samples(PLAN, lam_q=3.0))
     assert source.result is not None
 
-    def without(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        return [{name: value for name, value in item.items() if name != "reason"} for item in items]
-
-    metrics = source.result.metrics | {"figures": without(source.result.metrics["figures"])}
-    old = replace(source.result, metrics=metrics, criteria=without(source.result.criteria))
+    metrics, criteria = METRICS.write(source.result.metrics), CRITERIA.write(source.result.criteria)
+    for item in [*metrics["figures"], *criteria]:
+        del item["reason"]
+    old = replace(source.result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
     view = experiment_view(source.run, old, 1.0)
     missing = [item.reason for item in view.metrics if item.value is None]
     assert missing

@@ -9,6 +9,7 @@ from typing import cast
 
 import pytest
 
+from backend.documents.result import CRITERIA, METRICS
 from backend.reports.document import Figure, Report, Table
 from backend.reports.files import write_files
 from backend.reports.html import to_html
@@ -141,14 +142,17 @@ def test_what_was_not_measured_is_said_with_its_reason_in_every_table(tracking_s
 def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_source: Source) -> None:
     result = tracking_source.result
     assert result is not None
-    without = [
-        {name: value for name, value in item.items() if name != "reason"} | {"value": None}
-        for item in result.metrics["figures"]
-    ]
-    criteria = [{name: value for name, value in item.items() if name != "reason"} for item in result.criteria]
+    metrics, criteria = METRICS.write(result.metrics), CRITERIA.write(result.criteria)
+    del metrics["version"]
+    for item in metrics["figures"]:
+        del item["reason"]
+        item["value"] = None
+    for item in criteria:
+        del item["reason"]
     criteria[0] |= {"passed": None, "figure": None}
-    steps = [{name: value for name, value in item.items() if name != "reasons"} for item in result.metrics["steps"]]
-    old = replace(result, metrics=result.metrics | {"figures": without, "steps": steps}, criteria=criteria)
+    for item in metrics["steps"]:
+        del item["reasons"]
+    old = replace(result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
     report = tracking_report(replace(tracking_source, result=old))
     assert report.outcome == "incomplete"
     assert "evaluated by an older version" in to_html(report)

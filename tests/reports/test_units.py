@@ -96,9 +96,9 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Sourc
     metrics = table(degrees, "Metrics")
     assert [row["Unit"] for row in metrics if row["Quantity"] == "RMSE of q"] == ["deg"]
     assert tracking_source.result is not None
-    stored = {item["label"]: item for item in tracking_source.result.metrics["figures"]}
+    stored = {item.label: item for item in tracking_source.result.metrics.figures}
     for row, plain in zip(metrics, table(radians, "Metrics"), strict=True):
-        value, unit = stored[row["Quantity"]]["value"], stored[row["Quantity"]]["unit"]
+        value, unit = stored[row["Quantity"]].value, stored[row["Quantity"]].unit
         assert row["Unit"] == ("deg" if unit == "rad" else "" if unit == "1" else unit)
         if unit == "rad" and value is not None:
             assert float(row["Value"]) == pytest.approx(360.0 * value / (2.0 * math.pi), rel=5e-3)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.results.criteria import bounds_for, tracking_criteria
-from backend.experiments.results.document import criteria_documents, tracking_document
+from backend.experiments.results.document import tracking_document
 from backend.experiments.results.metrics import tracking_metrics
 from backend.reports.source import Source
 from backend.sample import STORED_NAMES
@@ -80,7 +80,7 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
         id=1,
         run_id=12,
         metrics=tracking_document(metrics, PLAN.phases()),
-        criteria=criteria_documents(tracking_criteria(metrics, bounds_for("ideal"))),
+        criteria=tracking_criteria(metrics, bounds_for("ideal")),
         software="0.1.0",
         created_at=BEGAN,
     )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from backend.documents.result import Criterion, Figure, Metrics
 from backend.storage import Database, StorageError, banks, events, identifications, results, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.identifications import NewIdentification
@@ -21,6 +22,13 @@ NEW_RUN = NewRun(
     software="0.1.0",
     settings={"tension_N": 20.0},
 )
+METRICS = Metrics(
+    complete=True,
+    played_s=2.0,
+    planned_s=2.0,
+    figures=(Figure("overshoot", "%", "Overshoot", "largest, in per cent of its step", 0.5),),
+)
+CRITERION = Criterion("overshoot", "Overshoot", "<", 1.0, 0.5, "%", passed=True)
 NEW_IDENTIFICATION = NewIdentification(
     kind="actuator",
     run_id=None,
@@ -138,8 +146,8 @@ def test_computing_again_keeps_the_first_result(database: Database) -> None:
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
         assert results.newest(session, run.id) is None
-        first = results.add(session, NewResult(run.id, {"overshoot": 0.5}, [{"passed": True}], "0.1.0"))
-        second = results.add(session, NewResult(run.id, {"overshoot": None}, [], "0.2.0"))
+        first = results.add(session, NewResult(run.id, METRICS, (CRITERION,), "0.1.0"))
+        second = results.add(session, NewResult(run.id, replace(METRICS, figures=()), (), "0.2.0"))
         assert results.newest(session, run.id) == second
         assert first.id != second.id
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from backend.controllers.limits import STIFFNESS_RANGE
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.settings import choice, integer, number
 from backend.loop.program import Law, Program, Segment, Shape
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.settings import integer, number
 from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
 from backend.refusal import OutOfRangeError

@@ -11,9 +11,9 @@ from typing import ClassVar
 from scipy.signal import max_len_seq
 
 from backend.controllers.limits import STIFFNESS_RANGE
+from backend.documents.result import Phase
 from backend.experiments.plans.compliance_plan import CompliancePlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.phase import Phase
 from backend.experiments.plans.robustness_plan import RobustnessPlan
 from backend.experiments.plans.sequence_plan import Q_REF_MAX, SequencePlan
 from backend.experiments.settings import choice, integer, number

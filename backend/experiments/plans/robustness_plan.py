@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from backend.controllers.limits import STIFFNESS_RANGE
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.settings import number
 from backend.loop.program import Law, Program, Segment
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from backend.controllers.limits import STIFFNESS_RANGE
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.settings import SettingError, text
 from backend.loop.program import MAX_SEGMENTS, Law, Program, Segment, Shape
 from backend.refusal import WORDS, Path, require_within

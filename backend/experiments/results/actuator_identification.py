@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.documents.edge import Document, json_ready
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.experiments.results.document import Document, json_ready
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator, joint_method
 from backend.identification.candidates import Candidates

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documents.result import Criterion
 from backend.experiments.plans.compliance_plan import LEAD_IN_S
-from backend.experiments.results.criteria import Criterion, judge
+from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import NoSamplesError, figure, rms
 from plant.interface import T_s
 

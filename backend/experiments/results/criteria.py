@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from backend.documents.result import Criterion
 from backend.experiments.results.metrics import TrackingMetrics
 
 
@@ -17,25 +18,6 @@ class Bounds:
 
 BOUNDS_IDEAL = Bounds(overshoot_percent=1.0, deviation_S=0.1, min_tension_N=5.0)
 BOUNDS_LAB = Bounds(overshoot_percent=2.0, deviation_S=0.2, min_tension_N=4.0)
-
-
-@dataclass(frozen=True)
-class Criterion:
-    """One criterion. ``relation`` is "<" or ">".
-
-    ``passed`` is None when it was not measured, and ``reason`` says why; ``figure`` is then what was seen, if anything.
-    With a reason one that failed was not seen whole either: its figure is at least that where it has to stay below its
-    bound, at most that where above.
-    """
-
-    name: str
-    title: str
-    relation: str
-    bound: float
-    figure: float | None
-    unit: str
-    passed: bool | None
-    reason: str
 
 
 def bounds_for(parameters: str) -> Bounds:

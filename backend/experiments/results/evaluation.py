@@ -1,9 +1,10 @@
 """Compute the result of a stored run, and store it beside earlier ones: nothing is overwritten."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from backend import __version__
+from backend.documents.result import Criterion, Metrics
 from backend.experiments.plans.compliance_plan import CompliancePlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
@@ -11,8 +12,8 @@ from backend.experiments.plans.robustness_plan import RobustnessPlan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.results import actuator_identification, motor_identification, spring_identification
 from backend.experiments.results.compliance import compliance_criteria, compliance_figures
-from backend.experiments.results.criteria import Criterion, bounds_for, ended_early, tracking_criteria, unseen
-from backend.experiments.results.document import Document, criteria_documents, figure_documents, tracking_document
+from backend.experiments.results.criteria import bounds_for, ended_early, tracking_criteria, unseen
+from backend.experiments.results.document import figure_documents, tracking_document
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.robustness import robustness_criteria, robustness_figures
 from backend.identification.fit import Method
@@ -39,7 +40,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
     columns, missed = recorded_columns(database, run.id)
     estimate: NewIdentification | None = None
-    criteria: list[Document] = []
+    criteria: tuple[Criterion, ...] = ()
     problem = ""
     try:
         match plan:
@@ -55,7 +56,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
         return Evaluation(None, None, str(error))
-    metrics |= {"missing_samples": missed, "problem": problem}
+    metrics = replace(metrics, missing_samples=missed, problem=problem)
     with database.session() as session:
         result = results.add(session, NewResult(run.id, metrics, criteria, __version__))
         stored = None if estimate is None else identifications.add(session, estimate)
@@ -65,49 +66,49 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
 
 def _tracked(
     columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run, missed: int
-) -> tuple[Document, list[Document]]:
+) -> tuple[Metrics, tuple[Criterion, ...]]:
     bound = partial(least_reach_time, parameters)
     metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound, parameters.sensors.joint_step)
     criteria: tuple[Criterion, ...] = ()
     if isinstance(plan, TrackingPlan):
         criteria = tracking_criteria(metrics, bounds_for(run.parameters_name), missed)
-    return tracking_document(metrics, plan.phases()), criteria_documents(criteria)
+    return tracking_document(metrics, plan.phases()), criteria
 
 
 def _complied(
     columns: Columns, parameters: PlantParameters, plan: CompliancePlan, run: Run, missed: int
-) -> tuple[Document, list[Document]]:
-    document = _outline(columns, plan, run)
+) -> tuple[Metrics, tuple[Criterion, ...]]:
+    outline = _outline(columns, plan, run)
     figures = compliance_figures(columns, parameters.geometry.r_j)
-    early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
+    early = "" if outline.complete else ended_early(outline.played_s, outline.planned_s)
     criteria = compliance_criteria(figures, unseen(missed, early))
-    return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
+    return replace(outline, figures=figure_documents(figures, figures.reasons)), criteria
 
 
 def _loaded(
     columns: Columns, parameters: PlantParameters, plan: RobustnessPlan, run: Run, missed: int
-) -> tuple[Document, list[Document]]:
-    document = _outline(columns, plan, run)
+) -> tuple[Metrics, tuple[Criterion, ...]]:
+    outline = _outline(columns, plan, run)
     figures = robustness_figures(columns, plan.phases(), parameters.sensors.motor_step)
-    early = "" if document["complete"] else ended_early(document["played_s"], document["planned_s"])
+    early = "" if outline.complete else ended_early(outline.played_s, outline.planned_s)
     criteria = robustness_criteria(
         figures, run.settings["loop"]["lam_motor"], parameters.motor.u_max, unseen(missed, early)
     )
-    return document | {"figures": figure_documents(figures, figures.reasons)}, criteria_documents(criteria)
+    return replace(outline, figures=figure_documents(figures, figures.reasons)), criteria
 
 
 def _identified(
     columns: Columns, parameters: PlantParameters, plan: IdentificationPlan, run: Run
-) -> tuple[Document, NewIdentification | None, str]:
+) -> tuple[Metrics, NewIdentification | None, str]:
     """Estimate a model from a whole run; one that ended early gives none, for half a record would mislead."""
-    document = _outline(columns, plan, run)
-    if not document["complete"]:
-        return document, None, f"no model was estimated: the run ended early ({run.end_state})"
+    outline = _outline(columns, plan, run)
+    if not outline.complete:
+        return outline, None, f"no model was estimated: the run ended early ({run.end_state})"
     try:
         figures, estimate = _estimated(columns, parameters, plan, run)
     except ValueError as error:
-        return document, None, f"no model was estimated: {error}"
-    return document | {"figures": figure_documents(figures)}, estimate, ""
+        return outline, None, f"no model was estimated: {error}"
+    return replace(outline, figures=figure_documents(figures)), estimate, ""
 
 
 def _estimated(
@@ -130,11 +131,10 @@ def _estimated(
             return moved, actuator_identification.to_store(run, plan, columns, estimate, __version__)
 
 
-def _outline(columns: Columns, plan: Plan, run: Run) -> Document:
-    return {
-        "complete": run.end_state == EndState.COMPLETED,
-        "played_s": columns["t"].size * T_s,
-        "planned_s": plan.program().duration_s,
-        "figures": [],
-        "phases": [asdict(phase) for phase in plan.phases()],
-    }
+def _outline(columns: Columns, plan: Plan, run: Run) -> Metrics:
+    return Metrics(
+        complete=run.end_state == EndState.COMPLETED,
+        played_s=columns["t"].size * T_s,
+        planned_s=plan.program().duration_s,
+        phases=plan.phases(),
+    )

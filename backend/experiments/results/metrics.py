@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.results.rest import BOTH_STEP, NO_NUMBER, REST_S, Missing, in_words, other_moving
 from backend.experiments.results.steps import Step, StepMetrics, step_metrics, steps_of
 from backend.loop.program import Program

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans.phase import Phase
-from backend.experiments.results.criteria import Criterion, judge
+from backend.documents.result import Criterion, Phase
+from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import NoSamplesError, figure
 from plant.interface import T_s
 from plant.parameter_sections import SIDES

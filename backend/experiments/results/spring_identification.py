@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documents.edge import Document, json_ready
 from backend.experiments.plans.identification_plans import SpringIdentificationPlan
-from backend.experiments.results.document import Document, json_ready
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
 from backend.storage.identifications import NewIdentification

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans.phase import Phase
+from backend.documents.result import Phase
 from backend.experiments.results.rest import (
     MOVED_AS_ITS_END_CAME,
     NO_NUMBER,

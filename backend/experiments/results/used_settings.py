@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
+from backend.documents.edge import Document
 from backend.experiments.banks.tuning_choice import DECLARED
-from backend.experiments.results.document import Document
 
 
 def used_settings(stored: Mapping[str, Any]) -> list[Document]:
