@@ -37,6 +37,13 @@ def test_switches_only_beyond_the_hysteresis() -> None:
     assert select(switching, 0.0, 14.9) == 3.0
 
 
+def test_each_entry_acts_at_its_own_stiffness_from_wherever_the_bank_comes() -> None:
+    """The hysteresis is narrower than the way from a border to an entry of the paper's bank."""
+    switching = Schedule(ENTRIES, interpolate=False)
+    for entry, S in enumerate(NOMINAL):
+        assert [select(switching, float(active), S) for active in range(4)] == [entry] * 4
+
+
 def test_interpolates_linearly_and_ends_at_the_outer_entries() -> None:
     scheduling = Schedule(ENTRIES, interpolate=True)
     for S in np.linspace(7.0, 15.0, 161):

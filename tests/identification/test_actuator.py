@@ -16,6 +16,12 @@ LAG_S = 0.0854
 START = 1000
 
 
+def test_a_count_is_a_turn_by_the_encoders_counts() -> None:
+    assert 4000 * GEOMETRY.q_resolution == pytest.approx(2.0 * np.pi)
+    # An eighth-thousandth of a turn at motor A stretches its spring by r_m of it, which stiffens the joint.
+    assert 8000 * GEOMETRY.S_resolution == pytest.approx(2.0 * 0.075**2 * 8543.8 * 0.0075 * 2.0 * np.pi)
+
+
 def default_experiment(amplitude_rad: float = 1.0, chip: int = 80) -> dict[str, np.ndarray]:
     chips = np.repeat(2.0 * max_len_seq(7)[0] - 1.0, chip)
     u = np.concatenate((np.zeros(START), amplitude_rad * np.tile(chips, 2)))

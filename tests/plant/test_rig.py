@@ -163,6 +163,21 @@ def test_a_watchdog_that_cuts_nothing_keeps_the_drives_off() -> None:
     assert not registers.state().drive_enabled
 
 
+def test_a_line_that_something_else_has_cut_proves_no_watchdog() -> None:
+    class Loose(Daq):
+        looks = 0
+
+        @property
+        def enabled(self) -> bool:
+            self.looks += 1
+            return self.looks == 1 and super().enabled
+
+    card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
+    with pytest.raises(PlantError, match="watchdog did not expire within"):
+        Rig(WIRING, Loose(WIRING, card.options)).open()
+    assert not registers.state().drive_enabled
+
+
 def test_hands_at_the_rig_have_the_line_off_from_the_first_moment_and_the_watchdog_tried_when_they_leave(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -110,6 +110,13 @@ def test_curves_that_do_not_rise_are_refused() -> None:
         tabulated_spring(x, F, 0.06, 1e5)
 
 
+def test_what_a_curve_does_below_its_root_is_of_no_concern() -> None:
+    """Its lowest point may lie right below the root, where the tendon is slack."""
+    k2, lowest, depth = 8000.0, 6e-3, 8e-7
+    spring = polynomial_spring((k2 * lowest**2 - depth, -2.0 * k2 * lowest, k2), 0.06, 1e5)
+    assert spring.x_slack == pytest.approx(lowest + (depth / k2) ** 0.5)
+
+
 def test_tables_that_cannot_be_used_are_refused() -> None:
     x, F = table_of(K, 8)
     with pytest.raises(ValueError, match="3 rows or more"):

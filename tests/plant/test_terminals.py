@@ -1,0 +1,40 @@
+"""What a virtual card has on its terminals, against numpy and against where the joint stands."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plant.dynamics import PlantState
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.terminals import Cell, volts_of
+from plant.virtual_rig import VirtualRig
+from plant.wiring import load_wiring
+
+PARAMETERS = load_parameters("lab")
+WIRING = load_wiring("pcie-6323")
+
+
+def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
+    """Where the card gives the volts of its own table, against numpy's line through the same points."""
+    F, V = (0.0, 5.0, 20.0, 60.0), (0.1, 1.0, 2.0, 9.0)
+    cell = Cell(math.nan, 0.0, np.column_stack((F, V)))
+    for force in np.linspace(0.0, 60.0, 241):
+        assert volts_of(cell, float(force)) == pytest.approx(np.interp(force, F, V), rel=1e-12)
+    assert volts_of(cell, 70.0) == pytest.approx(9.0 + 10.0 * 7.0 / 40.0)
+    assert volts_of(cell, -1.0) == pytest.approx(0.1 - 0.9 / 5.0)
+
+
+@pytest.mark.parametrize("active", ["high", "low"])
+@pytest.mark.parametrize("q", [-0.9, 0.0, 1.1])
+def test_the_end_switch_is_read_whichever_level_it_holds(active: str, q: float) -> None:
+    wiring = replace(WIRING, end_switch=replace(WIRING.end_switch, active=active, position=1.0))
+    slack = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m
+    start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=slack, theta_B=slack)
+    rig = VirtualRig(wiring, Simulator(PARAMETERS, 0, start))
+    rig.open()
+    rig.read()
+    assert rig.at_end is (q > 1.0)
+    rig.close()
