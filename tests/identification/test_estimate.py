@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.identification.errors import StructureError
+from backend.identification.arx import continuous_poles
+from backend.identification.errors import NotContinuousError, StructureError
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method
 from backend.identification.record import Controller, Record
@@ -18,6 +19,7 @@ from tests.identification.closed_loop_records import (
     PERIOD_S,
     THIRD,
     closed_loop_record,
+    held_response,
 )
 
 CONTROLLER = Controller(K_P, K_I)
@@ -51,6 +53,23 @@ def test_white_noise_in_the_loop_is_within_its_standard_errors(
     assert all(found.std_errors[key] < 0.006 * truth[key] for key in truth)
     assert found.residuals.whiteness.passed
     assert found.residuals.input_correlation.passed
+
+
+@pytest.mark.parametrize(("name", "truth"), CASES)
+def test_the_fit_of_all_data_is_what_the_noise_leaves(name: str, truth: dict[str, float]) -> None:
+    """Against the true system's own response to the input, which SciPy has computed."""
+    u, y, _ = closed_loop_record(truth, 20.0, 1)
+    left = np.linalg.norm(y - held_response(truth, u)) / np.linalg.norm(y - np.mean(y))
+    found = estimate(Record(PERIOD_S, u, y, controller=CONTROLLER), name)
+    assert left > 0.05
+    assert found.fit_all_percent == pytest.approx(100.0 * (1.0 - left), abs=0.2)
+
+
+def test_a_pair_of_poles_is_a_pair_however_near_to_the_real_axis() -> None:
+    pair = np.array([-0.01 + 1e-9j, -0.01 - 1e-9j])
+    np.testing.assert_allclose(np.exp(1e-3 * continuous_poles(pair, 1e-3)), pair, rtol=1e-12)
+    with pytest.raises(NotContinuousError):
+        continuous_poles(np.array([-0.01 + 0.0j]), 1e-3)
 
 
 @pytest.mark.parametrize(("name", "truth"), CASES)
