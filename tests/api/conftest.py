@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import httpx
 import pytest
@@ -68,19 +68,17 @@ def running(off: httpx.Client) -> httpx.Client:
     return off
 
 
-def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, object]:
+def wait_for(client: httpx.Client, field: str, value: object) -> dict[str, Any]:
     """Ask for the state until ``field`` has the value."""
     return until_state(client, lambda state: state[field] == value, f"{field} never became {value!r}")
 
 
-def once_told(client: httpx.Client, field: str) -> dict[str, object]:
+def once_told(client: httpx.Client, field: str) -> dict[str, Any]:
     """Ask for the state until there is anything in ``field``."""
     return until_state(client, lambda state: bool(state[field]), f"{field} never came")
 
 
-def until_state(
-    client: httpx.Client, reached: Callable[[dict[str, object]], bool], otherwise: str
-) -> dict[str, object]:
+def until_state(client: httpx.Client, reached: Callable[[dict[str, Any]], bool], otherwise: str) -> dict[str, Any]:
     """Ask for the state until it is as wanted, and return it."""
     end = time.monotonic() + PATIENCE_S
     while not reached(state := dict(client.get("/api/state").raise_for_status().json())):
@@ -108,7 +106,7 @@ def until(asked: Callable[[], T | None]) -> T:
     return answer
 
 
-def problem(response: httpx.Response) -> dict[str, object]:
+def problem(response: httpx.Response) -> dict[str, Any]:
     """Body of a refusal, after checking that it is one."""
     assert response.status_code >= 400, response.text
     return dict(response.json()["error"])

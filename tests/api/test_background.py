@@ -176,7 +176,7 @@ def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(mo
             moving.call(task.cancel)
     wait_for(moving.client, "mode", "tripped")
     state = wait_for(moving.client, "task", None)
-    assert any(f"run {run}" in text.lower() for text in state["problems"])  # type: ignore[attr-defined] # JSON
+    assert any(f"run {run}" in text.lower() for text in state["problems"])
     assert moving.client.get(f"/api/runs/{run}").json()["end_state"] == "service_died"
 
 

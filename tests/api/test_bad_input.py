@@ -7,7 +7,7 @@ import httpx
 import pytest
 from fastapi import APIRouter, WebSocket
 from websockets.exceptions import ConnectionClosedError
-from websockets.sync.client import ClientConnection
+from websockets.sync.connection import Connection
 
 from backend.api.app import create_app
 from tests.api.conftest import live, problem
@@ -106,7 +106,7 @@ def test_an_address_is_no_failure(operator: httpx.Client, path: str) -> None:
 
 @pytest.mark.parametrize("origin", ["http://[", "http://]", "[", "http://[::1", "\u00b2", "http://a:b:c"])
 def test_an_origin_that_is_none_is_foreign(operator: httpx.Client, origin: str) -> None:
-    refused = operator.post("/api/reset", headers={"Origin": origin.encode("latin-1")})
+    refused = operator.post("/api/reset", headers={b"Origin": origin.encode("latin-1")})
     assert refused.status_code == 403
     assert problem(refused)["code"] == "foreign_origin"
 
@@ -121,7 +121,7 @@ def test_what_is_no_ping_ends_the_stream(operator: httpx.Client, said: str) -> N
     assert closed.value.rcvd.code == 1008
 
 
-def read_on(watching: ClientConnection) -> None:
+def read_on(watching: Connection) -> None:
     for _ in range(500):
         watching.recv(timeout=10.0)
 

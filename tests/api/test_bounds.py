@@ -53,7 +53,7 @@ def _unbounded_names(schema: dict[str, Any], where: str, components: dict[str, A
 
 def test_every_value_of_every_request_is_bounded() -> None:
     described = openapi()
-    components, seen, found, looked_at = described["components"]["schemas"], set[str](), [], 0
+    components, seen, found, looked_at = described["components"]["schemas"], set[str](), list[str](), 0
     for path, operations in described["paths"].items():
         for method in HTTP_METHODS & set(operations):
             operation = operations[method]

@@ -27,6 +27,7 @@ from backend.messages.identification import ActuatorRequest
 from backend.operating.bring_up import BringUp
 from backend.refusal import RefusalError
 from backend.storage import StorageError, open_database
+from backend.storage.bring_up import StepResult
 from backend.storage.runs import Run
 from plant.brought_up import BroughtUp, CellCalibration
 from plant.choice import PlantChoice, PlantKind
@@ -45,7 +46,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
     database = open_database(tmp_path)
     let_go, keep = threading.Event(), standing.keep
 
-    def slowly(*arguments: Any) -> standing.StepResult:
+    def slowly(*arguments: Any) -> StepResult:
         assert let_go.wait(60.0)
         return keep(*arguments)
 

@@ -1,6 +1,7 @@
 """The interface against its own description: what fits the schema is answered as the schema says, never by a 5xx."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import schemathesis
@@ -36,7 +37,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_answers_are_as_described(case: schemathesis.Case, alone: Service) -> None:
+def test_answers_are_as_described(case: schemathesis.Case[Any], alone: Service) -> None:
     with client_with(alone, "token") as operator:
         headers = {"Authorization": operator.headers["Authorization"]}
     response = case.call(base_url=alone.url, headers=headers, timeout=120.0)

@@ -233,7 +233,7 @@ def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service
         wait_for(off, "mode", "tripped")
         state = once_told(off, "stop_proof")  # an event, which comes a moment after the sample
         assert seen_lost
-        assert state["fault"]["code"] == "operator_lost"  # type: ignore[index] # JSON
+        assert state["fault"]["code"] == "operator_lost"
         assert state["holder"] is None
         run = off.get("/api/runs", params={"limit": 1}).json()["runs"][0]
         assert ended(off, run["id"])["end_state"] == "link_lost"

@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -26,7 +27,7 @@ IDEAL = load_parameters("ideal")
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 SHORT = json.dumps([{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}])
 LONG = json.dumps([{"duration_s": 30, "q_ref": 0.1, "S_ref": 10}])
-ASKED = {"lam_q": 0.7, "lam_S": 0.6, "b": 1.0, "interpolate": True, "bank": 0}
+ASKED: dict[str, Any] = {"lam_q": 0.7, "lam_S": 0.6, "b": 1.0, "interpolate": True, "bank": 0}
 WHO = OPERATOR.name
 
 
@@ -213,8 +214,8 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         first = (await queue.run()).run
         assert first is not None
         await parts.ended()
-        for run, settings in zip((first, first + 1), shown, strict=True):
-            assert (await parts.runs.experiment(run)).settings == settings
+        for run, one in zip((first, first + 1), shown, strict=True):
+            assert (await parts.runs.experiment(run)).settings == one
         assert parts.present.tuning.lambdas.lam_q == 0.8
 
     stepped(database, IDEAL, work)

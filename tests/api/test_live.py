@@ -2,10 +2,11 @@
 
 import asyncio
 import logging
+from typing import cast
 
 import numpy as np
 import pytest
-from fastapi import WebSocketDisconnect
+from fastapi import WebSocket, WebSocketDisconnect
 
 from backend import wire
 from backend.api.live import serve
@@ -63,6 +64,10 @@ def stream_on(ring: Ring) -> LiveStream:
     return LiveStream(lambda: ring, lambda: StateMessage.model_construct(type="state"))
 
 
+async def served(stream: LiveStream, watcher: Watcher) -> None:
+    await serve(stream, cast(WebSocket, watcher))
+
+
 async def settle() -> None:
     for _ in range(20):
         await asyncio.sleep(0)
@@ -73,7 +78,7 @@ def test_history_comes_first_and_no_tick_is_missing_or_sent_twice() -> None:
         ring = Ring.create(65536)
         fill(ring, 40_000)
         stream, watcher = stream_on(ring), Watcher()
-        serving = asyncio.create_task(serve(stream, watcher))
+        serving = asyncio.create_task(served(stream, watcher))
         await settle()
         fill(ring, 100)
         stream.step(0.0)
@@ -93,7 +98,7 @@ def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() 
     async def session() -> None:
         ring = Ring.create(65536)
         stream, slow, quick = stream_on(ring), Watcher(), Watcher()
-        tasks = [asyncio.create_task(serve(stream, watcher)) for watcher in (slow, quick)]
+        tasks = [asyncio.create_task(served(stream, watcher)) for watcher in (slow, quick)]
         await settle()
         slow.reads.clear()
         for turn in range(QUEUE_FRAMES + 30):
@@ -137,7 +142,7 @@ def test_marks_reach_those_who_come_later() -> None:
         ring = Ring.create(1024)
         stream, watcher = stream_on(ring), Watcher()
         stream.announce(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
-        serving = asyncio.create_task(serve(stream, watcher))
+        serving = asyncio.create_task(served(stream, watcher))
         await settle()
         assert any('"before"' in text for text in watcher.texts)
         watcher.gone.set()
@@ -147,7 +152,7 @@ def test_marks_reach_those_who_come_later() -> None:
 
 
 def test_who_talks_nonsense_and_leaves_is_no_failure_of_the_stream(caplog: pytest.LogCaptureFixture) -> None:
-    asyncio.run(serve(stream_on(Ring.create(1024)), Babbler()))
+    asyncio.run(served(stream_on(Ring.create(1024)), Babbler()))
     assert [record.message for record in caplog.records if record.levelno >= logging.WARNING] == []
 
 
@@ -156,7 +161,7 @@ def test_a_new_loop_begins_a_new_time_axis() -> None:
         rings = [Ring.create(1024), Ring.create(1024)]
         stream = LiveStream(lambda: rings[-1] if restarted else rings[0], lambda: StateMessage.model_construct())
         watcher = Watcher()
-        serving = asyncio.create_task(serve(stream, watcher))
+        serving = asyncio.create_task(served(stream, watcher))
         fill(rings[0], 30)
         stream.step(0.0)
         await settle()

@@ -1,6 +1,7 @@
 """Identification, bank, experiment, report: the whole order, through the interface, in real time but short."""
 
 from io import BytesIO
+from typing import Any
 
 import httpx
 import numpy as np
@@ -12,7 +13,7 @@ from tests.api.conftest import problem, until
 SHORT = {"q_duration_s": 0.5, "S_duration_s": 0.5, "lam_q": 0.5}
 
 
-def finished(client: httpx.Client, path: str) -> dict[str, object]:
+def finished(client: httpx.Client, path: str) -> dict[str, Any]:
     """Ask until the run is over and its result is there."""
 
     def over() -> bool:
@@ -77,7 +78,7 @@ def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
     assert off.put("/api/tuning", json={"lam_q": 0.7}).status_code == 409
     view = finished(off, f"/api/experiments/{run}")
     assert view["status"] == "completed", view["message"]
-    metrics = {metric["name"]: metric["value"] for metric in view["metrics"]}  # type: ignore[index, union-attr] # JSON
+    metrics = {metric["name"]: metric["value"] for metric in view["metrics"]}
     assert metrics["min_tension_N"] > 5.0
 
     pdf = off.get(f"/api/runs/{run}/report.pdf").raise_for_status()

@@ -41,7 +41,8 @@ def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: 
             state = await receive(socket)
             assert isinstance(state, dict)
             assert state["type"] == "state"
-            frames, texts = [], [state]
+            frames: list[wire.Frame] = []
+            texts = [state]
             while len(frames) < 60:
                 message = await receive(socket)
                 if isinstance(message, dict):

@@ -92,6 +92,8 @@ def test_a_bad_file_is_refused_and_nothing_changes(tmp_path: Path, bad: str) -> 
         case "foreign":
             with sqlite3.connect(copy) as other:
                 other.execute("CREATE TABLE recipes (id INTEGER)")
+        case _:
+            assert bad == "missing"
     content = target.read_bytes()
     with pytest.raises(BackupError):
         restore(copy, target)

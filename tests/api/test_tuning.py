@@ -30,7 +30,7 @@ def test_a_trial_is_reverted_without_anybody_asking(off: httpx.Client) -> None:
     assert 0.0 < state["trial"]["remaining_s"] <= 1.0
     time.sleep(0.8)  # nobody is connected meanwhile
     after = wait_for(off, "trial", None)
-    assert after["tuning"]["lam_q"] == 0.5  # type: ignore[index] # JSON
+    assert after["tuning"]["lam_q"] == 0.5
 
 
 def test_a_trial_of_a_trial_goes_back_to_what_was_before_both(off: httpx.Client) -> None:

@@ -155,7 +155,9 @@ def test_a_report_is_in_the_unit_of_who_downloads_it(running: httpx.Client, liki
     assert in_radians is not None
     assert (in_degrees[2], in_radians[2]) == ("deg", "rad")
     assert float(in_degrees[1]) == pytest.approx(DEGREES_OF_A_RADIAN * float(in_radians[1]), rel=1e-5)
-    assert q_max.search(page("?angles=deg"))[0] == in_degrees[0]
+    asked = q_max.search(page("?angles=deg"))
+    assert asked is not None
+    assert asked[0] == in_degrees[0]
     data = running.get(f"/api/runs/{run}/data.csv").raise_for_status().text
     liking("deg")
     assert running.get(f"/api/runs/{run}/data.csv").raise_for_status().text == data

@@ -56,7 +56,9 @@ def struct_of(value: Any) -> ctypes.Structure:
             converted = _converted(part)
             fields.append((name, type(converted)))
             values.append(converted)
-    return type(type(value).__name__, (ctypes.Structure,), {"_fields_": fields})(*values)
+    made = type(type(value).__name__, (ctypes.Structure,), {"_fields_": fields})(*values)
+    assert isinstance(made, ctypes.Structure)
+    return made
 
 
 def _converted(part: Any) -> Any:

@@ -112,7 +112,7 @@ def _against_python_control() -> Ratio:
     trajectory = run()
     system = python_control.closed_loop(rig, tuning)
     start = python_control.initial_state(*closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0]))
-    t = 1e-3 * np.arange(PYTHON_CONTROL_TICKS)
+    t = 1e-3 * np.arange(PYTHON_CONTROL_TICKS, dtype=float)
     governed = np.array([trajectory.q_ref_gov, trajectory.S_ref_gov])
     q, _ = python_control.response(system, t, governed, start)
     difference = float(np.max(np.abs(q - trajectory.q)))

@@ -8,6 +8,7 @@ import argparse
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -165,11 +166,15 @@ def _markdown(headings: list[str], rows: Iterator[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def _under_its_comment(table: str, place: re.Match[str]) -> str:
+    return f"{place[1]}{table}\n"
+
+
 def write(page: Path, made: dict[str, str]) -> None:
     """Put each table in its place, between its comment and the next empty line. Raises ValueError without the place."""
     text = page.read_text(encoding="utf-8")
     for name, table in made.items():
-        text, places = re.subn(rf"(<!-- table: {name} -->\n)(\|.*\n)*", lambda m, t=table: f"{m[1]}{t}\n", text)
+        text, places = re.subn(rf"(<!-- table: {name} -->\n)(\|.*\n)*", partial(_under_its_comment, table), text)
         if places != 1:
             raise ValueError(f"{page} has {places} places for the table {name!r}, not one")
     page.write_text(text, encoding="utf-8")

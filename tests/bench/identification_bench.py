@@ -7,6 +7,7 @@ with the low-pass and plain ARX on the same records. A standard deviation from 5
 import argparse
 import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,7 @@ from tests.identification.closed_loop_records import (
     PERIOD_S,
     THIRD,
     Array,
+    Disturbed,
     closed_loop_record,
     held_response,
 )
@@ -60,7 +62,7 @@ class Case:
         return f"{self.name} {self.snr_dB:.0f} dB {self.kind}"
 
     def signals(self, seed: int, samples: int = 20_000) -> tuple[Array, Array, Array]:
-        options: dict[str, dict[str, float]] = {
+        options: dict[str, Disturbed] = {
             "white": {},
             "coloured": {"pole": ONE_HERTZ},
             "cut, offset, drift": {"offset": 2.0, "drift": 3.0, "cut": 777},
@@ -130,7 +132,7 @@ def arx_estimate(case: Case, seed: int, low_pass: bool) -> tuple[Array, Array | 
     return parameters / np.array(list(case.truth.values())) - 1.0, None
 
 
-ESTIMATORS = {
+ESTIMATORS: dict[str, Callable[[Case, int], tuple[Array, Array | None] | None]] = {
     "default": default_estimate,
     "ARX with low-pass": partial(arx_estimate, low_pass=True),
     "plain ARX": partial(arx_estimate, low_pass=False),

@@ -5,13 +5,16 @@ in as inputs; on `ideal` there are no sensors to model. The envelope, which that
 """
 
 import math
+from typing import Any
 
 import control
 import numpy as np
 
-from backend.controllers import cascade
+from backend.controllers import cascade, i_pd
 from backend.tuning.closed_loop import Array, Rig
 from plant.dynamics import PlantState
+from plant.motor import Motor
+from plant.spring import Spring
 
 _PLANT_STATES = ["q", "q_dot", "theta_A", "omega_A", "tau_A", "theta_B", "omega_B", "tau_B"]
 
@@ -36,7 +39,7 @@ def response(system: control.InterconnectedSystem, t: Array, references: Array, 
 def _plant(rig: Rig) -> control.NonlinearIOSystem:
     joint, motor_A, motor_B, spring_A, spring_B = rig.plant
 
-    def tension(spring, elongation):
+    def tension(spring: Spring, elongation: float) -> float:
         if elongation <= spring.x_slack:
             return 0.0
         if elongation > spring.x_solid:
@@ -44,13 +47,13 @@ def _plant(rig: Rig) -> control.NonlinearIOSystem:
         k_0, k_1, k_2 = spring.k
         return k_0 + k_1 * elongation + k_2 * elongation**2
 
-    def motor_rates(motor, omega, tau, force, u):
+    def motor_rates(motor: Motor, omega: float, tau: float, force: float, u: float) -> tuple[float, float, float]:
         load = joint.r_m * force
         friction = (motor.friction.c0 + motor.friction.c1 * load) * math.tanh(omega / motor.friction.omega_smooth)
         acceleration = (tau - motor.B_m * omega - load - friction) / motor.J_m
         return omega, acceleration, (motor.K_t * u - tau) / motor.tau_e
 
-    def update(t, x, u, params):
+    def update(t: float, x: Array, u: Array, params: dict[str, Any]) -> list[float]:
         q, q_dot, theta_A, omega_A, tau_A, theta_B, omega_B, tau_B = x
         F_A = tension(spring_A, joint.r_m * theta_A - joint.r_j * q)
         F_B = tension(spring_B, joint.r_m * theta_B + joint.r_j * q)
@@ -59,7 +62,7 @@ def _plant(rig: Rig) -> control.NonlinearIOSystem:
         rates_B = motor_rates(motor_B, omega_B, tau_B, F_B, u[1])
         return [q_dot, q_dot_dot, *rates_A, *rates_B]
 
-    def outputs(t, x, u, params):
+    def outputs(t: float, x: Array, u: Array, params: dict[str, Any]) -> list[float]:
         return [x[0], x[2], x[5]]
 
     return control.nlsys(
@@ -71,14 +74,16 @@ def _cascade(rig: Rig, tuning: cascade.Tuning) -> control.NonlinearIOSystem:
     d, u_max = tuning.decoupler, rig.u_max
     gains_q, gains_S = tuning.schedule.entries[0, 1:4], tuning.schedule.entries[0, 4:7]
 
-    def stiffness(theta_A, theta_B):
+    def stiffness(theta_A: float, theta_B: float) -> float:
         return 2.0 * d.r_j**2 * (d.k_1 + d.k_2 * d.r_m * (theta_A + theta_B))
 
-    def motor_loop(gains, theta, integral_f, theta_f):
+    def motor_loop(gains: i_pd.Gains, theta: float, integral_f: float, theta_f: float) -> tuple[float, float]:
         wanted = integral_f - gains.k_p * theta_f - gains.k_d / gains.t_f * (theta - theta_f)
         return wanted, min(max(wanted, -u_max), u_max)
 
-    def motor_rates(gains, reference, theta, integral, integral_f, theta_f):
+    def motor_rates(
+        gains: i_pd.Gains, reference: float, theta: float, integral: float, integral_f: float, theta_f: float
+    ) -> tuple[float, float, float]:
         wanted, u = motor_loop(gains, theta, integral_f, theta_f)
         return (
             gains.k_i * (reference - theta) + (u - wanted) / 0.030,
@@ -86,7 +91,7 @@ def _cascade(rig: Rig, tuning: cascade.Tuning) -> control.NonlinearIOSystem:
             (theta - theta_f) / gains.t_f,
         )
 
-    def update(t, x, u, params):
+    def update(t: float, x: Array, u: Array, params: dict[str, Any]) -> list[float]:
         q_ref, S_ref, q, theta_A, theta_B = u
         S = stiffness(theta_A, theta_B)
         q_c = x[0] + gains_q[2] * q_ref - gains_q[0] * q
@@ -100,7 +105,7 @@ def _cascade(rig: Rig, tuning: cascade.Tuning) -> control.NonlinearIOSystem:
             *motor_rates(tuning.motors.B, common - difference, theta_B, *x[5:8]),
         ]
 
-    def outputs(t, x, u, params):
+    def outputs(t: float, x: Array, u: Array, params: dict[str, Any]) -> list[float]:
         theta_A, theta_B = u[3], u[4]
         u_A = motor_loop(tuning.motors.A, theta_A, x[3], x[4])[1]
         u_B = motor_loop(tuning.motors.B, theta_B, x[6], x[7])[1]

@@ -28,8 +28,8 @@ class Ratio:
 def print_ratios(console: Console, title: str, ratios: list[Ratio]) -> bool:
     """Print the lines; whether all bounds are met."""
     table = Table(title=title, title_justify="left", title_style="bold")
-    for heading, side in (("what", "left"), ("ratio", "right"), ("bound", "left"), ("", "left"), ("detail", "left")):
-        table.add_column(heading, justify=side)
+    for heading in ("what", "ratio", "bound", "", "detail"):
+        table.add_column(heading, justify="right" if heading == "ratio" else "left")
     for row in ratios:
         verdict = "" if row.met is None else "met" if row.met else "MISSED"
         table.add_row(row.what, f"{row.ratio:.3g}", row.bound, verdict, row.detail)

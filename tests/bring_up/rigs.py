@@ -79,7 +79,7 @@ def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[Finding]:
     """Play steps in turn, as fast as they go, and let go of the rig."""
 
     async def all_of_them() -> list[Finding]:
-        return [await rig.do(step, **(values if step is StepId.CALIBRATE else {})) for step in steps]
+        return [await rig.do(step, "AB", **(values if step is StepId.CALIBRATE else {})) for step in steps]
 
     try:
         return asyncio.run(all_of_them())

@@ -14,7 +14,7 @@ from backend.refusal import OutOfRangeError
 from plant.breakage import Breakage, Broken, Sensor
 from tests.bring_up.rigs import WIRING, BroughtUpRig, played, with_entries
 
-REFUSED = {
+REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     "wrong sign": (
         {"load_cell_A": {"slope": -9.4}},
         r"load cell A has -9\.[34]\d* N/V, and the wiring says 10 N/V, .*turn the sign of load_cell_A\.slope",
@@ -33,7 +33,8 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) -> None:
     true, said = REFUSED[case]
-    (finding,) = played(BroughtUpRig(WIRING, with_entries(**true)), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
+    rig = BroughtUpRig(WIRING, with_entries(WIRING, **true))
+    (finding,) = played(rig, StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
     assert not finding.passed
     assert not finding.calibrations
     assert re.match(said, finding.text), finding.text

@@ -20,6 +20,7 @@ from backend.experiments.banks.default_choice import default_choice
 from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.storage import open_database
+from backend.storage.bring_up import StepResult
 from plant.brought_up import BroughtUp, CellCalibration, calibrated, fingerprint
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
@@ -46,7 +47,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert standing.in_effect(database, other) == standing.BroughtUp(wired=fingerprint(other))
+    assert standing.in_effect(database, other) == BroughtUp(wired=fingerprint(other))
     standing.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
     assert not standing.in_effect(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
@@ -81,8 +82,7 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     assert zero.figures[1] == {"words": "nothing", "value": None, "unit": "N"}
     database.close()
 
-    def state(stored: object = zero, wiring: str = wired, started: datetime = begun) -> StepState:
-        assert stored is None or isinstance(stored, standing.StepResult)
+    def state(stored: StepResult | None = zero, wiring: str = wired, started: datetime = begun) -> StepState:
         return standing.standing(step, stored, wiring, started).state
 
     assert state() is StepState.CURRENT
@@ -126,7 +126,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     cells = {tendon: CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB"}
     begun, wired, step = datetime.now(UTC), fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
-    def calibrated_one(tendon: str) -> tuple[standing.StepResult, StepState, str]:
+    def calibrated_one(tendon: str) -> tuple[StepResult, StepState, str]:
         kept = standing.keep(database, step.id, WIRING, Finding(True, "well", (), (cells[tendon],)), "Ada")
         newest = standing.newest(database)[step.id]
         return kept, *standing.standing(step, newest, wired, begun)[:2]
@@ -205,8 +205,8 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
 def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool) -> None:
     """The shipped slopes are placeholders. A virtual card that is wired as it says may be driven as it is."""
     other = with_entries(motor_A={"gain": -1.0})
-    known = {"directions_proven": True, "load_cells_measured": measured}
-    rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0), None, other, **known)
+    simulator = Simulator(PARAMETERS, 0)
+    rig = VirtualRig(WIRING, simulator, None, other, directions_proven=True, load_cells_measured=measured)
     rig.open()
     rig.read()
     rig.zero(0.0, 0.0, 0.0)

@@ -43,7 +43,7 @@ WRONG_BY_HAND = [
 
 @pytest.mark.parametrize(("entries", "named"), [case[1:] for case in WRONG_BY_HAND], ids=[c[0] for c in WRONG_BY_HAND])
 def test_the_wiring_test_names_what_is_wired_wrongly(entries: dict[str, dict[str, Any]], named: str) -> None:
-    (finding,) = played(BroughtUpRig(with_entries(**entries)), StepId.WIRING_TEST)
+    (finding,) = played(BroughtUpRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
     assert not finding.passed
     assert named in finding.text
 
@@ -60,7 +60,7 @@ def test_the_wiring_test_names_what_is_wired_wrongly(entries: dict[str, dict[str
 )
 def test_the_wiring_test_finds_a_dead_sensor(section: str, elsewhere: dict[str, str]) -> None:
     """Nothing is connected where the wiring says that it is."""
-    (finding,) = played(BroughtUpRig(WIRING, with_entries(**{section: elsewhere})), StepId.WIRING_TEST)
+    (finding,) = played(BroughtUpRig(WIRING, with_entries(WIRING, **{section: elsewhere})), StepId.WIRING_TEST)
     assert not finding.passed
     assert f"did not move: look at its cable and at {section}" in finding.text
 
@@ -85,7 +85,7 @@ WRONG_WITH_VOLTAGE = [
 def test_the_direction_step_names_it_before_any_loop_is_closed(
     entries: dict[str, dict[str, Any]], named: list[str]
 ) -> None:
-    rig = BroughtUpRig(with_entries(**entries))
+    rig = BroughtUpRig(with_entries(WIRING, **entries))
     played_steps = played_and_refused(rig)
     zero, direction, before, after = played_steps
     assert zero.passed
@@ -127,8 +127,8 @@ def test_two_weights_give_slope_and_offset_of_the_card() -> None:
     (finding,) = played(BroughtUpRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
     assert finding.passed, finding.text
     A, B = finding.calibrations
-    assert (A.slope, B.slope) == (pytest.approx(10.7, rel=2e-3), pytest.approx(9.4, rel=2e-3))
-    assert (A.offset, B.offset) == (pytest.approx(0.31, rel=2e-3), pytest.approx(-0.22, rel=2e-3))
+    assert (A.slope, B.slope) == pytest.approx((10.7, 9.4), rel=2e-3)
+    assert (A.offset, B.offset) == pytest.approx((0.31, -0.22), rel=2e-3)
 
 
 BENT = {
@@ -148,7 +148,8 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
     assert hung == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
     if passed:
         (cell,) = finding.calibrations
-        assert (cell.tendon, cell.slope, cell.offset) == ("B", pytest.approx(9.4, rel=2e-3), pytest.approx(-0.22, 2e-3))
+        assert cell.tendon == "B"
+        assert (cell.slope, cell.offset) == pytest.approx((9.4, -0.22), rel=2e-3)
     else:
         assert "off its line by" in finding.text
 

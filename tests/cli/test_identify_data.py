@@ -21,6 +21,7 @@ from tests.identification.closed_loop_records import (
     PERIOD_S,
     THIRD,
     Array,
+    Disturbed,
     closed_loop_record,
 )
 
@@ -31,11 +32,11 @@ MATLAB_7_3 = (b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 .".ljus
 Identify = Callable[..., Any]
 CONTROLLER = ["--controller", f"{K_P},{K_I}"]
 SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent", "friction", "grade", "verdict"]
-RECORDS: dict[str, dict[str, float]] = {
-    "40 dB": {"snr_dB": 40.0},
-    "10 dB": {"snr_dB": 10.0},
-    "coloured": {"snr_dB": 20.0, "pole": ONE_HERTZ},
-    "cut, offset, drift": {"snr_dB": 20.0, "offset": 2.0, "drift": 3.0, "cut": 777},
+RECORDS: dict[str, tuple[float, Disturbed]] = {
+    "40 dB": (40.0, {}),
+    "10 dB": (10.0, {}),
+    "coloured": (20.0, {"pole": ONE_HERTZ}),
+    "cut, offset, drift": (20.0, {"offset": 2.0, "drift": 3.0, "cut": 777}),
 }
 
 
@@ -72,7 +73,8 @@ def errors_in_std(printed: dict[str, Any], truth: dict[str, float]) -> list[floa
 def test_every_kind_of_record_gives_its_truth_back(
     identify: Identify, tmp_path: Path, structure: str, truth: dict[str, float], kind: str
 ) -> None:
-    u, y, _ = closed_loop_record(truth, seed=11, **RECORDS[kind])  # type: ignore[arg-type]  # seed apart from the rest
+    snr_dB, disturbed = RECORDS[kind]
+    u, y, _ = closed_loop_record(truth, snr_dB, 11, **disturbed)
     printed = identify(write_csv(tmp_path / "record.csv", u=u, y=y), *CONTROLLER, structure=structure)
     assert list(printed) == SUMMARY
     assert set(printed["parameters"]) == set(printed["std_errors"]) == set(truth)
@@ -89,7 +91,7 @@ def test_without_a_controller_the_instrument_comes_from_the_set_point(identify: 
 
 def test_a_constant_set_point_with_its_controller_serves_as_well(identify: Identify, tmp_path: Path) -> None:
     u, y, _ = closed_loop_record(FIRST, 20.0, 13)
-    file = write_csv(tmp_path / "record.csv", t=np.arange(u.size) * PERIOD_S, u=u, y=y, r=np.zeros(u.size))
+    file = write_csv(tmp_path / "record.csv", t=np.arange(u.size, dtype=float) * PERIOD_S, u=u, y=y, r=np.zeros(u.size))
     printed = identify(file, "--setpoint", "r", *CONTROLLER)
     assert printed["method"] == "closed-loop SRIVC"
     assert np.max(np.abs(errors_in_std(printed, FIRST))) < 4.0
@@ -139,7 +141,7 @@ def test_own_exports_are_read_again(
 
 def bad_tables() -> dict[str, tuple[dict[str, Array], str]]:
     u, y, _ = closed_loop_record(FIRST, 30.0, 17, samples=2000)
-    t = np.arange(u.size) * PERIOD_S
+    t = np.arange(u.size, dtype=float) * PERIOD_S
     holed, late = y.copy(), t.copy()
     holed[300] = np.nan
     late[700:] += 0.05

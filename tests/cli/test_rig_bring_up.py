@@ -27,6 +27,7 @@ from backend.loop.channel import Setup
 from backend.loop.supervisor import Supervisor
 from backend.sample import INDEX
 from backend.storage import open_database
+from backend.storage.bring_up import StepResult
 from plant.brought_up import CellCalibration
 from plant.choice import PlantChoice, PlantKind
 from plant.parameters import load_parameters
@@ -51,7 +52,7 @@ def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
             standing.keep(database, step, wiring, Finding(True, "well", (), found), "Ada")
 
 
-def kept(data: Path) -> dict[str, standing.StepResult]:
+def kept(data: Path) -> dict[str, StepResult]:
     with closing(open_database(data)) as database:
         return standing.newest(database)
 

@@ -78,7 +78,7 @@ def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tup
         Ss.append(S)
         us.append(u)
         held = (u[0], u[1])
-        end = solve_ivp(lambda _, at, u=held: rate(rig, at, u), (0.0, T), x, "DOP853", rtol=1e-11, atol=1e-13)
+        end = solve_ivp(lambda _, at, u: rate(rig, at, u), (0.0, T), x, "DOP853", args=(held,), rtol=1e-11, atol=1e-13)
         x = end.y[:, -1]
     return np.array(qs), np.array(Ss), np.array(us)
 

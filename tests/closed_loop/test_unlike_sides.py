@@ -1,6 +1,7 @@
 """Sides that differ, springs of other kinds: identified as they are, they are controlled as well as the paper's."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,10 @@ from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters
 
 HOLD = 6000
-CUBIC = {"k": (-2.0, 300.0, 7000.0, 40_000.0), "points": ()}
+CUBIC: dict[str, Any] = {"k": (-2.0, 300.0, 7000.0, 40_000.0), "points": ()}
 _curve = np.polynomial.Polynomial((-2.498, 331.49, 8543.8))
-_x = np.linspace(max(_curve.roots()), 0.0625, 14)
-TABLE = {"k": (), "points": ((float(_x[0]), 0.0), *((float(x), float(_curve(x))) for x in _x[1:]))}
+_x = np.linspace(float(np.max(_curve.roots())), 0.0625, 14)
+TABLE: dict[str, Any] = {"k": (), "points": ((float(_x[0]), 0.0), *((float(x), float(_curve(x))) for x in _x[1:]))}
 SLOW = {"K_m": 2.5, "T_m": 0.26}
 
 

@@ -38,9 +38,11 @@ def test_inside_nothing_is_held_back() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_each_bound_holds_and_says_so(side: float) -> None:
     y, _ = envelope.step(BOUNDS, D, AT_REST, side * 1.5, 6.0, 4.0, 4.0)
-    assert y == (side * 1.4, pytest.approx(stiffness_under(D, 4.0)), True, False, True)
+    assert y.S_c == pytest.approx(stiffness_under(D, 4.0))
+    assert (y.q_c, y.at_floor, y.at_ceiling, y.at_range) == (side * 1.4, True, False, True)
     y, _ = envelope.step(BOUNDS, D, AT_REST, side * 0.2, 16.0, 40.0, 40.0)
-    assert y == (side * 0.2, pytest.approx(stiffness_under(D, 48.0)), False, True, False)
+    assert y.S_c == pytest.approx(stiffness_under(D, 48.0))
+    assert (y.q_c, y.at_floor, y.at_ceiling, y.at_range) == (side * 0.2, False, True, False)
 
 
 @pytest.mark.parametrize("pull", [12.0, -12.0])

@@ -20,7 +20,7 @@ UNGOVERNED = 1e9
 def lags(t: np.ndarray, lam: float, order: int) -> np.ndarray:
     """Step response of 1/(λ s + 1)^order."""
     x = np.maximum(t, 0.0) / lam
-    return 1.0 - np.exp(-x) * sum(x**i / math.factorial(i) for i in range(order))
+    return np.asarray(1.0 - np.exp(-x) * sum(x**i / math.factorial(i) for i in range(order)))
 
 
 def ungoverned(parameters: PlantParameters, lambdas: Lambdas) -> feedback_linearization.Tuning:

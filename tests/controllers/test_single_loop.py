@@ -20,7 +20,7 @@ UNGOVERNED = 1e9
 def four_lags(t: np.ndarray, lam: float) -> np.ndarray:
     """Step response of 1/(λ s + 1)^4."""
     x = np.maximum(t, 0.0) / lam
-    return 1.0 - np.exp(-x) * sum(x**i / math.factorial(i) for i in range(4))
+    return np.asarray(1.0 - np.exp(-x) * sum(x**i / math.factorial(i) for i in range(4)))
 
 
 def test_small_position_step_follows_the_designed_lags() -> None:

@@ -74,7 +74,7 @@ def inner_gains(lam: float) -> tuple[float, float, float, float]:
 def inner_loop(lam: float, L_over_R: float) -> np.ndarray:
     jw = 1j * FREQUENCIES
     k_p, k_i, k_d, t_f = inner_gains(lam)
-    return (k_p + k_i / jw + k_d * jw) / (t_f * jw + 1) * K_m / (jw * (T_m * jw + 1) * (L_over_R * jw + 1))
+    return np.asarray((k_p + k_i / jw + k_d * jw) / (t_f * jw + 1) * K_m / (jw * (T_m * jw + 1) * (L_over_R * jw + 1)))
 
 
 def sampled_inner_loop(lam: float) -> np.ndarray:
@@ -84,14 +84,14 @@ def sampled_inner_loop(lam: float) -> np.ndarray:
     k_p, k_i, k_d, t_f = inner_gains(lam)
     lag = (1 - np.exp(-T_s / t_f)) / (1 - np.exp(-T_s / t_f) / z)
     process = control.sample_system(K_m / (s * (T_m * s + 1) * (L_OVER_R * s + 1)), T_s)
-    return process(z) * (lag * (k_p + k_i * T_s / (z - 1)) + k_d / t_f * (1 - lag))
+    return np.asarray(process(z) * (lag * (k_p + k_i * T_s / (z - 1)) + k_d / t_f * (1 - lag)))
 
 
 def crossings(loop: np.ndarray) -> np.ndarray:
     """Gains that put the loop on −1, from those at which it crosses the negative real axis."""
     at = np.flatnonzero((np.diff(np.sign(loop.imag)) != 0) & (loop.real[:-1] < 0))
     share = loop.imag[at] / (loop.imag[at] - loop.imag[at + 1])
-    return -1 / (loop.real[at] + share * (loop.real[at + 1] - loop.real[at]))
+    return np.asarray(-1 / (loop.real[at] + share * (loop.real[at + 1] - loop.real[at])))
 
 
 def test_e1_printed_gain_rings_and_the_corrected_one_does_not() -> None:
@@ -203,6 +203,6 @@ def test_e6_sensitivity_with_the_sum_of_lags() -> None:
 
 def test_e8_minimum_stiffness_is_the_one_at_zero_force() -> None:
     text = section("E8")
-    x = max(np.polynomial.Polynomial([k_0, k_1, k_2]).roots())
+    x = float(np.max(np.polynomial.Polynomial([k_0, k_1, k_2]).roots()))
     assert f"2 k1 r_j² = {2 * k_1 * r_j**2:.2f} N" in text
     assert f"({1e3 * x:.2f} mm) the stiffness is {2 * r_j**2 * (k_1 + 2 * k_2 * x):.2f} N" in text

@@ -24,7 +24,7 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 
 
 def test_numbers_are_those_of_the_code() -> None:
-    settings = Settings(_env_file=None)
+    settings = Settings()
     assert dict(cells("### Numbers\n", 2)[:15]) == {
         "largest body of a request": f"{guard.MAX_BODY_BYTES // 1024} kB",
         "connections of those who have not shown who they are": f"{places.GUESTS}",

@@ -23,7 +23,10 @@ def kept(name: str, value: object) -> Callable[[Response], bool]:
 
     def is_it(answer: Response) -> bool:
         asked = answer.request
-        return asked.method == "PUT" and asked.url.endswith("/api/preferences") and asked.post_data_json[name] == value
+        if asked.method != "PUT" or not asked.url.endswith("/api/preferences"):
+            return False
+        assert asked.post_data_json is not None
+        return bool(asked.post_data_json[name] == value)
 
     return is_it
 
@@ -80,7 +83,7 @@ class Operator:
 
         def is_settled() -> bool:
             nonlocal told
-            told = self._state()["mode"]
+            told = str(self._state()["mode"])
             return shown.inner_text() == told != "stopping"
 
         self.wait(is_settled)

@@ -95,6 +95,8 @@ class Stage:
                 case "after a restart":
                     self.close()
                     self._begin()
+                case _:
+                    raise ValueError(f"there is no state {self.reached!r}")
         self._hold()
 
     def get(self, path: str) -> Any:

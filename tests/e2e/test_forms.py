@@ -6,6 +6,7 @@ Each test brings the service into its state by itself, so that it runs alone too
 import json
 import time
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -130,6 +131,10 @@ def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
 def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, state: str) -> None:
     """The boxes show what is in force; what is typed is sent, in force, in the next session's record, and is undone."""
     page, before = stage.page, stage.in_force()
+
+    def in_force(wanted: Values) -> bool:
+        return stage.in_force() == wanted
+
     stage.operator.go("Operate")
     for symbol, name, value in (("λ_q", "lam_q", 0.71), ("λ_S", "lam_S", 0.66)):
         box = page.get_by_role("textbox", name=f"{symbol} value [s]", exact=True)
@@ -139,7 +144,7 @@ def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, s
             box.press("Enter")
         assert sent.value.url.endswith("/api/tuning")
         assert sent.value.post_data_json == {name: value}
-        stage.operator.wait(lambda name=name, value=value: stage.in_force() == {**before, name: value})
+        stage.operator.wait(partial(in_force, {**before, name: value}))
         run = stage.session()
         assert differences(stage.stored(run), {**before, name: value}) == []
         undone = page.get_by_role("button", name="Undo change")

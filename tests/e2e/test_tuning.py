@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 
 import pytest
 from playwright.sync_api import Browser, Locator, WebSocketRoute, expect
@@ -85,7 +86,10 @@ def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Ope
 def shown(lam_motor: float) -> str:
     """M_s and margins of the less robust motor of the set that the tests run, as the page should write them."""
     parameters, gains = load_parameters("lab"), motor_loops(load_parameters("lab"), lam_motor)
-    loops = [motor_robustness(motor_model(parameters, side), law) for side, law in (("A", gains.A), ("B", gains.B))]
+    loops = [
+        motor_robustness(motor_model(parameters, "A"), gains.A),
+        motor_robustness(motor_model(parameters, "B"), gains.B),
+    ]
     worst = max(loops, key=lambda loop: loop.M_s)
     gain = f"×{worst.gain_reduction:.3f} to" if worst.gain_reduction else "up to"
     phase = math.degrees(worst.phase_margin)
@@ -140,10 +144,14 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
     page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
     link = page.get_by_role("status", name="Link", exact=True)
     before = len(links)
+
+    def another(lost: int, made: int) -> bool:
+        return page.evaluate("losses") > lost and len(links) > made
+
     for _ in range(DISCONNECTIONS):
         lost, made = page.evaluate("losses"), len(links)
         links[-1].close()
-        tuning.wait(lambda lost=lost, made=made: page.evaluate("losses") > lost and len(links) > made)
+        tuning.wait(partial(another, lost, made))
         expect(link).to_have_attribute("data-health", "live")
     assert sent == []
     tuning.expect_mode("run")

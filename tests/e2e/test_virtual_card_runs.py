@@ -22,7 +22,7 @@ RUN_TIMEOUT_MS = 180_000
 HELD_S = 8.0
 """The simulator's pretension is held for some seconds too before it begins: a person is not as fast as a program."""
 
-ORDERS: dict[str, Mapping[str, float | str]] = {
+ORDERS: dict[str, Mapping[str, Any]] = {
     "compliance": {"S_ref": 12.0, "profile": "steps", "hold_s": 0.6},
     "tracking": {"q_duration_s": 1.0, "S_duration_s": 1.0},
     "motor": {"u_low": 3.0, "levels": 2, "step_s": 1.5, "settle_s": 0.5},

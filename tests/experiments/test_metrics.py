@@ -75,7 +75,7 @@ def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
     """Time and reading of an encoder that turns by one count each millisecond from first to last, then rests."""
     counts = np.arange(first, last + (1 if last > first else -1), 1 if last > first else -1)
     y = np.append(counts, np.full(500, last)) * COUNT * (1 + last_bit * np.finfo(float).eps)
-    return np.arange(y.size) * T_s, y
+    return np.arange(y.size, dtype=float) * T_s, y
 
 
 @LAST_BIT
@@ -115,7 +115,7 @@ def test_what_never_happened_has_no_figure() -> None:
 def tracked(plan: TrackingPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0) -> dict[str, Array]:
     """Samples of a loop that is exactly 1/(λs+1)² in both signals, plus a deviation of S proportional to dq/dt."""
     program = plan.program()
-    t = np.arange(round(program.duration_s / T_s)) * T_s
+    t = np.arange(round(program.duration_s / T_s), dtype=float) * T_s
     columns = {"t": t, "F_A": np.full_like(t, 20.0), "F_B": np.full_like(t, 21.0)}
     columns |= {"u_A": np.full_like(t, -3.0), "u_B": np.full_like(t, 2.0)}
     for name, lam in (("q", lam_q), ("S", lam_S)):

@@ -1,6 +1,7 @@
 """A motor's grade is a grade: what a noisy run comes to, in the store, in the report and of documents without one."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from backend.identification.result import Grade
 from backend.messages.history import ChecklistState
 from backend.reports.build import build_report
 from backend.reports.source import Source
-from backend.storage import open_database, runs
+from backend.storage import Session, open_database, runs
 from backend.storage.identifications import Identification
 from backend.storage.runs import EndState, NewRun, RunKind
 from plant.parameters import load_parameters
@@ -126,5 +127,5 @@ def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.T
         database.close()
 
 
-def experiment(session: checklist.Session, parameters: dict[str, object]) -> ChecklistState:
+def experiment(session: Session, parameters: dict[str, Any]) -> ChecklistState:
     return next(step.state for step in checklist.steps(session, parameters, None) if step.name == "experiment")

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from backend.documents.result import Criterion
 from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.results.compliance import compliance_criteria, compliance_figures
-from backend.experiments.results.criteria import BOUNDS_IDEAL, Criterion, judge, tracking_criteria
+from backend.experiments.results.criteria import BOUNDS_IDEAL, judge, tracking_criteria
 from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
 from backend.experiments.results.steps import Step, step_metrics
 from tests.experiments.test_compliance import R_J, pushed
@@ -50,7 +51,7 @@ def test_a_step_that_begins_on_its_way_has_no_figure_of_its_own() -> None:
 def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
     """It is where the step begins at that very moment, at 2 of its lengths a second."""
     t = np.arange(0, 8, T_s)
-    before = -2.0 * T_s * np.arange(100, 0, -1)
+    before = -2.0 * T_s * np.arange(100, 0, -1, dtype=float)
     result = step_metrics(t, double_lag(t, 0.5), step(), before)
     assert result.rise_s is None
     assert "the motion before was not over" in result.reasons["rise_s"]
@@ -101,7 +102,8 @@ def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() ->
     columns["q"] = np.where(swings, math.pi / 3 * 1.1, columns["q"])
     metrics = tracking_metrics(columns, SHORT_HOLDS.program(), SHORT_HOLDS.phases())
     failed = by_name(tracking_criteria(metrics, BOUNDS_IDEAL))["overshoot_q"]
-    assert (failed.passed, failed.figure) == (False, pytest.approx(10.0))
+    assert failed.passed is False
+    assert failed.figure == pytest.approx(10.0)
 
 
 def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:

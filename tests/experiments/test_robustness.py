@@ -4,8 +4,8 @@ import asyncio
 import math
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -195,7 +195,8 @@ def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
 ) -> None:
     bench = BenchTop(ideal, plant=Simulator(ideal))
     bench.run()
-    segments = (Segment(0.5, 0.0, 10.0), replace(Segment(0.5, 0.0, 10.0), **{quantity: figure}))
+    loaded: dict[str, Any] = {quantity: figure}
+    segments = (Segment(0.5, 0.0, 10.0), Segment(0.5, 0.0, 10.0, **loaded))
     told = bench.send(RunProgram(Program(Law.CASCADE, segments), 1))
     assert isinstance(told, Refused)
     assert ("push" if quantity == "F_push" else "load of a motor's shaft") in told.reason

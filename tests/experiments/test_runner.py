@@ -81,8 +81,9 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
 
     assert result is not None
     assert result.metrics.complete
+    assert result.metrics.steps is not None
     assert len(result.metrics.steps) == 17
-    figures = {item.name: item.value for item in result.metrics.figures}
+    figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
     assert figures["max_tension_N"] == pytest.approx(max(columns["F_A"].max(), columns["F_B"].max()))
     with station.database.reading() as session:
         assert results.newest(session, run.id) == result
@@ -97,7 +98,7 @@ def test_tracking_keeps_what_it_promises(
     plan = TrackingPlan(q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
-    figures = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}
+    figures = {item.name: item.value for item in outcome.evaluation.result.metrics.figures if item.value is not None}
     assert figures["overshoot_q_percent"] < overshoot
     assert figures["overshoot_S_percent"] < overshoot
     assert figures["deviation_S"] < deviation_S
@@ -185,7 +186,7 @@ def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is
     outcome = perform(station, CompliancePlan(pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
-    figures = {item.name: item.value for item in result.metrics.figures}
+    figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
     assert figures["rmse_aligned_N"] < 0.5
     assert figures["delay_s"] == pytest.approx(station.parameters.sensors.force_delay, abs=0.004)
     assert figures["stiffness_felt"] == pytest.approx(10.0, rel=0.03)

@@ -75,7 +75,8 @@ def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
     assert phases[-1].end_s == program.duration_s
     assert all(a.end_s == b.start_s for a, b in itertools.pairwise(phases))
 
-    start, by_phase = 0.0, {phase.name: [] for phase in phases}
+    start = 0.0
+    by_phase: dict[str, list[Segment]] = {phase.name: [] for phase in phases}
     for segment in program.segments:
         phase = next(phase for phase in phases if phase.start_s <= start < phase.end_s)
         by_phase[phase.name].append(segment)

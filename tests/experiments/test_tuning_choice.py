@@ -2,6 +2,7 @@
 
 from dataclasses import asdict, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from backend.tuning.models import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer
 from plant.parameters import load_parameters
 
-OTHER = {"lam_q": 0.6, "lam_S": 0.5, "lam_motor": 0.09, "b": 1.0, "bank": 3, "interpolate": True}
+OTHER: dict[str, Any] = {"lam_q": 0.6, "lam_S": 0.5, "lam_motor": 0.09, "b": 1.0, "bank": 3, "interpolate": True}
 """Each part of a tuning at another value than its default."""
 
 

@@ -61,7 +61,7 @@ def test_voltage_steps_give_back_the_simulated_motors(station: Station, lab: Pla
         # Dry friction hides part of the gain from the rule.
         assert 0.95 < model["rule_mean"]["K_m"] / model["parameters"]["K_m"] < 0.99
         assert not found.quality[side]["refused"]
-    figures = {item.name: item.value for item in result.metrics.figures}
+    figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
     assert figures["K_m_A"] == found.model["A"]["parameters"]["K_m"]
     assert figures["turn_rad"] < 15.7
     assert figures["load_N"] < 0.5
@@ -90,7 +90,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station: Station, lab: PlantPa
         shift = np.linspace(-5e-4, 5e-4, 101)
         true = np.array([[tension(spring, value + moved) for value in x] for moved in shift])
         assert np.min(np.max(np.abs(true - fitted), axis=1)) < 0.1
-    figures = {item.name: item.value for item in result.metrics.figures}
+    figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}
     # The load cells' delay parts the ways by twice the tension's rate times the delay: 2 x 8.6 N/s x 12 ms on the mean.
     assert 0.1 < figures["hysteresis_N"] < 0.5
     assert figures["max_tension_N"] == pytest.approx(45.0, abs=2.0)

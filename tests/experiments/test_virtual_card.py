@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.compliance_plan import CompliancePlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import Plan
+from backend.experiments.plans.plan import Plan, TrackingPlan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.loop.commands import SetMode
@@ -28,8 +28,8 @@ ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.
 """Two counts of the joint's encoder, two codes of a load cell and its noise, drawn two ticks later; what follows."""
 
 PLANS: dict[str, Plan] = {
-    "tracking": experiment("tracking").plan(q_duration_s=2.0, S_duration_s=2.0),
-    "compliance": experiment("compliance").plan(),
+    "tracking": TrackingPlan(q_duration_s=2.0, S_duration_s=2.0),
+    "compliance": CompliancePlan(),
     "motors": MotorIdentificationPlan(),
     "springs": SpringIdentificationPlan(sweep_s=4.0, cycles=1),
 }
@@ -41,14 +41,14 @@ def performed(
     """Return what a plan came to on a plant, and its samples; ``held_s`` [s] after winding up began, 0 for at once."""
     database = open_database(folder)
 
-    async def session(station: Station) -> Outcome:
+    async def played(station: Station) -> Outcome:
         if held_s > 0.0:
             await station.loop.send(SetMode(Mode.PRETENSION))
             await station.loop.advance(held_s)
         return await run_experiment(station, Order(plan, LoopSettings(), "Ana"))
 
     with headless_station(database, PARAMETERS, LoopSettings(), plant) as station:
-        outcome = asyncio.run(session(station))
+        outcome = asyncio.run(played(station))
     with database.reading() as session:
         columns = read_samples(session, outcome.run.id).columns
     database.close()

@@ -99,7 +99,8 @@ def mangled(whole: bytes, dice: random.Random) -> bytes:
 
 def message(dice: random.Random) -> str | bytes:
     """One message to the live stream: a ping that is wrong in some way, other JSON, text, bytes."""
-    values = (None, True, -1, 0, 2**63, 10**400, 1e308, "1", "\ud800", "\x00", [], {}, [[[[]]]], {"id": 1})
+    numbers: tuple[object, ...] = (None, True, -1, 0, 2**63, 10**400, 1e308)
+    values: tuple[object, ...] = (*numbers, "1", "\ud800", "\x00", [], {}, [[[[]]]], {"id": 1})
     ways: tuple[Callable[[], str | bytes], ...] = (
         lambda: json.dumps({"type": "ping", "id": dice.choice(values), "control": dice.choice(values)}),
         lambda: json.dumps({dice.choice(("type", "id", "control", "a", "")): dice.choice(values)}),

@@ -59,6 +59,7 @@ def aimed(document: dict[str, Any]) -> dict[str, Any]:
     return document
 
 
+Case = schemathesis.Case[Any]
 schema = schemathesis.openapi.from_dict(aimed(openapi()))
 once_each = settings(
     max_examples=EXAMPLES,
@@ -71,14 +72,14 @@ once_each = settings(
 @schema.parametrize()
 @once_each
 @hypothesis.seed(SEED)
-def test_operator(case: schemathesis.Case, target: Target) -> None:
+def test_operator(case: Case, target: Target) -> None:
     send(case, target, "operator")
 
 
 @schema.parametrize()
 @once_each
 @hypothesis.seed(SEED)
-def test_viewer(case: schemathesis.Case, target: Target) -> None:
+def test_viewer(case: Case, target: Target) -> None:
     send(case, target, "viewer")
 
 
@@ -98,7 +99,7 @@ def test_questions_asked_again_leave_nothing_in_memory(target: Target) -> None:
     assert growth < LEVEL_MB
 
 
-def send(case: schemathesis.Case, target: Target, role: Role) -> None:
+def send(case: Case, target: Target, role: Role) -> None:
     name = str(case.operation.definition.raw["operationId"])
     if role == "operator" and name in IN_RUN and target.sent[name] % AGAIN == 0:
         target.be_in_run()
@@ -123,5 +124,5 @@ def send(case: schemathesis.Case, target: Target, role: Role) -> None:
     case.validate_response(response, checks=CHECKS)
 
 
-def names_an_experiment(case: schemathesis.Case) -> bool:
+def names_an_experiment(case: Case) -> bool:
     return isinstance(case.body, dict) and case.body.get("name") in EXPERIMENTS

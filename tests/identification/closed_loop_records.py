@@ -3,10 +3,12 @@
 Simulated sample by sample through scipy's own discretisation, independent of the package's filters.
 """
 
+from typing import TypedDict
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, dlsim, dlti, lfilter, tf2ss
+from scipy.signal import cont2discrete, dlsim, lfilter, tf2ss
 
 from backend.identification.prbs import held_sequence
 
@@ -27,8 +29,17 @@ def denominator(truth: dict[str, float]) -> Array:
 
 def held_response(truth: dict[str, float], u: Array) -> Array:
     """Response from rest to an input held between samples, shape of ``u``."""
-    system = dlti(*cont2discrete(tf2ss([truth["K"]], denominator(truth)), PERIOD_S)[:4], dt=PERIOD_S)
+    system = cont2discrete(tf2ss([truth["K"]], denominator(truth)), PERIOD_S)
     return np.asarray(dlsim(system, u)[1][:, 0])
+
+
+class Disturbed(TypedDict, total=False):
+    """What may make a record of the closed loop worse than white noise does."""
+
+    pole: float
+    offset: float
+    drift: float
+    cut: int
 
 
 def closed_loop_record(
@@ -59,7 +70,7 @@ def closed_loop_record(
     return u[cut:], y[cut:], excitation[cut:]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]  # numba has no types
+@numba.njit(cache=True)
 def _loop(A: Array, B: Array, C: Array, excitation: Array, disturbance: Array) -> tuple[Array, Array]:
     count, order = excitation.size, B.size
     x, following = np.zeros(order), np.zeros(order)

@@ -37,7 +37,7 @@ def noisy(clean: Array, share: float, seed: int = 1) -> Array:
     return np.asarray(clean + share * np.std(clean) * np.random.default_rng(seed).standard_normal(clean.size))
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]  # numba has no types
+@numba.njit(cache=True)
 def _motor(u: Array, u_c: float, late: int) -> tuple[Array, Array]:
     speed, angle = np.empty(u.size), np.empty(u.size)
     w = theta = 0.0

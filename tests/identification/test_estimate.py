@@ -1,6 +1,7 @@
 """Estimates of records whose truth is known: consistent in closed loop, honest about their errors."""
 
 from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tests.identification.closed_loop_records import (
     ONE_HERTZ,
     PERIOD_S,
     THIRD,
+    Disturbed,
     closed_loop_record,
     held_response,
 )
@@ -27,7 +29,7 @@ SUMMARY = ["parameters", "std_errors", "method", "fit_percent", "spread_percent"
 CASES = [pytest.param("first", FIRST, id="first"), pytest.param("third", THIRD, id="third")]
 
 
-def record(truth: dict[str, float], snr_dB: float, seed: int, **options: float) -> Record:
+def record(truth: dict[str, float], snr_dB: float, seed: int, **options: Unpack[Disturbed]) -> Record:
     u, y, _ = closed_loop_record(truth, snr_dB, seed, **options)
     return Record(PERIOD_S, u, y, controller=CONTROLLER)
 

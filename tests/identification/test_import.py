@@ -128,7 +128,7 @@ def test_a_file_without_time_needs_the_sample_time() -> None:
 )
 def test_vectors_and_structs_of_matlab_are_read(content: dict[str, object]) -> None:
     stream = io.BytesIO()
-    savemat(stream, content)
+    savemat(stream, content)  # type: ignore[arg-type]  # the stubs forget that files may be open
     stream.seek(0)
     record = record_from(read_mat(stream), "u", "y")
     np.testing.assert_array_equal(record.u, U)
@@ -138,7 +138,7 @@ def test_vectors_and_structs_of_matlab_are_read(content: dict[str, object]) -> N
 
 def test_columns_of_a_matrix_are_numbered() -> None:
     stream = io.BytesIO()
-    savemat(stream, {"data": np.column_stack((T, U, Y))})
+    savemat(stream, {"data": np.column_stack((T, U, Y))})  # type: ignore[arg-type]  # as above
     stream.seek(0)
     record = record_from(read_mat(stream), "data_2", "data_3", 0.01)
     np.testing.assert_array_equal(record.u, U)
@@ -158,7 +158,8 @@ def test_rows_are_chosen_by_number_and_by_time() -> None:
 
 def moving() -> tuple[Array, Array, Array]:
     u = voltages("binary", 8000)
-    return np.arange(u.size) * PERIOD_S, u, noisy(motor(u)[0], 0.01) + 100.0  # offset: not a speed about zero
+    t = np.arange(u.size, dtype=float) * PERIOD_S
+    return t, u, noisy(motor(u)[0], 0.01) + 100.0  # offset: not a speed about zero
 
 
 def errors_in_std(record: Record) -> float:

@@ -14,7 +14,7 @@ PERIOD_S = 1e-3
 RANDOM = np.random.default_rng(0)
 U = np.repeat(RANDOM.choice([-1.0, 1.0], N // 50), 50)
 Y = np.cumsum(U) * PERIOD_S
-T = np.arange(N) * PERIOD_S
+T = np.arange(N, dtype=float) * PERIOD_S
 
 
 def with_nan() -> Record:

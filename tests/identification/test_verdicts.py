@@ -1,6 +1,7 @@
 """No "usable" that is wrong: verdicts on records whose truth is known, good ones and bad ones."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -147,17 +148,17 @@ NAN = float("nan")
         {"first_order": FirstOrder(1.0, 0.2, 1e-3, NAN)},
         {"first_order": FirstOrder(1.0, NAN, 1e-3, 2e-4)},
         {"first_order": FirstOrder(NAN, 0.2, 1e-3, 2e-4)},
-        {"std_errors": GOOD.std_errors | {"a2": NAN}},
-        {"std_errors": GOOD.std_errors | {"a1": 7.6e4}},
+        {"std_errors": {**GOOD.std_errors, "a2": NAN}},
+        {"std_errors": {**GOOD.std_errors, "a1": 7.6e4}},
     ],
     ids=str,
 )
-def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, object]) -> None:
+def test_a_figure_that_could_not_be_had_grants_nothing(change: dict[str, Any]) -> None:
     assert judge(GOOD).grade is Grade.USABLE
     assert judge(replaced(change)).grade is Grade.UNUSABLE
 
 
-def replaced(change: dict[str, object]) -> Evidence:
+def replaced(change: dict[str, Any]) -> Evidence:
     return Evidence(**{name: change.get(name, getattr(GOOD, name)) for name in Evidence.__dataclass_fields__})
 
 

@@ -1,6 +1,8 @@
 """The baselines in the live loop: they play a program, keep the joint held at both ends, and say what they refuse."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,13 +15,14 @@ from backend.loop.tracking import BASELINES
 from backend.loop.tuned import tuning_for
 from backend.tuning.baseline_loops import run_feedback_linearization, run_single_loop
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
+from backend.tuning.closed_loop import Trajectory
 from backend.tuning.models import Lambdas
-from plant.parameters import load_parameters
+from plant.parameters import PlantParameters, load_parameters
 from tests.loop.bench_top import BenchTop
 
 IDEAL = load_parameters("ideal")
 SEGMENTS = (Segment(4.0, 0.0, 10.0), Segment(4.0, 0.6, 10.0), Segment(4.0, 0.6, 12.0))
-OFFLINE = {
+OFFLINE: dict[Law, tuple[Callable[..., Trajectory], Callable[[PlantParameters, Lambdas], Any]]] = {
     Law.SINGLE_LOOP: (run_single_loop, single_loop_tuning),
     Law.FEEDBACK_LINEARIZATION: (run_feedback_linearization, feedback_linearization_tuning),
 }

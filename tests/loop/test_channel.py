@@ -142,9 +142,9 @@ def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Chan
         assert ours.send(packet), "the queue does not hold a whole program"
     arrived: list[Segment] = []
     while True:
-        packet = theirs.receive()
-        assert packet is not None
-        sequence, message = decode_to_loop(packet)
+        received = theirs.receive()
+        assert received is not None
+        sequence, message = decode_to_loop(received)
         assert sequence == 3
         if isinstance(message, LongProgram):
             break

@@ -179,7 +179,8 @@ def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParame
     bench = moving(lab)
     bench.send(Stop(Fault.OPERATOR_LOST, hard=False))
     bench.advance(0.01)
-    assert bench.loop.mode is Mode.STOPPING
+    before = bench.loop.mode
+    assert before is Mode.STOPPING
     bench.send(Inject(Broken(Breakage.READ_ERROR)))
     bench.advance(0.001)
     assert bench.loop.mode is Mode.TRIPPED

@@ -44,8 +44,8 @@ class Bench:
         out = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m if abs(q) > 1.0 else 0.0  # else taut
         start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=out, theta_B=out)
         self.simulator = Simulator(PARAMETERS, 0, start)
-        known = {"directions_proven": True, "load_cells_measured": True}
-        self.rig = VirtualRig(with_entries(**declared), self.simulator, None, with_entries(**true), **known)
+        wired, really = with_entries(WIRING, **declared), with_entries(WIRING, **true)
+        self.rig = VirtualRig(wired, self.simulator, None, really, directions_proven=True, load_cells_measured=True)
         self.loop = Headless(self.rig, PARAMETERS, tuning)
         self.ends: list[str] = []
         self.loop.listen(self._hear)
@@ -72,7 +72,7 @@ class Bench:
         self.loop.close()
         at_rest = rows[rows[:, INDEX["mode"]] != MODE_CODE[Mode.IDENTIFY]]
         assert not at_rest[:, [INDEX["u_A"], INDEX["u_B"]]].any()
-        return rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]]
+        return np.asarray(rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]])
 
 
 @pytest.mark.parametrize(("position", "start"), [(0.5, -0.2), (-0.4, 0.1), (0.5, 0.52)])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from backend.loop.commands import Inject, ProgramEnded, Refused, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
@@ -25,7 +26,7 @@ def identify(bench: BenchTop, program: Program) -> np.ndarray:
     assert not isinstance(bench.send(RunProgram(program, run=5)), Refused)
     while bench.loop.mode is Mode.IDENTIFY:
         bench.advance(0.1)
-    identified = bench.column("mode") == MODE_CODE[Mode.IDENTIFY]
+    identified: NDArray[np.bool_] = bench.column("mode") == MODE_CODE[Mode.IDENTIFY]
     assert set(bench.column("run")[identified]) == {5.0}
     return identified
 

@@ -34,7 +34,8 @@ def test_hard_stop_is_zero_volts_in_the_next_tick_and_latched(ideal: PlantParame
     assert bench.column("u_B", last=10).tolist() == [0.0] * 10
     proof = next(event for event in bench.events if isinstance(event, Stopped))
     assert proof.zero_tick - proof.arrived_tick <= 2
-    assert bench.loop.mode is Mode.TRIPPED
+    stopped = bench.loop.mode
+    assert stopped is Mode.TRIPPED
     assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Refused)
     assert isinstance(bench.send(Reset()), Accepted)
     assert bench.loop.mode is Mode.OFF

@@ -79,7 +79,8 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
             await asyncio.sleep(0)
             time.sleep(0.3)
             assert isinstance(await asked, Refused)
-        assert supervisor.alive
+        was_alive = supervisor.alive
+        assert was_alive
 
         (first,) = loop_processes()
         card = supervisor.card

@@ -108,8 +108,8 @@ class _Finder:
                 old, new = _ARITHMETIC[type(op)]
                 yield from self._operator(_end(self, target), _start(self, value), f"{old}=", (f"{new}=",))
             case ast.Compare(left=left, ops=ops, comparators=comparators):
-                for before, op, after in zip([left, *comparators], ops, comparators, strict=False):
-                    old, others = _COMPARISONS[type(op)]
+                for before, compared, after in zip([left, *comparators], ops, comparators, strict=False):
+                    old, others = _COMPARISONS[type(compared)]
                     yield from self._operator(_end(self, before), _start(self, after), old, others)
             case ast.BoolOp(op=joined, values=values):
                 old, new = _JOINED[type(joined)]
@@ -123,6 +123,8 @@ class _Finder:
             case ast.Constant(value=int() | float() as value):
                 old = ast.get_source_segment(self._text, node) or ""
                 yield self._mutant(_start(self, node), old, repr(value + 1))
+            case _:
+                pass  # nothing that computes
 
     def _operator(self, begin: Place, end: Place, old: str, others: tuple[str, ...]) -> Iterator[Mutant]:
         """Change the operator between two operands; parentheses may stand there too."""

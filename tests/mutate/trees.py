@@ -96,7 +96,7 @@ class Tree:
         target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
         for sources in ("plant", "backend/controllers", "backend/identification", "backend/tuning", "backend/loop"):
             old, new = (
-                folder / _CacheLocator.get_suitable_cache_subpath(str(tree.root / sources / "any.py"))
+                folder / _CacheLocator.get_suitable_cache_subpath(str(tree.root / sources / "any.py"))  # type: ignore[no-untyped-call]  # private of numba
                 for tree, folder in ((base, code_of_base), (self, target))
             )
             untouched = [f.stem for f in (self.root / sources).glob("*.py") if f"{sources}/{f.name}" not in touched]

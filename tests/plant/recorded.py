@@ -37,8 +37,12 @@ def columns_of(bench: BenchTop) -> Columns:
     return {name: rows[:, INDEX[name]] for name in NAMES}
 
 
+def _jump(bench: BenchTop) -> None:
+    bench.send(Inject(JUMP))
+
+
 def trip_recorded(parameters: PlantParameters, file: Path, seed: int = 0) -> BenchTop:
     """Record the session with a load cell that jumps."""
-    bench = session(parameters, Simulator(parameters, seed), lambda bench: bench.send(Inject(JUMP)))
+    bench = session(parameters, Simulator(parameters, seed), _jump)
     file.write_bytes(to_csv(columns_of(bench)))
     return bench

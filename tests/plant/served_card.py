@@ -14,7 +14,7 @@ from plant.in_process import CardError, UnknownCallError
 from plant.virtual_card import VirtualCard
 
 
-class _Service(grpc.GenericRpcHandler):
+class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]  # gRPC has no types
     """Answers each call by the card's own, ``delay_s`` later."""
 
     def __init__(self, card: VirtualCard, delay_s: float) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> 
             F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
             reached.append(F_A)
         own = solve_ivp(
-            lambda t, y, u_A=u_A, u_B=u_B, tau_ext=tau_ext: own_rate(parameters, u_A, u_B, tau_ext, t, y),
+            partial(own_rate, parameters, u_A, u_B, tau_ext),
             (0.0, ticks * T_s), own, method="LSODA", rtol=1e-9, atol=1e-11, max_step=2e-3,
         ).y[:, -1]  # fmt: skip
         assert np.array(x) == pytest.approx(own, rel=1e-4, abs=1e-4)

@@ -150,12 +150,13 @@ def test_at_its_end_the_loop_trips_once_with_the_reason_and_a_reset_plays_it_aga
 def test_what_a_recording_cannot_do_is_refused(columns: Columns, tmp_path: Path) -> None:
     plant = played(columns, tmp_path)
     before: Measurement = plant.read()
-    for attempt, said in (
+    attempts: tuple[tuple[Callable[[], object], str], ...] = (
         (lambda: plant.push(1.0), "pushed"),
         (lambda: plant.load(NO_LOAD), "loaded"),
         (lambda: plant.inject(None), "broken"),
         (lambda: plant.zero(0.0, 0.0, 0.0), "zeros"),
-    ):
+    )
+    for attempt, said in attempts:
         with pytest.raises(PlantError, match=said):
             attempt()
     assert plant.read()[:5] == before[:5]

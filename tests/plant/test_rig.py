@@ -252,18 +252,20 @@ def test_a_running_watchdog_is_stopped_before_it_is_started_and_looked_at_only_w
     registers = Card.create()
     daq = Daq(WIRING, VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers, has_clock=False).options)
     daq.open()
-    assert not daq.expired
+    at_first = daq.expired
+    assert not at_first
     daq.start_watchdog()
     daq.enable(on=True)
     daq.start_watchdog()
-    assert daq.enabled
+    started = daq.enabled
+    assert started
     registers.expire()
-    assert daq.expired
-    assert not daq.enabled
+    assert (daq.expired, daq.enabled) == (True, False)
     with pytest.raises(PlantError, match="-200678"):
         daq.enable(on=True)
     daq.start_watchdog()
-    assert not daq.enabled
+    started_anew = daq.enabled
+    assert not started_anew
     daq.enable(on=True)
     assert daq.enabled
     daq.close()

@@ -53,8 +53,8 @@ def test_loads_with_tendons_and_friction_agree_with_an_independent_integration()
     for loads in (ShaftLoad(LOAD_NM, 0.1), NO_LOAD, ShaftLoad(0.0, LOAD_NM)):
         for _ in range(300):
             x = advance(p.dynamics(), x, 3.0, 2.0, 0.0, T_s, SUBSTEPS, loads)
-        own = solve_ivp(loaded, (0.0, 0.3), own, args=(loads,), method="LSODA", rtol=1e-9, atol=1e-11, max_step=2e-3)
-        own = own.y[:, -1]
+        end = solve_ivp(loaded, (0.0, 0.3), own, args=(loads,), method="LSODA", rtol=1e-9, atol=1e-11, max_step=2e-3)
+        own = end.y[:, -1]
         assert np.array(x) == pytest.approx(own, rel=1e-4, abs=1e-4)
 
 

@@ -20,7 +20,7 @@ class Writer:
     def write(self, count: int, run: int = 0, fault: int = 0) -> Rows:
         """Append samples and return them [count, WIDTH]."""
         ticks = self.ring.count + np.arange(count)
-        rows = np.sin(ticks[:, None] * 1e-3 + np.arange(WIDTH))
+        rows: NDArray[np.float64] = np.sin(ticks[:, None] * 1e-3 + np.arange(WIDTH))
         rows[:, INDEX["tick"]] = ticks
         rows[:, INDEX["t"]] = ticks * 1e-3
         rows[:, INDEX["run"]] = run

@@ -34,6 +34,6 @@ def test_parquet_carries_units() -> None:
 
 
 def test_mat_opens_with_units_beside_the_signals() -> None:
-    content = loadmat(io.BytesIO(to_mat(COLUMNS)), simplify_cells=True)
+    content = loadmat(io.BytesIO(to_mat(COLUMNS)), simplify_cells=True)  # type: ignore[arg-type]  # the stubs know paths only
     np.testing.assert_allclose(content["q"], COLUMNS["q"])
     assert content["units"]["theta_A"] == "rad"

@@ -130,7 +130,8 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
     saved = Drawn.savefig
 
     def looked_at(self: Drawn, *args: Any, **how: Any) -> None:
-        seen.update({axis.get_ylabel(): float(axis.lines[1].get_ydata()[-1]) for axis in self.axes if axis.lines[1:]})
+        ends = {axis.get_ylabel(): np.asarray(axis.lines[1].get_ydata())[-1] for axis in self.axes if axis.lines[1:]}
+        seen.update({label: float(end) for label, end in ends.items()})
         saved(self, *args, **how)
 
     monkeypatch.setattr(Drawn, "savefig", looked_at)

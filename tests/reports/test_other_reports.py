@@ -94,7 +94,7 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     assert tracked.result is not None
     sequence = Source(
-        replace(tracked.run, kind="sequence"), replace(tracked.result, criteria=[]), tracked.columns, None
+        replace(tracked.run, kind="sequence"), replace(tracked.result, criteria=()), tracked.columns, None
     )
     report = build_report(sequence)
     assert (report.title, report.outcome) == ("Own sequence", "neutral")

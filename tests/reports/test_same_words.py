@@ -1,5 +1,6 @@
 """What a run came to is one sentence, and a missing figure has one reason: in report, interface and metrics file."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -20,7 +21,7 @@ def failed() -> Source:
     return source_of(columns)
 
 
-SOURCES = {
+SOURCES: dict[str, Callable[[], Source]] = {
     "passed": lambda: source_of(samples(PLAN)),
     "failed": failed,
     "not measured": lambda: source_of(samples(PLAN, lam_q=3.0)),

@@ -25,7 +25,7 @@ def exact_loop(omega: np.ndarray, lam: float, tau_e: float) -> np.ndarray:
     process = K_m / (images * (T_m * images + 1.0) * (tau_e * images + 1.0))
     held = (process * (1.0 - np.exp(-images * T_s)) / (images * T_s)).sum(axis=1)
     filtered = (1.0 - np.exp(-T_s / t_f)) / (1.0 - np.exp(-T_s / t_f) / z)
-    return held * (filtered * (k_p + k_i * T_s / (z - 1.0)) + k_d / t_f * (1.0 - filtered))
+    return np.asarray(held * (filtered * (k_p + k_i * T_s / (z - 1.0)) + k_d / t_f * (1.0 - filtered)))
 
 
 @pytest.mark.parametrize(("lam", "M_s"), [(0.0854, 1.413), (0.05, 1.512), (0.0258, 1.725)])
@@ -69,7 +69,7 @@ def test_a_motor_without_a_robust_lambda_is_refused(T_m: float, words: str) -> N
 @pytest.mark.parametrize("offset", [-0.04, 0.0, 0.03, 0.049])
 def test_a_peak_between_grid_points_is_found(offset: float) -> None:
     sensitivity = 2.0 - 0.8 * (np.arange(-0.5, 0.6, 0.1) + offset) ** 2
-    assert peak(1.0 / sensitivity.astype(complex) - 1.0) == pytest.approx(2.0, rel=1e-12)
+    assert peak(np.asarray(1.0 / sensitivity.astype(complex) - 1.0, dtype=complex)) == pytest.approx(2.0, rel=1e-12)
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,9 @@ class TwoSprings:
     def read(self) -> Measurement:
         """Return what sensors would say."""
         F_A, F_B = self._tensions()
+        theta_A, theta_B = self._theta
         return Measurement(
-            self._q, *self._theta, F_A, F_B, S_true=float("nan"), F_push=0.0, safety_trip=float(self._tripped)
+            self._q, theta_A, theta_B, F_A, F_B, S_true=float("nan"), F_push=0.0, safety_trip=float(self._tripped)
         )
 
     def write(self, command: MotorCommand) -> None:

@@ -100,19 +100,18 @@ async def _messages(
 
 
 def _message(chance: random.Random) -> str | bytes:
-    return chance.choice(
-        [
-            SHARE,
-            SHARE.replace(b"Request", b"Request" + b"\x00"),
-            chance.randbytes(chance.randint(0, 2000)),
-            b"\x81\xa4type",
-            b"\xdf\xff\xff\xff\xff",  # a map of four thousand million entries, says its beginning
-            b"\x91" * 5000,
-            "",
-            "{",
-            '{"id": 1e999}',
-            '{"kind": "ping", "id": -1, "control": "\\ud800"}',
-            "[" * 20_000,
-            "x" * 500_000,
-        ]
-    )
+    messages: list[str | bytes] = [
+        SHARE,
+        SHARE.replace(b"Request", b"Request" + b"\x00"),
+        chance.randbytes(chance.randint(0, 2000)),
+        b"\x81\xa4type",
+        b"\xdf\xff\xff\xff\xff",  # a map of four thousand million entries, says its beginning
+        b"\x91" * 5000,
+        "",
+        "{",
+        '{"id": 1e999}',
+        '{"kind": "ping", "id": -1, "control": "\\ud800"}',
+        "[" * 20_000,
+        "x" * 500_000,
+    ]
+    return chance.choice(messages)

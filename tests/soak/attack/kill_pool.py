@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import httpx
 from rich.console import Console
@@ -131,7 +132,7 @@ def _evaluated(bench: Bench, loop: Loop, tally: Tally, disturb: Callable[[], Non
     be_off(bench, loop)
     run = int(bench.client.post("/api/experiments", json=sequence(0.4, 0.4)).raise_for_status().json()["id"])
 
-    def experiment() -> dict:
+    def experiment() -> dict[str, Any]:
         return dict(bench.client.get(f"/api/experiments/{run}").raise_for_status().json())
 
     disturb()

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from rich.console import Console
 
@@ -52,13 +53,18 @@ def parts(chosen: Iterable[str]) -> dict[str, Part]:
     shares = {name: share for name, (share, _) in KILLS.items() if name in chosen} or dict.fromkeys(KILLS, 1)
     made: dict[str, Part] = {"crowds": lambda given, console: under_load(given.presses, given.sockets, console)}
     for name, (share, kill) in KILLS.items():
-        portion = share / sum(shares.values())
-        made[name] = lambda given, console, kill=kill, portion=portion: kill(
-            max(1, round(given.kills * portion)), console
-        )
+        made[name] = partial(_killing, kill, share / sum(shares.values()))
     for name, attack in TURNS.items():
-        made[name] = lambda given, console, attack=attack: attack(given.turns, console)
+        made[name] = partial(_in_turns, attack)
     return made
+
+
+def _killing(kill: Callable[[int, Console], bool], portion: float, given: argparse.Namespace, console: Console) -> bool:
+    return kill(max(1, round(given.kills * portion)), console)
+
+
+def _in_turns(attack: Callable[[int, Console], bool], given: argparse.Namespace, console: Console) -> bool:
+    return attack(given.turns, console)
 
 
 NAMES = ("crowds", *KILLS, *TURNS)

@@ -39,11 +39,13 @@ class _Sockets:
             # A file that polls tells at once of what was closed, so the pause paces what is opened again.
             time.sleep(LOOK_S)
             for key, _ in self._selector.select(0.0):
+                assert isinstance(key.fileobj, socket.socket)
                 self._heard(key.fileobj)
             now = time.monotonic()
             if now - dripped > DRIP_S:
                 dripped = now
-                self.drip([key.fileobj for key in list(self._selector.get_map().values())])
+                held = [key.fileobj for key in list(self._selector.get_map().values())]
+                self.drip([one for one in held if isinstance(one, socket.socket)])
             if self._signals.now.value >= self._count or now - begun > GATHERED_S:
                 self._signals.there.set()
 

@@ -1,7 +1,7 @@
 """Busy viewers: each reads the live stream and asks for one page after another."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Coroutine, Sequence
 
 import httpx
 from websockets.asyncio.client import connect
@@ -28,7 +28,7 @@ async def _all(signals: Signals, url: str, headers: dict[str, str], count: int) 
     await asyncio.gather(*viewers, return_exceptions=True)
 
 
-def _viewer(signals: Signals, url: str, headers: dict[str, str]) -> Sequence:
+def _viewer(signals: Signals, url: str, headers: dict[str, str]) -> Sequence[Coroutine[object, object, None]]:
     return _watch(signals, url.replace("http", "ws") + "/api/live", headers), _ask(signals, url, headers)
 
 

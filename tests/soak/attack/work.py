@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from tests.soak.attack.processes import WATCHDOG, named
 from tests.soak.attack.stop_button import rest, wind_up
@@ -137,6 +138,6 @@ def must_be_well(bench: Bench, tally: Tally, after: str, within_s: float = ENDED
         tally.lost(True, f"after {after}: {'; '.join(_bad(bench.state()))}")
 
 
-def _bad(state: dict) -> list[str]:
+def _bad(state: dict[str, Any]) -> list[str]:
     links = [f"{link['name']} {link['says']}" for link in state["chain"] if not link["good"]]
     return links + list(state["problems"])
