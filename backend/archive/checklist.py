@@ -96,8 +96,8 @@ def _bank(
 def _replaces(one: Identification, source: Identification) -> bool:
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
-    a, b = one.model.get("S_nominal"), source.model.get("S_nominal")
-    return isinstance(a, float) and isinstance(b, float) and abs(a - b) < NEAR
+    a, b = one.early_model.S_nominal, source.early_model.S_nominal
+    return a is not None and b is not None and abs(a - b) < NEAR
 
 
 def _experiment(run: Run | None, in_use: int | None) -> ChecklistStep:

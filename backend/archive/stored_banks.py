@@ -9,7 +9,6 @@ from backend.archive import views
 from backend.experiments.banks import bank_building, bank_files
 from backend.experiments.banks.bank_consistency import MODEL_NAMES
 from backend.experiments.banks.bank_difference import difference, figures_of_all, with_entries
-from backend.identification.actuator import joint_method
 from backend.messages.bank import (
     BankDetail,
     BankDifference,
@@ -23,7 +22,7 @@ from backend.messages.bank import (
 )
 from backend.offload import Offload
 from backend.storage import Database, Session, banks, identifications, runs
-from backend.storage.bank_entry import fits_of
+from backend.storage.bank_entry import fits_of, method_of
 from backend.storage.banks import Bank, BankEntry
 from backend.tuning.models import Lambdas
 from backend.tuning.preview import Previewer
@@ -179,7 +178,7 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         stiffness=fits["G_S"],
         identification=found.run_id,
         estimate=found.id,
-        method=joint_method({name: found.model.get(name, {}).get("method", found.method) for name in ("G_q", "G_S")}),
+        method=method_of(found),
         verdict=found.verdict,
         run=found.run_id,
         created=found.created_at,

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from backend import __version__
 from backend.archive import views
+from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.experiments.results.spring_identification import from_table
 from backend.messages.curves import IdentificationCurves
@@ -63,7 +64,15 @@ class StoredIdentifications:
         with self._database.reading() as session:
             estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
             found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
-            return [views.identification_view(run, estimates.get(run.id), self._progress(run)) for run in found]
+            return [self._listed(run, estimates.get(run.id)) for run in found]
+
+    def _listed(self, run: Run, estimate: Identification | None) -> IdentificationView:
+        """Return a run as the list shows it: one that cannot be read says so, and the others are there."""
+        try:
+            return views.identification_view(run, estimate, self._progress(run))
+        except UnreadableDocumentError as error:
+            view = views.identification_view(run, None, self._progress(run))
+            return view.model_copy(update={"message": str(error)})
 
     def _identification(self, run_id: int) -> IdentificationView:
         with self._database.reading() as session:

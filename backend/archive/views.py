@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documents.actuator import ChannelName
+from backend.documents.edge import UnreadableDocumentError
+from backend.documents.motor import Fitted, Pair
+from backend.documents.motor_grade import grade_of
 from backend.documents.result import Criterion as Judged
 from backend.experiments.results.used_settings import used_settings
-from backend.identification.motor import grade_of
-from backend.identification.result import Grade
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.messages.flight import FlightView
@@ -35,6 +37,7 @@ from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import Run
 from plant.interface import T_s
+from plant.parameter_sections import SIDES
 
 _UNITS = {field.name: field.unit for field in STORED}
 
@@ -98,7 +101,7 @@ def identification_view(run: Run, estimate: Identification | None, progress: flo
         created=run.started_at,
         progress=progress,
         tension_N=plan.get("tension_N"),
-        S_nominal=None if actuator is None else actuator.model["S_nominal"],
+        S_nominal=None if actuator is None else actuator.actuator.model.S_nominal,
         settings={**plan, **run.settings.get("loop", {})},
         estimate=None if estimate is None else estimate.id,
         usable=estimate is not None and estimate.usable,
@@ -114,8 +117,8 @@ def spring_table_view(found: Identification) -> SpringTableView:
     """Return a spring that was identified from a table."""
     return SpringTableView(
         id=found.id,
-        file=found.data["file"],
-        sha256=found.data["sha256"],
+        file=found.table.file,
+        sha256=found.table.sha256,
         created=found.created_at,
         who=found.who,
         usable=found.usable,
@@ -213,58 +216,69 @@ def _message(run: Run, result: Result | None) -> str:
     return run.end_detail or ("" if result is None else result.metrics.problem)
 
 
-def _model_view(estimate: Identification, channel: str) -> ModelView:
-    model, quality = estimate.model[channel], estimate.quality[channel]
+def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
+    channel = estimate.actuator.channel(name)
+    model, quality = channel.model, channel.quality
     return ModelView(
-        structure=model["structure"],
-        method=model["method"],
-        parameters=model["parameters"],
-        std_errors=model["std_errors"],
-        fit_percent=quality["fit_percent"],
-        gain_geometry=quality["gain_geometry"],
-        K=model["first_order"]["K"],
-        T=model["first_order"]["T"],
-        grade=Grade(quality["grade"]),
-        usable=quality["usable"],
-        verdict=quality["verdict"],
+        structure=model.structure,
+        method=estimate.method if model.method is None else model.method,
+        parameters=model.parameters,
+        std_errors=model.std_errors,
+        fit_percent=quality.fit_percent,
+        gain_geometry=_needed(quality.gain_geometry, estimate, "gain_geometry"),
+        K=model.first_order.K,
+        T=model.first_order.T,
+        grade=quality.grade,
+        usable=quality.usable,
+        verdict=quality.verdict,
     )
 
 
 def _motors(estimate: Identification) -> list[MotorView]:
     views = []
-    for side in ("A", "B"):
-        model, quality = estimate.model[side], estimate.quality[side]
-        fitted, errors = dict(model["parameters"]), dict(model["std_errors"])
+    for side in SIDES:
+        found = estimate.motors.side(side)
+        model, quality = found.model, found.quality
         views.append(
             MotorView(
                 side=side,
-                u_c=fitted.pop("u_c"),
-                u_c_std=errors.pop("u_c"),
-                fitted=MotorEstimate(**fitted),
-                std_errors=MotorEstimate(**errors),
-                rule_mean=MotorEstimate(**model["rule_mean"]),
-                rule_spread=MotorEstimate(**model["rule_spread"]),
-                before=MotorEstimate(**model["before"]),
-                rms_counts=quality["rms_counts"],
-                refused=[f"{item['voltage']:g} V: {item['reason']}" for item in quality["refused"]],
-                grade=grade_of(model, quality),
-                verdict=quality["verdict"],
+                u_c=_needed(model.parameters.u_c, estimate, "u_c"),
+                u_c_std=_needed(model.std_errors.u_c, estimate, "std_errors.u_c"),
+                fitted=_motor_estimate(model.parameters, estimate),
+                std_errors=_motor_estimate(model.std_errors, estimate),
+                rule_mean=_motor_estimate(model.rule_mean, estimate),
+                rule_spread=_motor_estimate(model.rule_spread, estimate),
+                before=_motor_estimate(model.before, estimate),
+                rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
+                refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
+                grade=grade_of(found),
+                verdict=quality.verdict,
             )
         )
     return views
+
+
+def _motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
+    return MotorEstimate(K_m=_needed(found.K_m, estimate, "K_m"), T_m=_needed(found.T_m, estimate, "T_m"))
+
+
+def _needed(value: float | None, estimate: Identification, name: str) -> float:
+    if value is None:
+        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no figure for {name}")
+    return value
 
 
 def _springs(estimate: Identification) -> list[SpringView]:
     return [
         SpringView(
             name=name,
-            recommended=model["recommended"],
-            reason=model["reason"],
-            pairs=estimate.quality[name]["pairs"],
-            hysteresis_N=estimate.quality[name]["hysteresis_N"],
-            fits=[SpringFitView(**fit) for fit in model["fits"]],
+            recommended=found.model.recommended,
+            reason=found.model.reason,
+            pairs=found.quality.pairs,
+            hysteresis_N=found.quality.hysteresis_N,
+            fits=[SpringFitView(**asdict(fit)) for fit in found.model.fits],
         )
-        for name, model in estimate.model.items()
+        for name, found in estimate.springs.items()
     ]
 
 

@@ -191,7 +191,8 @@ def _change(old: float | str | None, new: float | str | None) -> str:
 
 
 def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
-    from backend.storage.bank_entry import CHANNELS, name_of_entry
+    from backend.documents.actuator import CHANNELS
+    from backend.storage.bank_entry import name_of_entry
 
     if as_json:
         document = asdict(bank)

@@ -166,7 +166,7 @@ def _identify_table(table: Path, settings: Settings, *, as_json: bool) -> None:
     if as_json:
         print_json(asdict(found))
         return
-    fits = found.model["table"]["fits"]
-    rows = [(fit["order"], fit["rms_N"], fit["max_N"], fit["cross_validation_N"]) for fit in fits]
+    fits = found.springs["table"].model.fits
+    rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
     print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {found.id}")
     screen.print(found.verdict, highlight=False, markup=False)

@@ -1,7 +1,6 @@
 """``sinew identify data``: a record from elsewhere through the same estimators."""
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -195,7 +194,7 @@ def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -
 def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
     from backend.identification.residuals import judged
 
-    return f"{good if test.passed else bad}: {judged(asdict(test)).sentence}"
+    return f"{good if test.passed else bad}: {judged(test).sentence}"
 
 
 def _friction(found: "Estimate") -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ the first when it is read. One that is broken, or of a newer version, is refused
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from typing import Any, Generic, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
@@ -15,6 +15,8 @@ from pydantic_core import ErrorDetails
 
 Document = dict[str, Any]
 T = TypeVar("T")
+ABSENT = {"absent": True}
+"""Metadata of a part that a document may not have: None, and then not written."""
 
 
 class UnreadableDocumentError(Exception):
@@ -31,7 +33,6 @@ class Edge(Generic[T]):
 
     ``what`` names it in a sentence, ``version`` is the one that is written, 0 for parts of a document that tells it.
     ``brought_up`` makes a document without a version one of the first; what is no such document it leaves alone.
-    ``left_out`` names parts that are not written where they are None.
     """
 
     def __init__(
@@ -40,13 +41,11 @@ class Edge(Generic[T]):
         what: str,
         version: int,
         brought_up: Callable[[Any], Any] = unchanged,
-        left_out: tuple[str, ...] = (),
     ) -> None:
         self._adapter: TypeAdapter[T] = TypeAdapter(form)
         self._what = what
         self._version = version
         self._brought_up = brought_up
-        self._left_out = left_out
 
     def read(self, document: Any, of: str) -> T:
         """Return what a document of ``of``, "run 12", says. Raises UnreadableDocumentError."""
@@ -65,16 +64,12 @@ class Edge(Generic[T]):
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(str(part) for part in first["loc"])
-            field = f", field {place}" if place else ""
-            raise UnreadableDocumentError(f"{of}: {self._what} cannot be read{field}: {_told(first)}") from None
+            at = f", field {place}" if place else ""
+            raise UnreadableDocumentError(f"{of}: {self._what} cannot be read{at}: {_told(first)}") from None
 
     def write(self, value: T) -> Any:
         """Return the document that says it, with null for nan and infinity, which JSON does not have."""
-        document = _ready(value)
-        for name in self._left_out:
-            if document[name] is None:
-                del document[name]
-        return document
+        return _ready(value)
 
 
 def _told(error: ErrorDetails) -> str:
@@ -84,6 +79,10 @@ def _told(error: ErrorDetails) -> str:
     return error["msg"].replace("Input should be ", "it should be ").removeprefix("Value error, ")
 
 
+def _is_left_out(value: Any, item: "Field[Any]") -> bool:
+    return item.metadata == ABSENT and getattr(value, item.name) is None
+
+
 def json_ready(document: Mapping[str, Any]) -> Document:
     """Return the same document with null for nan and infinity, which JSON does not have."""
     return {name: _ready(value) for name, value in document.items()}
@@ -91,7 +90,8 @@ def json_ready(document: Mapping[str, Any]) -> Document:
 
 def _ready(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
-        return _ready(asdict(value))
+        parts = {item.name: getattr(value, item.name) for item in fields(value) if not _is_left_out(value, item)}
+        return json_ready(parts)
     if isinstance(value, Mapping):
         return json_ready(value)
     if isinstance(value, list | tuple):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from backend.documents.edge import Edge
+from backend.documents.edge import ABSENT, Edge
 
 VERSION = 1
 OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
@@ -89,7 +89,7 @@ class Metrics:
     played_s: float
     planned_s: float
     figures: tuple[Figure, ...] = ()
-    steps: tuple[StepFigures, ...] | None = None
+    steps: tuple[StepFigures, ...] | None = field(default=None, metadata=ABSENT)
     phases: tuple[Phase, ...] = ()
     missing_samples: int | None = None
     problem: str = ""
@@ -117,5 +117,5 @@ def _with_reason(item: Any, measured: str) -> Any:
     return {**item, "reason": OLDER if item.get(measured) is None else ""}
 
 
-METRICS: Edge[Metrics] = Edge(Metrics, "its result", VERSION, _metrics_with_reasons, left_out=("steps",))
+METRICS: Edge[Metrics] = Edge(Metrics, "its result", VERSION, _metrics_with_reasons)
 CRITERIA: Edge[tuple[Criterion, ...]] = Edge(tuple[Criterion, ...], "its criteria", 0, _criteria_with_reasons)

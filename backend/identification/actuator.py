@@ -141,13 +141,6 @@ def _by_arx(record: Record) -> Estimate | str:
         return str(error)
 
 
-def joint_method(methods: Mapping[str, str]) -> str:
-    """Name the estimators that ran, by channel; once where they are the same."""
-    if len(set(methods.values())) == 1:
-        return next(iter(methods.values()))
-    return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
-
-
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
     """Take the worse grade, with the reasons of those that have it: praise of the other one would hide them."""
     named = {"G_q": G_q, "G_S": G_S}

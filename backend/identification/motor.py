@@ -6,9 +6,8 @@ of the voltage that only overcomes dry friction. After a step from rest, with v 
     theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -232,15 +231,6 @@ def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, mi
 def spread_percent(K_m: float, T_m: float, std_K_m: float, std_T_m: float) -> float:
     """How well K_m and T_m are known [%]; NaN where that could not be had."""
     return float(100.0 * np.max([std_K_m / abs(K_m), std_T_m / abs(T_m)]))
-
-
-def grade_of(model: Mapping[str, Any], quality: Mapping[str, Any]) -> Grade:
-    """Return the grade of one motor as stored; where it was stored without, what its figures say."""
-    if "grade" in quality:
-        return Grade(quality["grade"])
-    fitted, std = model["parameters"], model["std_errors"]
-    spread = spread_percent(fitted["K_m"], fitted["T_m"], std["K_m"], std["T_m"])
-    return judge_motor(fitted["K_m"], fitted["T_m"], spread, quality["rms_counts"], 0.0)
 
 
 def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit_percent: float) -> Verdict:

@@ -4,9 +4,9 @@ Both look at the largest of many correlations, each in units of its own standard
 for all of them together (Bonferroni) whether chance alone makes one that large.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,20 +73,36 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
     return _tested(lags * period_s, cross / size, deviation)
 
 
-def judged(test: Mapping[str, Any]) -> Judged:
+class KeptTest(Protocol):
+    """A test as it was made, or as it is stored; older documents hold one lag's 99 % ``band`` instead of the bound."""
+
+    @property
+    def correlation(self) -> Sequence[float | None]:
+        """Correlations, lag by lag."""
+
+    @property
+    def bound(self) -> Sequence[float | None] | None:
+        """Their bounds."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether none leaves its bound."""
+
+
+def judged(test: KeptTest) -> Judged:
     """Return what a stored test asked and found; older documents hold one lag's 99 % band instead."""
-    correlation = np.array(test["correlation"], dtype=float)
+    correlation = np.array(test.correlation, dtype=float)
     critical = _critical(correlation.size)
-    if "bound" in test:
-        bound = np.array(test["bound"], dtype=float)
+    if test.bound is not None:
+        bound = np.array(test.bound, dtype=float)
     else:
-        bound = np.array(test["band"], dtype=float) * critical / _critical(1)
+        bound = np.array(getattr(test, "band", None), dtype=float) * critical / _critical(1)
     return Judged(
         lags=correlation.size,
         statistic=float(np.max(np.abs(correlation) / bound)) * critical,
         critical=critical,
         bound=tuple(bound.tolist()),
-        passed=bool(test["passed"]),
+        passed=test.passed,
     )
 
 

@@ -1,5 +1,6 @@
 """What identification returns: plain data, JSON-ready through ``to_json``."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -143,6 +144,13 @@ class Grade(StrEnum):
 def worst(*grades: Grade) -> Grade:
     """Return the least of some grades."""
     return max(grades, key=list(Grade).index)
+
+
+def joint_method(methods: Mapping[str, str]) -> str:
+    """Name the estimators that ran, by channel; once where they are the same."""
+    if len(set(methods.values())) == 1:
+        return next(iter(methods.values()))
+    return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
 
 
 @dataclass(frozen=True)

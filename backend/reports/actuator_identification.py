@@ -1,12 +1,19 @@
 """The report of an actuator identification: the models, how far they can be trusted, and what the paper found."""
 
 from collections.abc import Mapping
-from typing import Any
 
-from backend.identification.actuator import joint_method
+from backend.documents.actuator import (
+    CHANNELS,
+    ArxEstimate,
+    Candidate,
+    Channel,
+    ChannelName,
+    FailedCandidate,
+    ResidualTests,
+)
 from backend.identification.published import TABLE_1
 from backend.identification.residuals import judged
-from backend.identification.result import Grade, worst
+from backend.identification.result import worst
 from backend.reading import told
 from backend.reports.document import (
     NO_FIGURE,
@@ -22,8 +29,8 @@ from backend.reports.document import (
     shown,
 )
 from backend.reports.identification_figures import (
-    CHANNELS,
     STEP_RAD,
+    WRITTEN,
     bode_panels,
     model_of,
     record_panels,
@@ -33,6 +40,7 @@ from backend.reports.identification_figures import (
 from backend.reports.judgement import OUTCOMES, measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
+from backend.storage.bank_entry import method_of
 from backend.storage.identifications import Identification
 
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
@@ -86,14 +94,15 @@ def actuator_identification_report(source: Source) -> Report:
 def _outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    return OUTCOMES[worst(*(Grade(found.quality[key]["grade"]) for key in CHANNELS))]
+    return OUTCOMES[worst(*(found.actuator.channel(key).quality.grade for key in CHANNELS))]
 
 
 def _point(found: Identification | None) -> tuple[Fact, ...]:
     if found is None:
         return ()
-    q, S = found.model["q_nominal"], found.model["S_nominal"]
-    return (Fact("Point", f"q = {q:.6g} rad, S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
+    q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
+    at = "" if q is None else f"q = {q:.6g} rad, "
+    return (Fact("Point", f"{at}S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
 
 
 def _models(found: Identification) -> Table:
@@ -109,7 +118,7 @@ def _models(found: Identification) -> Table:
         Column("Fit", "%"),
         Column("Residuals", number=False, wide=True),
     )
-    rows = tuple(_model_row(key, found.model[key], found.quality[key]) for key in CHANNELS)
+    rows = tuple(_model_row(key, found.actuator.channel(key)) for key in CHANNELS)
     return Table(
         "Transfer functions from θ_A,ref to q [rad/rad] and to S [N·m/rad per rad]: static gain K and sum of lags T "
         "with standard errors, gain against geometry, fit on unseen data. Residual tests: the largest correlation in "
@@ -119,24 +128,25 @@ def _models(found: Identification) -> Table:
     )
 
 
-def _model_row(key: str, model: Mapping[str, Any], quality: Mapping[str, Any]) -> tuple[str, ...]:
-    reduced, error = model["first_order"], quality["gain_error_percent"]
+def _model_row(key: str, channel: Channel) -> tuple[str, ...]:
+    model, quality = channel.model, channel.quality
+    reduced, error = model.first_order, quality.gain_error_percent
     return (
         key,
-        _structure(model["structure"]),
-        shown(reduced["K"], 4),
-        shown(reduced["K_std"], 2),
-        shown(quality["gain_geometry"], 4),
+        _structure(model.structure),
+        shown(reduced.K, 4),
+        shown(reduced.K_std, 2),
+        shown(quality.gain_geometry, 4),
         ("+" if error is not None and error > 0 else "") + shown(error, 2),
-        shown(reduced["T"]),
-        shown(reduced["T_std"], 2),
-        shown(quality["fit_percent"]),
-        _residuals(quality["residuals"]),
+        shown(reduced.T),
+        shown(reduced.T_std, 2),
+        shown(quality.fit_percent),
+        _residuals(quality.residuals),
     )
 
 
-def _residuals(tests: Mapping[str, Any]) -> str:
-    white, free = judged(tests["whiteness"]), judged(tests["input_correlation"])
+def _residuals(tests: ResidualTests) -> str:
+    white, free = judged(tests.whiteness), judged(tests.input_correlation)
     return (
         f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "
         f"{'free of' if free.passed else 'depend on'} input ({free.statistic:.1f} of {free.critical:.1f})"
@@ -145,10 +155,10 @@ def _residuals(tests: Mapping[str, Any]) -> str:
 
 def _figures(source: Source, found: Identification) -> tuple[Block, ...]:
     angles = source.angles
-    columns, start, period_s = source.columns, found.data["first_sample"], found.data["period_s"]
-    channels = {key: found.model[key] for key in CHANNELS}
+    columns, start, period_s = source.columns, found.actuator_record.first_sample, found.actuator_record.period_s
+    channels = {key: found.actuator.channel(key).model for key in CHANNELS}
     models = {key: model_of(channel) for key, channel in channels.items()}
-    residuals = {key: found.quality[key]["residuals"] for key in CHANNELS}
+    residuals = {key: found.actuator.channel(key).quality.residuals for key in CHANNELS}
     return (
         Figure(
             "record",
@@ -189,13 +199,18 @@ def _candidates(found: Identification) -> Table:
     )
     rows = []
     for key in CHANNELS:
-        for item in found.quality[key].get("candidates", ()):
-            figures = [shown(item.get(name), digits) for name, digits in (("K", 4), ("T", 3), ("fit_percent", 3))]
-            BIC = NO_FIGURE if item.get("BIC") is None else f"{item['BIC']:.0f}".replace("-", "−")
-            rows.append((key, _structure(item["structure"]), *figures, BIC, item["problem"] or item["grade"]))
+        for item in found.actuator.channel(key).quality.candidates:
+            rows.append((key, _structure(item.structure), *_tried(item)))
     return Table(
         "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)
     )
+
+
+def _tried(item: Candidate | FailedCandidate) -> tuple[str, ...]:
+    if isinstance(item, FailedCandidate):
+        return (*4 * (NO_FIGURE,), item.problem)
+    BIC = NO_FIGURE if item.BIC is None else f"{item.BIC:.0f}".replace("-", "−")
+    return (shown(item.K, 4), shown(item.T), shown(item.fit_percent), BIC, item.problem or item.grade)
 
 
 def _structure(name: str) -> str:
@@ -215,57 +230,57 @@ def _comparison(found: Identification, tension_N: float) -> Table:
         Column("T by ARX", "s"),
         Column("T table 1", "s"),
     )
-    arx = {key: found.quality[key].get("arx", {}) for key in CHANNELS}  # not in what earlier versions stored
-    rows = tuple(
-        (
-            key,
-            shown(found.model[key]["first_order"]["K"], 4),
-            shown(found.quality[key]["gain_geometry"], 4),
-            shown(arx[key].get("K"), 4),
-            shown(K, 4),
-            shown(found.model[key]["first_order"]["T"]),
-            shown(arx[key].get("T")),
-            shown(T),
-        )
-        for key, K, T in (("G_q", row.K_q, row.T_q), ("G_S", row.K_S, row.T_S))
-    )
+    paper = {"G_q": (row.K_q, row.T_q), "G_S": (row.K_S, row.T_S)}
+    channels = {key: found.actuator.channel(key) for key in CHANNELS}
+    rows = tuple(_compared(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
         f"First-order models beside the paper's table 1 at {exact(nearest)} N. By ARX: the paper's method, first order "
-        f"with a low-pass, on the same record, for comparison only. {_missing_arx(arx)}"
+        f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
     )
     return Table(title.strip(), columns, rows)
 
 
-def _missing_arx(arx: Mapping[str, Mapping[str, Any]]) -> str:
-    reasons = [f"{key}: {item.get('problem') or 'not computed then'}." for key, item in arx.items() if "K" not in item]
-    return " ".join(reasons)
+def _compared(key: str, channel: Channel, K: float, T: float) -> tuple[str, ...]:
+    first_order, arx = channel.model.first_order, channel.quality.arx
+    by_arx = (arx.K, arx.T) if isinstance(arx, ArxEstimate) else (None, None)
+    return (
+        key,
+        shown(first_order.K, 4),
+        shown(channel.quality.gain_geometry, 4),
+        shown(by_arx[0], 4),
+        shown(K, 4),
+        shown(first_order.T),
+        shown(by_arx[1]),
+        shown(T),
+    )
+
+
+def _missing_arx(channels: Mapping[ChannelName, Channel]) -> str:
+    found = {key: channel.quality.arx for key, channel in channels.items()}
+    missing = {key: arx for key, arx in found.items() if not isinstance(arx, ArxEstimate)}
+    return " ".join(f"{key}: {arx.problem if arx else 'not computed then'}." for key, arx in missing.items())
 
 
 def _data(found: Identification | None) -> tuple[Paragraph, ...]:
     if found is None:
         return ()
-    data = found.data
+    data = found.actuator_record
     text = (
-        f"Identification {found.run_id} used {data['samples']} samples at {exact(1e3 * data['period_s'])} ms, "
-        f"from sample {data['first_sample']} of that run on: input θ_A,ref, outputs q and S. Method: {_method(found)}."
+        f"Identification {found.run_id} used {data.samples} samples at {exact(1e3 * data.period_s)} ms, "
+        f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. Method: {method_of(found)}."
     )
     again = " ".join(f"{key}: {again_command(found, key)}" for key in CHANNELS)
     return (Paragraph(text), Paragraph(f"To compute it again from the run's data file. {again}"))
 
 
-def _method(found: Identification) -> str:
-    # The document's own method is that of G_q alone where it was stored before both were named.
-    return joint_method({key: found.model[key].get("method", found.method) for key in CHANNELS})
-
-
-def again_command(found: Identification, key: str) -> str:
+def again_command(found: Identification, key: ChannelName) -> str:
     """Return the command that estimates one channel anew from the exported samples, to the same figures and verdict."""
-    data, quality = found.data, found.quality[key]
-    known = {"--gain": quality["gain_geometry"], "--resolution": quality.get("y_resolution")}
+    data, channel = found.actuator_record, found.actuator.channel(key)
+    known = {"--gain": channel.quality.gain_geometry, "--resolution": channel.quality.y_resolution}
     words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
-    if "estimator" in found.options:  # earlier versions had one only
-        words.append(f"--method {found.options['estimator']}")
+    if (estimator := found.actuator_options.estimator) is not None:  # earlier versions had one only
+        words.append(f"--method {estimator}")
     return (
-        f"sinew identify data data.csv --input theta_A_ref --output {CHANNELS[key][0]} --period {data['period_s']:g}"
-        f" --skip {data['first_sample']} --structure {found.model[key]['structure']} {' '.join(words)}"
+        f"sinew identify data data.csv --input theta_A_ref --output {WRITTEN[key][0]} --period {data.period_s:g}"
+        f" --skip {data.first_sample} --structure {channel.model.structure} {' '.join(words)}"
     )

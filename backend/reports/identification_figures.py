@@ -11,6 +11,7 @@ from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 from scipy.signal import csd, detrend, step
 
+from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
 from backend.identification.residuals import judged
 from backend.identification.response import simulate
 from backend.identification.result import Model
@@ -32,9 +33,8 @@ from backend.reports.drawing import (
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Channel = Mapping[str, Any]
 
-CHANNELS = {"G_q": ("q", "$G_q$", "rad"), "G_S": ("S", "$G_S$", "N·m/rad")}
+WRITTEN: dict[ChannelName, tuple[str, str, str]] = {"G_q": ("q", "$G_q$", "rad"), "G_S": ("S", "$G_S$", "N·m/rad")}
 """Per transfer function: its output, how it is written, the output's unit."""
 
 STEP_RAD = {Angles.DEGREES: math.radians(10.0), Angles.RADIANS: 1.0}
@@ -47,13 +47,13 @@ _COHERENT = 0.9
 _OMEGA_MAX = 60.0
 
 
-def model_of(channel: Channel) -> Model:
+def model_of(channel: ChannelModel) -> Model:
     """Return the transfer function that was stored."""
-    return Model(channel["structure"], dict(channel["parameters"]))
+    return Model(channel.structure, channel.parameters)
 
 
 def record_panels(
-    columns: Columns, start: int, models: Mapping[str, Model], period_s: float, name: str, angles: Angles
+    columns: Columns, start: int, models: Mapping[ChannelName, Model], period_s: float, name: str, angles: Angles
 ) -> str:
     """Draw the excitation, both outputs with the models' simulation from rest, and the tensions."""
     begin = max(0, start - round(2.0 / period_s))
@@ -62,7 +62,7 @@ def record_panels(
     with figure(4, height_in=4.9, sharex=True, height_ratios=(2, 3, 3, 2)) as (drawn, axes):
         axes[0].plot(*thinned(t, in_unit(shown["theta_A_ref"], "rad", angles)), color=INK, linewidth=0.8)
         axes[0].set_ylabel(axis_label(r"$\theta_{A,ref}$", "rad", angles))
-        for row, (key, (output, label, unit)) in zip(axes[1:3], CHANNELS.items(), strict=True):
+        for row, (key, (output, label, unit)) in zip(axes[1:3], WRITTEN.items(), strict=True):
             simulated = simulated_from_rest(columns, start, output, models[key], period_s)
             read = partial(in_unit, unit=unit, angles=angles)
             row.plot(*thinned(t, read(shown[output])), color=COLOURS[output], label="measured")
@@ -80,15 +80,17 @@ def record_panels(
         return to_svg(drawn, name)
 
 
-def bode_panels(columns: Columns, start: int, channels: Mapping[str, Channel], period_s: float, name: str) -> str:
+def bode_panels(
+    columns: Columns, start: int, channels: Mapping[ChannelName, ChannelModel], period_s: float, name: str
+) -> str:
     """Draw magnitude and phase of both models, of their first-order reductions, and of the data themselves."""
     omega = np.geomspace(0.1, _OMEGA_MAX, 300)
     with figure(2, 2, height_in=3.4, sharex=True) as (drawn, axes):
         for (top, bottom), (key, (output, label, unit)), letters in zip(
-            axes.T, CHANNELS.items(), ("AC", "BD"), strict=True
+            axes.T, WRITTEN.items(), ("AC", "BD"), strict=True
         ):
-            model, first_order = model_of(channels[key]), channels[key]["first_order"]
-            reduced = first_order["K"] / (1j * omega * first_order["T"] + 1.0)
+            model, first_order = model_of(channels[key]), channels[key].first_order
+            reduced: Complex = np.asarray(first_order.K / (1j * omega * first_order.T + 1.0), dtype=np.complex128)
             seen, response = _frequency_response(columns, start, output, period_s)
             dots = {"marker": "o", "markersize": 2.0, "linestyle": "none"}
             _bode(top, bottom, seen, response, color=COLOURS[output], label="data", **dots)
@@ -104,14 +106,14 @@ def bode_panels(columns: Columns, start: int, channels: Mapping[str, Channel], p
         return to_svg(drawn, name)
 
 
-def step_panels(channels: Mapping[str, Channel], name: str, angles: Angles) -> str:
+def step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: Angles) -> str:
     """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
     with figure(1, 2, height_in=2.1) as (drawn, axes):
-        for panel, (key, (output, label, unit)), letter in zip(axes, CHANNELS.items(), "AB", strict=True):
-            model, first_order = model_of(channels[key]), channels[key]["first_order"]
-            t = np.linspace(0.0, 6.0 * first_order["T"], 400)
+        for panel, (key, (output, label, unit)), letter in zip(axes, WRITTEN.items(), "AB", strict=True):
+            model, first_order = model_of(channels[key]), channels[key].first_order
+            t = np.linspace(0.0, 6.0 * first_order.T, 400)
             _, y = step(([model.gain], model.denominator[::-1]), T=t)
-            reduced = first_order["K"] * (1.0 - np.exp(-t / first_order["T"]))
+            reduced = first_order.K * (1.0 - np.exp(-t / first_order.T))
             read = partial(in_unit, unit=unit, angles=angles)
             y, reduced = STEP_RAD[angles] * y, STEP_RAD[angles] * reduced
             panel.plot(t, read(y), color=COLOURS[output], label=label)
@@ -122,17 +124,27 @@ def step_panels(channels: Mapping[str, Channel], name: str, angles: Angles) -> s
         return to_svg(drawn, name)
 
 
-def residual_panels(residuals: Mapping[str, Mapping[str, Any]], name: str) -> str:
+def residual_panels(residuals: Mapping[ChannelName, ResidualTests], name: str) -> str:
     """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
-    tests = (("whiteness", "residual with itself"), ("input_correlation", "residual with input"))
+    tests = (
+        ("residual with itself", {key: found.whiteness for key, found in residuals.items()}),
+        ("residual with input", {key: found.input_correlation for key, found in residuals.items()}),
+    )
     with figure(2, 2, height_in=3.3, gap_in=(0.5, 0.6)) as (drawn, axes):
         letters = iter("ABCD")
-        for row, (test, title) in zip(axes, tests, strict=True):
-            for panel, (key, (output, label, _)) in zip(row, CHANNELS.items(), strict=True):
-                found = residuals[key][test]
-                lags, bound = np.array(found["lags_s"]), np.array(judged(found).bound)
+        for row, (title, found_in) in zip(axes, tests, strict=True):
+            for panel, (key, (output, label, _)) in zip(row, WRITTEN.items(), strict=True):
+                found = found_in[key]
+                lags, bound = np.array(found.lags_s), np.array(judged(found).bound)
                 panel.fill_between(lags, -bound, bound, color="#e3e3e3", linewidth=0.0)
-                panel.plot(lags, found["correlation"], color=COLOURS[output], linewidth=0.8, marker="o", markersize=1.5)
+                panel.plot(
+                    lags,
+                    np.array(found.correlation, dtype=float),
+                    color=COLOURS[output],
+                    linewidth=0.8,
+                    marker="o",
+                    markersize=1.5,
+                )
                 panel.axhline(0.0, color=LIMIT_GREY, linewidth=0.5)
                 panel.set(xlabel="lag [s]", ylabel="correlation")
                 panel.set_title(f"{label}: {title}", fontsize=7.5)

@@ -1,11 +1,9 @@
 """The report of a motor identification: both estimates of both motors, and how well they describe the steps."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from backend.identification.motor import grade_of
+from backend.documents.motor import MotorsFound, Pair
+from backend.documents.motor_grade import grade_of
 from backend.identification.result import worst
 from backend.reading import Angles
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
@@ -16,7 +14,7 @@ from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from plant.parameter_sections import SIDES
 
-PAPER = {"K_m": 2.86, "T_m": 0.22}
+PAPER = Pair(K_m=2.86, T_m=0.22)
 """The paper's motor: K_m [rad/(V·s)], T_m [s]."""
 
 _NOTES = (
@@ -35,11 +33,11 @@ def motor_identification_report(source: Source) -> Report:
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
-        tables: list[Block] = [_estimates(found.model), _rule(found.model), *_refused(found.quality)]
+        tables: list[Block] = [_estimates(found.motors), _rule(found.motors), *_refused(found.motors)]
         sections.append(Section("Motors", (*tables, *measured_figures(source))))
     sections.append(Section("How it was made", (settings_table(source), *_in_force(source))))
     if found is not None:
-        sections.append(Section("Figures", _figures(found.quality, source.angles)))
+        sections.append(Section("Figures", _figures(found.motors, source.angles)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
         title="Motor identification",
@@ -56,10 +54,10 @@ def motor_identification_report(source: Source) -> Report:
 def _outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    return OUTCOMES[worst(*(grade_of(found.model[side], found.quality[side]) for side in SIDES))]
+    return OUTCOMES[worst(*(grade_of(found.motors.side(side)) for side in SIDES))]
 
 
-def _estimates(model: Mapping[str, Any]) -> Table:
+def _estimates(motors: MotorsFound) -> Table:
     columns = (
         Column("Motor", number=False),
         Column("Estimate", number=False, wide=True),
@@ -72,46 +70,51 @@ def _estimates(model: Mapping[str, Any]) -> Table:
     )
     rows: list[tuple[str, ...]] = []
     for side in SIDES:
-        item = model[side]
-        fitted, std, mean, spread = (item[key] for key in ("parameters", "std_errors", "rule_mean", "rule_spread"))
+        item = motors.side(side).model
+        fitted, std, mean, spread = item.parameters, item.std_errors, item.rule_mean, item.rule_spread
         values = [
-            shown(part[name], digits) for name in ("K_m", "T_m", "u_c") for part, digits in ((fitted, 4), (std, 2))
+            text
+            for value, error in ((fitted.K_m, std.K_m), (fitted.T_m, std.T_m), (fitted.u_c, std.u_c))
+            for text in (shown(value, 4), shown(error, 2))
         ]
         rows.append((side, "least squares, standard errors", *values))
-        ruled = [shown(part[name], digits) for name in ("K_m", "T_m") for part, digits in ((mean, 4), (spread, 2))]
+        ruled = [
+            text
+            for value, error in ((mean.K_m, spread.K_m), (mean.T_m, spread.T_m))
+            for text in (shown(value, 4), shown(error, 2))
+        ]
         rows.append((side, "63.21 % rule, mean and spread", *ruled, NO_FIGURE, NO_FIGURE))
         rows.append(
             (
                 side,
                 "in force before",
-                shown(item["before"]["K_m"], 4),
+                shown(item.before.K_m, 4),
                 NO_FIGURE,
-                shown(item["before"]["T_m"]),
+                shown(item.before.T_m),
                 NO_FIGURE,
                 NO_FIGURE,
                 NO_FIGURE,
             )
         )
-    rows.append(
-        ("both", "the paper", shown(PAPER["K_m"]), NO_FIGURE, shown(PAPER["T_m"]), NO_FIGURE, NO_FIGURE, NO_FIGURE)
-    )
+    rows.append(("both", "the paper", shown(PAPER.K_m), NO_FIGURE, shown(PAPER.T_m), NO_FIGURE, NO_FIGURE, NO_FIGURE))
     return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
 
 
-def _rule(model: Mapping[str, Any]) -> Table:
+def _rule(motors: MotorsFound) -> Table:
     columns = (
         Column("Step", "V"),
         *(Column(f"{name} of {side}", unit) for side in SIDES for name, unit in (("K_m", "rad/(V·s)"), ("T_m", "s"))),
     )
-    by_voltage = {side: {item["voltage"]: item for item in model[side]["rule"]} for side in SIDES}
-    voltages = sorted(set(by_voltage["A"]) | set(by_voltage["B"]))
+    by_voltage = [{item.voltage: item for item in motors.side(side).model.rule} for side in SIDES]
+    voltages = sorted({voltage for ruled in by_voltage for voltage in ruled})
+    nothing = Pair(None, None)
     rows = tuple(
         (
             exact(voltage),
             *(
-                shown(by_voltage[side].get(voltage, {}).get(name), digits)
-                for side in SIDES
-                for name, digits in (("K_m", 4), ("T_m", 3))
+                text
+                for item in (ruled.get(voltage, nothing) for ruled in by_voltage)
+                for text in (shown(item.K_m, 4), shown(item.T_m))
             ),
         )
         for voltage in voltages
@@ -119,8 +122,9 @@ def _rule(model: Mapping[str, Any]) -> Table:
     return Table("The 63.21 % rule, step by step.", columns, rows)
 
 
-def _refused(quality: Mapping[str, Any]) -> tuple[Table, ...]:
-    rows = tuple((side, exact(item["voltage"]), item["reason"]) for side in SIDES for item in quality[side]["refused"])
+def _refused(motors: MotorsFound) -> tuple[Table, ...]:
+    refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
+    rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
     columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
     return (Table("Steps that were refused.", columns, rows),) if rows else ()
 
@@ -129,10 +133,9 @@ def _in_force(source: Source) -> tuple[Paragraph, ...]:
     found = source.identification
     if found is None:
         return ()
+    fitted = {side: found.motors.side(side).model.parameters for side in SIDES}
     entries = "; ".join(
-        f"[identified_{side}] K_m = {shown(found.model[side]['parameters']['K_m'], 4)}, "
-        f"T_m = {shown(found.model[side]['parameters']['T_m'], 4)}"
-        for side in SIDES
+        f"[identified_{side}] K_m = {shown(item.K_m, 4)}, T_m = {shown(item.T_m, 4)}" for side, item in fitted.items()
     )
     text = (
         f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
@@ -141,29 +144,29 @@ def _in_force(source: Source) -> tuple[Paragraph, ...]:
     return (Paragraph(text),)
 
 
-def _figures(quality: Mapping[str, Any], angles: Angles) -> tuple[Block, ...]:
+def _figures(motors: MotorsFound, angles: Angles) -> tuple[Block, ...]:
     return (
         Figure(
             "steps",
-            step_panels(quality, "steps", angles),
+            step_panels(motors, "steps", angles),
             "Turn of each motor after the steps as measured (coloured) and as the least-squares model says (dashed), "
             "and (C, D) their difference.",
         ),
     )
 
 
-def step_panels(quality: Mapping[str, Any], name: str, angles: Angles) -> str:
+def step_panels(motors: MotorsFound, name: str, angles: Angles) -> str:
     """Draw every step of both motors, and what the model leaves over."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
         for column, side in enumerate(SIDES):
             turn, left = axes[0][column], axes[1][column]
-            for item in quality[side]["steps"]:
-                t, measured, model = (np.array(item[key]) for key in ("t", "measured", "model"))
+            for item in motors.side(side).quality.steps:
+                t, measured, model = (np.array(values) for values in (item.t, item.measured, item.model))
                 apart = in_unit(1e3 * (measured - model), "mrad", angles)
                 measured, model = (in_unit(turned, "rad", angles) for turned in (measured, model))
                 turn.plot(t, measured, color=COLOURS[f"u_{side}"], linewidth=1.0)
                 turn.plot(t, model, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
-                turn.annotate(f"{item['voltage']:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
+                turn.annotate(f"{item.voltage:+.3g} V".replace("-", "−"), (t[-1], measured[-1]), fontsize=6)
                 left.plot(t, apart, color=COLOURS[f"u_{side}"], linewidth=0.7)
             turn.margins(x=0.12)
             turn.set_ylabel(axis_label(rf"turn of $\theta_{side}$", "rad", angles))

@@ -2,10 +2,11 @@
 
 from typing import Any
 
+from backend.documents.actuator import CHANNELS
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
-from backend.storage.bank_entry import CHANNELS, name_of_entry
+from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
 from backend.storage.runs import EndState
 from plant.choice import SIMULATED

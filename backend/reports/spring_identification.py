@@ -1,10 +1,10 @@
 """The report of a spring identification: polynomials of several orders, their errors, and which one to use."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
+from backend.documents.spring import SpringFound, SpringModel
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, to_svg, upper_legend
 from backend.reports.judgement import measured_figures
@@ -30,11 +30,11 @@ def spring_identification_report(source: Source) -> Report:
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
-        tables = tuple(_fits(side, found.model[side]) for side in SIDES)
-        sections.append(Section("Springs", (*tables, *_reasons(found.model), *measured_figures(source))))
+        tables = tuple(_fits(side, found.springs[side].model) for side in SIDES)
+        sections.append(Section("Springs", (*tables, *_reasons(found.springs), *measured_figures(source))))
     sections.append(Section("How it was made", (settings_table(source), *_data(source))))
     if found is not None:
-        sections.append(Section("Figures", _figures(found.quality, found.model)))
+        sections.append(Section("Figures", _figures(found.springs)))
     sections += [Section("Notes", tuple(Paragraph(note) for note in _NOTES)), parameter_section(source)]
     return Report(
         title="Spring identification",
@@ -48,7 +48,7 @@ def spring_identification_report(source: Source) -> Report:
     )
 
 
-def _fits(side: str, model: Mapping[str, Any]) -> Table:
+def _fits(side: str, model: SpringModel) -> Table:
     columns = (
         Column("Order"),
         Column("k_0 ± [N], k_1 ± [N/m], k_2 ± [N/m²] …", number=False, wide=True),
@@ -59,38 +59,38 @@ def _fits(side: str, model: Mapping[str, Any]) -> Table:
     )
     rows = tuple(
         (
-            str(fit["order"]),
-            ", ".join(f"{shown(k, 5)} ± {shown(std, 2)}" for k, std in zip(fit["k"], fit["std_errors"], strict=True)),
-            shown(fit["rms_N"]),
-            shown(fit["max_N"]),
-            shown(fit["cross_validation_N"]),
-            "recommended" if fit["order"] == model["recommended"] else "" if fit["rising"] else "falls",
+            str(fit.order),
+            ", ".join(f"{shown(k, 5)} ± {shown(std, 2)}" for k, std in zip(fit.k, fit.std_errors, strict=True)),
+            shown(fit.rms_N),
+            shown(fit.max_N),
+            shown(fit.cross_validation_N),
+            "recommended" if fit.order == model.recommended else "" if fit.rising else "falls",
         )
-        for fit in model["fits"]
+        for fit in model.fits
     )
-    before = ", ".join(shown(k, 5) for k in model["before"])
+    before = ", ".join(shown(k, 5) for k in model.before or ())
     caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … In force before: {before or 'a table'}."
     return Table(caption, columns, rows)
 
 
-def _reasons(model: Mapping[str, Any]) -> tuple[Paragraph, ...]:
-    return tuple(Paragraph(f"Spring {side}: {model[side]['reason']}.") for side in SIDES)
+def _reasons(springs: Mapping[str, SpringFound]) -> tuple[Paragraph, ...]:
+    return tuple(Paragraph(f"Spring {side}: {springs[side].model.reason}.") for side in SIDES)
 
 
 def _data(source: Source) -> tuple[Paragraph, ...]:
     found = source.identification
     if found is None:
         return ()
-    pairs = found.quality["A"]["pairs"]
+    pairs = found.springs["A"].quality.pairs
     text = f"Identification {found.run_id} used {pairs} pairs of each spring, from the sweep of that run."
     return (Paragraph(text),)
 
 
-def _figures(quality: Mapping[str, Any], model: Mapping[str, Any]) -> tuple[Block, ...]:
+def _figures(springs: Mapping[str, SpringFound]) -> tuple[Block, ...]:
     return (
         Figure(
             "springs",
-            spring_panels(quality, model, "springs"),
+            spring_panels(springs, "springs"),
             "Characteristic of (A) spring A and (B) spring B: measured pairs (dots) and the recommended polynomial; "
             "(C, D) measured minus fitted force by order, dots on the way up, crosses on the way down. Compare figure "
             "3 of the paper.",
@@ -98,22 +98,20 @@ def _figures(quality: Mapping[str, Any], model: Mapping[str, Any]) -> tuple[Bloc
     )
 
 
-def spring_panels(quality: Mapping[str, Any], model: Mapping[str, Any], name: str) -> str:
+def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
     """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):
         for column, side in enumerate(SIDES):
             force, error = axes[0][column], axes[1][column]
-            found, recommended = quality[side], str(model[side]["recommended"])
-            x, rising = 1e3 * np.array(found["x"]), np.array(found["rising"])
+            found, recommended = springs[side].quality, str(springs[side].model.recommended)
+            x, rising = 1e3 * np.array(found.x), np.array(found.rising)
             colour = COLOURS[f"F_{side}"]
-            force.plot(x, found["F"], color=colour, linestyle="none", marker="o", markersize=1.6, label="pairs")
-            curve = found["curve"]
-            force.plot(
-                1e3 * np.array(curve["x"]), curve[recommended], color=INK, linewidth=0.8, label=f"order {recommended}"
-            )
+            force.plot(x, found.F, color=colour, linestyle="none", marker="o", markersize=1.6, label="pairs")
+            curve_x, curve = 1e3 * np.array(found.curve_x), found.curve[recommended]
+            force.plot(curve_x, curve, color=INK, linewidth=0.8, label=f"order {recommended}")
             force.set_ylabel(f"$F_{side}$ [N]")
             upper_legend(force)
-            for order, errors in found["errors"].items():
+            for order, errors in found.errors.items():
                 drawn_in = _ORDER_COLOURS.get(int(order), LIMIT_GREY)
                 for way, marker in ((rising, "."), (~rising, "x")):
                     label = f"order {order}" if marker == "." else None

@@ -1,17 +1,14 @@
 """What a bank's entry is called wherever people read of it, and how good the identification behind it was."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
-from typing import Any
 
-from backend.identification.result import Grade
+from backend.documents.actuator import PartialChannelModel, PartialChannelQuality, PartialReduced
+from backend.identification.result import Grade, joint_method
 from backend.storage import identifications
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Session
 from backend.storage.identifications import Identification
-
-CHANNELS = ("G_q", "G_S")
 
 
 def entry_name(S_nominal: float, tension_N: float | None) -> str:
@@ -64,7 +61,18 @@ class ChannelFit:
 
 def fits_of(found: Identification) -> dict[str, ChannelFit]:
     """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
-    return {name: _fit(found.model.get(name, {}), found.quality.get(name, {})) for name in CHANNELS}
+    model, quality = found.early_model, found.early_quality
+    return {"G_q": _fit(model.G_q, quality.G_q), "G_S": _fit(model.G_S, quality.G_S)}
+
+
+def method_of(found: Identification) -> str:
+    """Name the estimators of an actuator's identification, as an early one too should have been named.
+
+    Its own method is that of G_q alone where it was stored before both were named.
+    """
+    channels = {"G_q": found.early_model.G_q, "G_S": found.early_model.G_S}
+    named = {name: channel.method if channel else None for name, channel in channels.items()}
+    return joint_method({name: found.method if method is None else method for name, method in named.items()})
 
 
 def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, ChannelFit]]:
@@ -73,24 +81,18 @@ def fits_in(session: Session, bank: Bank) -> dict[int, dict[str, ChannelFit]]:
     return {number: fits_of(identifications.get(session, number)) for number in named if number is not None}
 
 
-def _fit(model: Mapping[str, Any], quality: Mapping[str, Any]) -> ChannelFit:
-    first_order = model.get("first_order", {})
-    grade = quality.get("grade")
+def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> ChannelFit:
+    first_order = (model.first_order if model else None) or PartialReduced()
     return ChannelFit(
-        grade=None if grade is None else Grade(grade),
-        fit_percent=_finite(quality.get("fit_percent")),
-        K_error_percent=_relative(first_order, "K"),
-        T_error_percent=_relative(first_order, "T"),
+        grade=quality.grade if quality else None,
+        fit_percent=quality.fit_percent if quality else None,
+        K_error_percent=_relative(first_order.K, first_order.K_std),
+        T_error_percent=_relative(first_order.T, first_order.T_std),
     )
 
 
-def _relative(first_order: Mapping[str, Any], name: str) -> float | None:
-    value, error = _finite(first_order.get(name)), _finite(first_order.get(f"{name}_std"))
+def _relative(value: float | None, error: float | None) -> float | None:
     return None if not value or error is None else 100.0 * error / abs(value)
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and isfinite(value) else None
 
 
 def _percent(value: float | None) -> str:

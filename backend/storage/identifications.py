@@ -3,10 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from backend.documents import actuator as of_actuator
+from backend.documents import motor as of_motor
+from backend.documents import spring as of_spring
 from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import Document, IdentificationRow
 
@@ -34,10 +38,58 @@ class NewIdentification:
 
 @dataclass(frozen=True)
 class Identification(NewIdentification):
-    """A stored estimate."""
+    """A stored estimate. What its documents say raises UnreadableDocumentError where they cannot be read."""
 
     id: int
     created_at: datetime
+
+    @cached_property
+    def actuator(self) -> of_actuator.ActuatorFound:
+        """What was found of an actuator."""
+        model, quality = of_actuator.MODEL.read(self.model, self._of), of_actuator.QUALITY.read(self.quality, self._of)
+        return of_actuator.ActuatorFound(model, quality)
+
+    @cached_property
+    def actuator_record(self) -> of_actuator.ActuatorRecord:
+        """Which samples the models of an actuator came from."""
+        return of_actuator.RECORD.read(self.data, self._of)
+
+    @cached_property
+    def actuator_options(self) -> of_actuator.ActuatorOptions:
+        """What was asked for with an actuator."""
+        return of_actuator.OPTIONS.read(self.options, self._of)
+
+    @cached_property
+    def early_model(self) -> of_actuator.PartialModel:
+        """What is there of an actuator's models, which an early version may have kept in part."""
+        return of_actuator.PARTIAL_MODEL.read(self.model, self._of)
+
+    @cached_property
+    def early_quality(self) -> of_actuator.PartialQuality:
+        """What is there of the quality of an actuator's models."""
+        return of_actuator.PARTIAL_QUALITY.read(self.quality, self._of)
+
+    @cached_property
+    def motors(self) -> of_motor.MotorsFound:
+        """What was found of both motors."""
+        models, qualities = of_motor.MODELS.read(self.model, self._of), of_motor.QUALITIES.read(self.quality, self._of)
+        return of_motor.MotorsFound(models, qualities)
+
+    @cached_property
+    def springs(self) -> dict[str, of_spring.SpringFound]:
+        """What was found of the springs, by name: "A" and "B", or "table"."""
+        return of_spring.springs_found(
+            of_spring.MODELS.read(self.model, self._of), of_spring.QUALITIES.read(self.quality, self._of)
+        )
+
+    @cached_property
+    def table(self) -> of_spring.TableRecord:
+        """The file that a spring's table came from."""
+        return of_spring.TABLE.read(self.data, self._of)
+
+    @property
+    def _of(self) -> str:
+        return f"estimate {self.id}" if self.run_id is None else f"run {self.run_id}"
 
 
 def add(session: Session, new: NewIdentification) -> Identification:
@@ -72,8 +124,9 @@ def runs_of(session: Session) -> dict[int, int | None]:
 
 def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float]:
     """Return the joint position [rad] at which each stored estimate of an actuator was made, where it says so."""
-    query = select(IdentificationRow.id, IdentificationRow.model).where(IdentificationRow.id.in_(tuple(numbers)))
-    return {row.id: row.model["q_nominal"] for row in session.execute(query) if "q_nominal" in row.model}
+    rows = session.scalars(select(IdentificationRow).where(IdentificationRow.id.in_(tuple(numbers))))
+    found = {row.id: to_record(Identification, row).early_model.q_nominal for row in rows}
+    return {number: q for number, q in found.items() if q is not None}
 
 
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:

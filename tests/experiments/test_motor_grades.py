@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from backend.archive import checklist
+from backend.documents.motor_grade import grade_of
 from backend.documents.result import Metrics
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.motor_identification import identify, to_store
-from backend.identification.motor import grade_of, judge_motor
+from backend.identification.motor import judge_motor
 from backend.identification.result import Grade
 from backend.messages.history import ChecklistState
 from backend.reports.build import build_report
@@ -82,8 +83,9 @@ def test_a_document_without_a_grade_gets_the_one_that_its_figures_give() -> None
     found = stored(12.0)
     side = {**found.quality["A"], "verdict": "Usable: K_m and T_m known to ±85 %."}
     del side["grade"]
-    assert grade_of(found.model["A"], side) is Grade.UNUSABLE
-    assert outcome(replace(found, quality={"A": side, "B": side}))[0] == "failed"
+    early = replace(found, quality={"A": side, "B": side})
+    assert grade_of(early.motors.side("A")) is Grade.UNUSABLE
+    assert outcome(early)[0] == "failed"
 
 
 @pytest.mark.parametrize(

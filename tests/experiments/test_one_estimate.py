@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from backend.cli import main
+from backend.documents.actuator import ChannelName
 from backend.documents.result import Metrics
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.actuator_identification import identify, to_store
@@ -135,7 +136,7 @@ def test_the_papers_arx_names_itself_in_model_estimate_report_and_bank(
 @pytest.mark.parametrize("estimator", ["found", "by_arx"])
 @pytest.mark.parametrize("key", CHANNELS)
 def test_the_data_file_gives_the_same_estimate_by_the_command_in_the_report(
-    key: str,
+    key: ChannelName,
     estimator: str,
     request: pytest.FixtureRequest,
     record: dict[str, np.ndarray],

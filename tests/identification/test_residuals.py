@@ -1,12 +1,11 @@
 """The residual tests and their plots agree: a point is outside what is drawn where the test fails, and only there."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
+from backend.documents.actuator import ResidualTest
 from backend.experiments.results.identification_curves import _correlation
 from backend.identification.noise import fit_autoregression
 from backend.identification.residuals import input_correlation, judged, whiteness
@@ -28,7 +27,7 @@ def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour:
     outcomes = set()
     for seed in range(60):
         for found in made(seed, colour, follows=0.04 * colour / 0.06):
-            drawn = _correlation(asdict(found))
+            drawn = _correlation(found)
             inside = bool(np.all(np.abs(drawn["correlation"]) <= np.array(drawn["bound"])))
             assert inside is found.passed is drawn["passed"] is bool(drawn["statistic"] <= drawn["critical"])
             outcomes.add(inside)
@@ -37,7 +36,7 @@ def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour:
 
 def test_statistic_and_bound_are_in_standard_deviations_at_the_level_for_all_lags() -> None:
     found = made(3)[0]
-    outcome = judged(asdict(found))
+    outcome = judged(found)
     # The autocorrelations of white noise have the standard deviation 1/sqrt(n).
     assert outcome.statistic == pytest.approx(np.max(np.abs(found.correlation)) * np.sqrt(N))
     assert outcome.critical == pytest.approx(norm.isf(0.005 / 25))
@@ -54,13 +53,10 @@ def test_noise_fails_in_one_record_of_a_hundred(which: int) -> None:
 
 def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_test() -> None:
     found = made(5, colour=0.2)[0]
-    new = asdict(found)
-    old = {
-        **{name: new[name] for name in ("lags_s", "correlation", "passed")},
-        "band": [norm.isf(0.005) / np.sqrt(N)] * 25,
-    }
+    band = (norm.isf(0.005) / np.sqrt(N),) * 25
+    old = ResidualTest(lags_s=found.lags_s, correlation=found.correlation, band=band, passed=found.passed)
     np.testing.assert_allclose(judged(old).bound, found.bound)
-    assert judged(old).statistic == pytest.approx(judged(new).statistic)
+    assert judged(old).statistic == pytest.approx(judged(found).statistic)
 
 
 @pytest.mark.parametrize("D", [[1.0], [1.0, -0.8], [1.0, -1.2, 0.7]])

@@ -32,10 +32,13 @@ def entry_of(identification: Identification) -> BankEntry:
         raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
     if not identification.usable:
         raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
-    G_q, G_S = (identification.model[name]["first_order"] for name in ("G_q", "G_S"))
-    model = {"K_q": G_q["K"], "T_q": G_q["T"], "K_S": G_S["K"], "T_S": G_S["T"]}
-    model["tension_N"] = identification.options["tension_N"]
-    return BankEntry(identification.model["S_nominal"], model, identification.id)
+    found = identification.early_model
+    G_q, G_S = (None if channel is None else channel.first_order for channel in (found.G_q, found.G_S))
+    if found.S_nominal is None or G_q is None or G_S is None:
+        raise BankError(f"{name_of(identification)} kept no first-order models: evaluate its run again")
+    model = {"K_q": G_q.K, "T_q": G_q.T, "K_S": G_S.K, "T_S": G_S.T}
+    model["tension_N"] = identification.actuator_options.tension_N
+    return BankEntry(found.S_nominal, model, identification.id)
 
 
 def build_bank(

@@ -7,13 +7,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
-from backend.documents.edge import Document, json_ready
+from backend.documents.actuator import (
+    MODEL,
+    QUALITY,
+    ActuatorModel,
+    ActuatorQuality,
+    ArxEstimate,
+    Candidate,
+    ChannelModel,
+    ChannelQuality,
+    FailedCandidate,
+    FrequencyEstimate,
+    NoArx,
+    Reduced,
+    ResidualTest,
+    ResidualTests,
+)
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
-from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator, joint_method
+from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.candidates import Candidates
 from backend.identification.fit import Method
-from backend.identification.result import Estimate, Grade
+from backend.identification.result import Estimate, Grade, joint_method
 from backend.loop.program import Excitation
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
@@ -93,16 +108,21 @@ def to_store(
         data={**signals, "first_sample": start, "samples": columns["t"].size - start, "period_s": T_s},
         method=joint_method({name: channel.method for name, channel in channels.items()}),
         options={**asdict(plan), "structures": {name: channel.model.structure for name, channel in channels.items()}},
-        model={
-            "S_nominal": estimate.S_nominal,
-            "q_nominal": estimate.q_nominal,
-            **{name: _model(channel) for name, channel in channels.items()},
-        },
-        quality={
-            "motion_counts": estimate.motion_counts,
-            "G_q": _quality(estimate.G_q, estimate.candidates_q, estimate.arx_q),
-            "G_S": _quality(estimate.G_S, estimate.candidates_S, estimate.arx_S),
-        },
+        model=MODEL.write(
+            ActuatorModel(
+                S_nominal=estimate.S_nominal,
+                q_nominal=estimate.q_nominal,
+                G_q=_model(estimate.G_q),
+                G_S=_model(estimate.G_S),
+            )
+        ),
+        quality=QUALITY.write(
+            ActuatorQuality(
+                motion_counts=estimate.motion_counts,
+                G_q=_quality(estimate.G_q, estimate.candidates_q, estimate.arx_q),
+                G_S=_quality(estimate.G_S, estimate.candidates_S, estimate.arx_S),
+            )
+        ),
         usable=estimate.verdict.grade is not Grade.UNUSABLE,
         verdict=estimate.verdict.sentence,
         who=run.who,
@@ -110,60 +130,62 @@ def to_store(
     )
 
 
-def _model(channel: Estimate) -> Document:
-    return json_ready(
-        {
-            "structure": channel.model.structure,
-            "parameters": channel.model.parameters,
-            "std_errors": channel.std_errors,
-            "covariance": channel.covariance.tolist(),
-            "noise": list(channel.noise),
-            "method": channel.method,
-            "first_order": asdict(channel.first_order),
-        }
+def _model(channel: Estimate) -> ChannelModel:
+    return ChannelModel(
+        structure=channel.model.structure,
+        parameters=channel.model.parameters,
+        std_errors=dict(channel.std_errors),
+        covariance=tuple(tuple(row) for row in channel.covariance.tolist()),
+        noise=channel.noise,
+        method=channel.method,
+        first_order=Reduced(**asdict(channel.first_order)),
     )
 
 
-def _quality(channel: Estimate, candidates: Candidates, arx: Estimate | str) -> Document:
-    return json_ready(
-        {
-            "fit_percent": channel.fit_percent,
-            "fit_all_percent": channel.fit_all_percent,
-            "gain_geometry": channel.gain_geometry,
-            "gain_error_percent": channel.gain_error_percent,
-            "y_resolution": channel.y_resolution,
-            "residuals": asdict(channel.residuals),
-            "frequency": asdict(channel.frequency),
-            "usable": channel.verdict.grade is not Grade.UNUSABLE,
-            "grade": channel.verdict.grade,
-            "verdict": channel.verdict.sentence,
-            "candidates": _candidates(candidates),
-            "arx": _arx(arx),
-        }
+def _quality(channel: Estimate, candidates: Candidates, arx: Estimate | str) -> ChannelQuality:
+    found = channel.residuals
+    return ChannelQuality(
+        fit_percent=channel.fit_percent,
+        fit_all_percent=channel.fit_all_percent,
+        gain_geometry=channel.gain_geometry,
+        gain_error_percent=channel.gain_error_percent,
+        y_resolution=channel.y_resolution,
+        residuals=ResidualTests(
+            whiteness=ResidualTest(**asdict(found.whiteness)),
+            input_correlation=ResidualTest(**asdict(found.input_correlation)),
+            std=found.std,
+            AIC=found.AIC,
+            BIC=found.BIC,
+            FPE=found.FPE,
+        ),
+        frequency=FrequencyEstimate(**asdict(channel.frequency)),
+        usable=channel.verdict.grade is not Grade.UNUSABLE,
+        grade=channel.verdict.grade,
+        verdict=channel.verdict.sentence,
+        candidates=_candidates(candidates),
+        arx=_arx(arx),
     )
 
 
-def _arx(found: Estimate | str) -> Document:
+def _arx(found: Estimate | str) -> ArxEstimate | NoArx:
     """Return what the paper's method gives on the same record, or why it gives nothing."""
     if isinstance(found, str):
-        return {"problem": found}
-    return {"method": found.method, "fit_percent": found.fit_percent, **asdict(found.first_order), "problem": ""}
+        return NoArx(found)
+    return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
 
 
-def _candidates(candidates: Candidates) -> list[Document]:
+def _candidates(candidates: Candidates) -> tuple[Candidate | FailedCandidate, ...]:
     """List every structure that was tried, best first, in brief; one that gave no model says why."""
-    ranked: list[Document] = [
-        {
-            "structure": candidate.model.structure,
-            "parameters": candidate.model.parameters,
-            "K": candidate.first_order.K,
-            "T": candidate.first_order.T,
-            "fit_percent": candidate.fit_percent,
-            "BIC": candidate.residuals.BIC,
-            "grade": candidate.verdict.grade,
-            "problem": "",
-        }
+    ranked = [
+        Candidate(
+            structure=candidate.model.structure,
+            parameters=candidate.model.parameters,
+            K=candidate.first_order.K,
+            T=candidate.first_order.T,
+            fit_percent=candidate.fit_percent,
+            BIC=candidate.residuals.BIC,
+            grade=candidate.verdict.grade,
+        )
         for candidate in candidates.ranked
     ]
-    failed: list[Document] = [{"structure": name, "problem": problem} for name, problem in candidates.failed.items()]
-    return [json_ready(item) for item in (*ranked, *failed)]
+    return (*ranked, *(FailedCandidate(name, problem) for name, problem in candidates.failed.items()))

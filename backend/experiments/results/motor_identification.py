@@ -7,7 +7,19 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import Document, json_ready
+from backend.documents.motor import (
+    MODELS,
+    QUALITIES,
+    Fitted,
+    MotorModel,
+    MotorModels,
+    MotorQualities,
+    MotorQuality,
+    Pair,
+    RefusedStep,
+    RuleStep,
+    StepCurve,
+)
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.errors import IdentificationError, RecordError
@@ -135,8 +147,10 @@ def to_store(
         data={"input": "u", "outputs": ["theta_A", "theta_B"], "period_s": T_s},
         method="least squares on position",
         options=asdict(plan),
-        model={side: _model(result, parameters, side) for side, (_, result) in found.items()},
-        quality={side: _quality(cut, result) for side, (cut, result) in found.items()},
+        model=MODELS.write(
+            MotorModels(A=_model(found["A"][1], parameters, "A"), B=_model(found["B"][1], parameters, "B"))
+        ),
+        quality=QUALITIES.write(MotorQualities(A=_quality(*found["A"]), B=_quality(*found["B"]))),
         usable=all(verdict.grade is not Grade.UNUSABLE for verdict in verdicts.values()),
         verdict=" ".join(f"Motor {side}: {verdict.sentence}" for side, verdict in verdicts.items()),
         who=run.who,
@@ -144,50 +158,46 @@ def to_store(
     )
 
 
-def _model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> Document:
+def _model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> MotorModel:
     known = parameters.identified_of(side)
-    return json_ready(
-        {
-            "parameters": {"K_m": result.K_m, "T_m": result.T_m, "u_c": result.u_c},
-            "std_errors": dict(zip(("K_m", "T_m", "u_c"), result.std_errors, strict=True)),
-            "coulomb": result.coulomb,
-            "rule": [asdict(item) for item in result.rule],
-            "rule_mean": dict(zip(("K_m", "T_m"), result.rule_mean, strict=True)),
-            "rule_spread": dict(zip(("K_m", "T_m"), result.rule_spread, strict=True)),
-            "before": {"K_m": known.K_m, "T_m": known.T_m},
-        }
+    return MotorModel(
+        parameters=Fitted(result.K_m, result.T_m, result.u_c),
+        std_errors=Fitted(*result.std_errors),
+        coulomb=result.coulomb,
+        rule=tuple(RuleStep(**asdict(item)) for item in result.rule),
+        rule_mean=Pair(*result.rule_mean),
+        rule_spread=Pair(*result.rule_spread),
+        before=Pair(known.K_m, known.T_m),
     )
 
 
-def _quality(cut: SideSteps, result: MotorIdentification) -> Document:
-    return json_ready(
-        {
-            "rms_counts": result.rms_counts,
-            "grade": result.verdict.grade,
-            "verdict": result.verdict.sentence,
-            "refused": [{"voltage": voltage, "reason": reason} for voltage, reason in cut.refused],
-            "steps": [_curve(step, result) for step in cut.steps],
-        }
+def _quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
+    return MotorQuality(
+        rms_counts=result.rms_counts,
+        grade=result.verdict.grade,
+        verdict=result.verdict.sentence,
+        refused=tuple(RefusedStep(voltage, reason) for voltage, reason in cut.refused),
+        steps=tuple(_curve(step, result) for step in cut.steps),
     )
 
 
-def _curve(step: VoltageStep, result: MotorIdentification) -> Document:
+def _curve(step: VoltageStep, result: MotorIdentification) -> StepCurve:
     """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
     t = np.arange(step.u.size - step.first) * step.period_s
     v = result.K_m * (step.voltage - math.copysign(result.u_c, step.voltage))
     model = v * (t + result.T_m * np.expm1(-t / result.T_m))
     turned = step.theta[step.first :] - step.theta[step.first]
     shown = np.unique(np.linspace(0, t.size - 1, _CURVE_POINTS).astype(int))
-    return {
-        "voltage": step.voltage,
-        "t": _listed(t[shown]),
-        "measured": _listed(turned[shown]),
-        "model": _listed((model + np.mean(turned - model))[shown]),
-    }
+    return StepCurve(
+        voltage=step.voltage,
+        t=_listed(t[shown]),
+        measured=_listed(turned[shown]),
+        model=_listed((model + np.mean(turned - model))[shown]),
+    )
 
 
-def _listed(values: Sequence[float] | Array) -> list[float]:
-    return [round(float(value), 6) for value in values]
+def _listed(values: Sequence[float] | Array) -> tuple[float, ...]:
+    return tuple(round(float(value), 6) for value in values)
 
 
 def _count_rad(parameters: PlantParameters) -> float:

@@ -7,7 +7,16 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.edge import Document, json_ready
+from backend.documents.edge import Document
+from backend.documents.spring import (
+    MODELS,
+    QUALITIES,
+    SpringFit,
+    SpringModel,
+    SpringModels,
+    SpringQualities,
+    SpringQuality,
+)
 from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.spring import SpringIdentification, identify_spring, read_load_sweep
@@ -114,7 +123,7 @@ def to_store(
     software: str,
 ) -> NewIdentification:
     """Return both springs as they are stored: polynomials, quality, and which samples they came from."""
-    before: dict[str, Document] = {side: {"before": list(parameters.identified_of(side).k)} for side in SIDES}
+    before = {str(side): tuple(parameters.identified_of(side).k) for side in SIDES}
     return _record(
         {f"Spring {side}": pair for side, pair in found.items()},
         {str(side): pair for side, pair in found.items()},
@@ -148,7 +157,7 @@ def from_table(name: str, text: str, who: str, software: str) -> NewIdentificati
 def _record(
     named: Mapping[str, tuple[LoadSweep, SpringIdentification]],
     found: Mapping[str, tuple[LoadSweep, SpringIdentification]],
-    extra: Mapping[str, Document],
+    before: Mapping[str, tuple[float, ...]],
     *,
     run_id: int | None,
     data: Document,
@@ -156,14 +165,16 @@ def _record(
     who: str,
     software: str,
 ) -> NewIdentification:
+    models = {key: _model(result, before.get(key)) for key, (_, result) in found.items()}
+    qualities = {key: _quality(sweep, result) for key, (sweep, result) in found.items()}
     return NewIdentification(
         kind="spring",
         run_id=run_id,
         data=data,
         method="least-squares polynomials",
         options=options,
-        model={key: _model(result) | extra.get(key, {}) for key, (_, result) in found.items()},
-        quality={key: _quality(sweep, result) for key, (sweep, result) in found.items()},
+        model=MODELS.write(SpringModels(models.get("A"), models.get("B"), models.get("table"))),
+        quality=QUALITIES.write(SpringQualities(qualities.get("A"), qualities.get("B"), qualities.get("table"))),
         usable=all(_is_usable(result) for _, result in found.values()),
         verdict=" ".join(f"{name}: {_verdict(*pair)}" for name, pair in named.items()),
         who=who,
@@ -171,37 +182,35 @@ def _record(
     )
 
 
-def _model(result: SpringIdentification) -> Document:
-    fits = [
-        {
-            "order": fit.order,
-            "k": list(fit.k),
-            "std_errors": list(fit.std_errors),
-            "rms_N": fit.rms_N,
-            "max_N": fit.max_N,
-            "cross_validation_N": fit.cross_validation_N,
-            "rising": fit.rising,
-        }
+def _model(result: SpringIdentification, before: tuple[float, ...] | None) -> SpringModel:
+    fits = tuple(
+        SpringFit(
+            order=fit.order,
+            k=tuple(fit.k),
+            std_errors=tuple(fit.std_errors),
+            rms_N=fit.rms_N,
+            max_N=fit.max_N,
+            cross_validation_N=fit.cross_validation_N,
+            rising=fit.rising,
+        )
         for fit in result.fits
-    ]
-    return json_ready({"recommended": result.recommended, "reason": result.reason, "fits": fits})
+    )
+    return SpringModel(result.recommended, result.reason, fits, before)
 
 
-def _quality(sweep: LoadSweep, result: SpringIdentification) -> Document:
+def _quality(sweep: LoadSweep, result: SpringIdentification) -> SpringQuality:
     order = np.argsort(sweep.x)
     shown = order[np.unique(np.linspace(0, order.size - 1, 4 * _CURVE_POINTS).astype(int))]
     x = np.linspace(sweep.x.min(), sweep.x.max(), _CURVE_POINTS)
     hysteresis = sweep.hysteresis()
-    return json_ready(
-        {
-            "pairs": int(sweep.x.size),
-            "hysteresis_N": _largest(hysteresis) if hysteresis.size else None,
-            "x": _listed(sweep.x[shown]),
-            "F": _listed(sweep.F[shown]),
-            "rising": [bool(value) for value in sweep.rising[shown]],
-            "errors": {str(fit.order): _listed(fit.errors[shown]) for fit in result.fits},
-            "curve": {"x": _listed(x), **{str(fit.order): _listed(fit.force(x)) for fit in result.fits}},
-        }
+    return SpringQuality(
+        pairs=int(sweep.x.size),
+        hysteresis_N=_largest(hysteresis) if hysteresis.size else None,
+        x=_listed(sweep.x[shown]),
+        F=_listed(sweep.F[shown]),
+        rising=tuple(bool(value) for value in sweep.rising[shown]),
+        errors={str(fit.order): _listed(fit.errors[shown]) for fit in result.fits},
+        curve={"x": _listed(x), **{str(fit.order): _listed(fit.force(x)) for fit in result.fits}},
     )
 
 
@@ -244,5 +253,5 @@ def _largest(values: Array) -> float:
     return float(np.nanmax(np.abs(values)))
 
 
-def _listed(values: Array) -> list[float]:
-    return [round(float(value), 7) for value in values]
+def _listed(values: Array) -> tuple[float, ...]:
+    return tuple(round(float(value), 7) for value in values)
