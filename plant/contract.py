@@ -25,6 +25,7 @@ from plant.promises import (
     driving_voltage,
     look,
     opened,
+    others_garbage_stays,
     promise,
     require,
 )
@@ -235,7 +236,7 @@ def _keeps_the_time(subject: Subject) -> str:
 def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     whole = subject.ticks(WARM_UP_TICKS + LONG_TICKS)
     warm_up = min(WARM_UP_TICKS, whole // 4)
-    with opened(subject) as plant:
+    with others_garbage_stays(), opened(subject) as plant:
         for _ in range(warm_up):
             plant.read()
             plant.write(ZERO_VOLTS)

@@ -1,5 +1,6 @@
 """What a Plant promises holds for the simulator, the rig on a virtual card, a recording, and a package's plant."""
 
+import gc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
-from plant.contract import CHECKS, run_contract
+from plant.contract import CHECKS, LONG_TICKS, WARM_UP_TICKS, run_contract
 from plant.interface import Measurement, MotorCommand
 from plant.parameters import PlantParameters
 from plant.promises import Check, Outcome, Subject
@@ -169,6 +170,28 @@ def test_a_plant_that_breaks_a_promise_is_found(
     (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
     assert finding.outcome is Outcome.BROKEN
     assert any(words in finding.seen for words in said.split("|")), finding.seen
+
+
+class Collecting(Hoarding):
+    """Hoards; at one of its ticks the collector goes through everything there is."""
+
+    def read(self) -> Measurement:
+        if len(self.kept) == WARM_UP_TICKS + LONG_TICKS // 2:
+            gc.collect()
+        return super().read()
+
+
+def test_what_is_kept_of_each_tick_is_not_hidden_by_garbage_of_others(lab: PlantParameters) -> None:
+    (check,) = (check for check in CHECKS if check.name == "keeps_nothing_of_a_tick")
+    gc.disable()  # at which tick it is freed is no matter of luck
+    try:
+        for _ in range(200_000):
+            itself: list[object] = []
+            itself.append(itself)
+        (finding,) = run_contract(Subject(lambda: Collecting(lab), lab), (check,))
+    finally:
+        gc.enable()
+    assert finding.outcome is Outcome.BROKEN, finding.seen
 
 
 def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:

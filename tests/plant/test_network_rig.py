@@ -47,6 +47,7 @@ def network_rig(address: str, wiring: Wiring = WIRING) -> Rig:
     return Rig(wiring, Daq(wiring, DeviceServer(address).options), server=address)
 
 
+@pytest.mark.live  # its watchdog counts on, however long a call over the socket takes
 def test_the_same_rig_reads_and_writes_over_a_socket(registers: Card, monkeypatch: pytest.MonkeyPatch) -> None:
     """However long a cycle takes here, it is measured and told, and the values are the card's own."""
     monkeypatch.setattr(rig, "CYCLE_MAX_S", 10.0)
@@ -76,6 +77,7 @@ def test_conformance_of_a_rig_wants_a_person_at_it_before_the_drives_come_on(reg
     assert not registers.state().drive_enabled
 
 
+@pytest.mark.live  # as above, and each call is made to take longer
 def test_a_round_trip_that_leaves_no_time_is_refused_with_its_figure(registers: Card) -> None:
     """Seven calls a cycle, each 2 ms later: no machine is quick enough to make good for that."""
     with served(virtual(registers), delay_s=2e-3) as address:
