@@ -4,8 +4,9 @@ import numpy as np
 
 from backend.bring_up.work import DirectionsDisprovedError, Figure, Finding, StepFailedError, Work, known
 from backend.loop.access import LoopDied
+from backend.loop.causes import HomingEnd, Why
 from backend.loop.commands import Event, Home, ModeChanged
-from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, HomingEnd, travel_to
+from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
 
@@ -32,7 +33,7 @@ async def home(work: Work) -> Finding:
     )
     await work.let_go()
     await work.drives_on()
-    ends: list[str] = []
+    ends: list[Why] = []
 
     def hear(event: Event | LoopDied) -> None:
         if isinstance(event, ModeChanged) and event.before is Mode.IDENTIFY:
@@ -49,7 +50,7 @@ async def home(work: Work) -> Finding:
     await work.loop.advance(0.2)
     if ends[0] in (HomingEnd.WRONG_WAY, HomingEnd.MOTOR_OFF):
         raise DirectionsDisprovedError(_told(ends[0]))
-    if ends[0] != HomingEnd.HOMED:
+    if ends[0] is not HomingEnd.HOMED:
         raise StepFailedError(_told(ends[0]))
     rows = work.since(first)
     way = rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]]
@@ -62,9 +63,8 @@ async def home(work: Work) -> Finding:
     return Finding(True, f"the joint's encoder counts from the end switch at {position:.4g} rad", figures)
 
 
-def _told(cause: str) -> str:
-    if cause not in _REMEDIES:
+def _told(cause: Why) -> str:
+    if not isinstance(cause, HomingEnd) or cause not in _REMEDIES:
         return f"the loop stopped on the way ({cause}): the status line says why; reset it, and try again"
-    end = HomingEnd(cause)
-    limit = f", {TENSION_MAX_N:g} N at most" if end is HomingEnd.TENSION else ""
-    return f"{end}{limit}: {_REMEDIES[end]}"
+    limit = f", {TENSION_MAX_N:g} N at most" if cause is HomingEnd.TENSION else ""
+    return f"{cause}{limit}: {_REMEDIES[cause]}"

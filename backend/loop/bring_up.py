@@ -3,6 +3,7 @@
 from typing import assert_never
 
 from backend.faults import Fault
+from backend.loop.causes import Cause
 from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
@@ -30,7 +31,7 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             _require_free(machine, "a motor is tried")
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
-            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, machine.m, motor), "motor trial")
+            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, machine.m, motor), Cause.MOTOR_TRIAL)
         case Home(position):
             _home(position, machine, plant)
         case TryModule():
@@ -87,7 +88,7 @@ def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
     ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
         machine.middle = m.q  # that is what the person who started it has said
-    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), "homing")
+    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING)
 
 
 def _require_off(machine: ModeMachine, what: str) -> None:

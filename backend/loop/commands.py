@@ -6,6 +6,7 @@ Both travel as JSON between the service and the loop process; ``backend.loop.cha
 from dataclasses import dataclass
 
 from backend.faults import Fault
+from backend.loop.causes import Why
 from backend.loop.mode import Mode
 from backend.loop.program import Program
 from plant.breakage import Broken
@@ -217,7 +218,7 @@ class ModeChanged:
     tick: int
     before: Mode
     after: Mode
-    cause: str
+    cause: Why
 
 
 @dataclass(frozen=True)

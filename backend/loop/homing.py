@@ -7,9 +7,10 @@ surprise ends it at zero volts, each with its name.
 
 import math
 from collections.abc import Callable
-from enum import Enum, StrEnum, auto
+from enum import Enum, auto
 
 from backend.controllers import cascade, pretension
+from backend.loop.causes import HomingEnd
 from backend.loop.motion import AT_REST, Carry, Decision, Trial
 from backend.loop.player import Target
 from plant.interface import Measurement, T_s
@@ -40,20 +41,6 @@ WOUND_MAX_RAD = 3.0
 
 TIME_MAX_S = 60.0
 _NEAR_N, _NEAR_S, _SLACK_S = 0.7, 0.2, 0.1
-
-
-class HomingEnd(StrEnum):
-    """How it ended; HOMED alone sets a zero."""
-
-    HOMED = "homed at the end switch"
-    NOT_REACHED = "homing: the end switch did not close"
-    STUCK_CLOSED = "homing: the end switch stayed closed"
-    WRONG_WAY = "homing: the joint went the wrong way"
-    JOINT_HELD = "homing: the joint did not follow the motors"
-    MOTOR_OFF = "homing: a motor did not go where it was sent"
-    TENSION = "homing: a tendon was too taut"
-    SLACK = "homing: a tendon was slack"
-    TOO_LONG = "homing: it took too long"
 
 
 class _Phase(Enum):

@@ -13,6 +13,7 @@ from backend.controllers import decoupler
 from backend.controllers.limits import bounds_for
 from backend.faults import FAULT_CODE, Fault
 from backend.loop import bring_up
+from backend.loop.causes import HomingEnd
 from backend.loop.checks import Checks
 from backend.loop.commands import (
     Accepted,
@@ -33,7 +34,7 @@ from backend.loop.commands import (
     Zero,
 )
 from backend.loop.hand_push import HandPush
-from backend.loop.homing import Homing, HomingEnd
+from backend.loop.homing import Homing
 from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
 from backend.loop.motion import AT_REST, Decision

@@ -9,6 +9,7 @@ from backend.controllers.cascade import Tuning
 from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
+from backend.loop.causes import Cause, Why
 from backend.loop.commands import (
     Event,
     ModeChanged,
@@ -104,15 +105,15 @@ class ModeMachine:
         if mode is Mode.PRETENSION:
             if self.unready:
                 raise RefusedError(self.unready)
-            self._enter_pretension("asked for")
+            self._enter_pretension(Cause.ASKED_FOR)
         elif mode is Mode.OFF:
-            self._enter(Mode.OFF, None, "asked for")
+            self._enter(Mode.OFF, None, Cause.ASKED_FOR)
         elif mode is Mode.STOPPING:
-            self._brake("asked for")
+            self._brake(Cause.ASKED_FOR)
         elif mode in (Mode.RUN, Mode.COMPLIANCE):
             self._require_taut(mode)
             motion = Tracking(self.tuning, self._carried(), self.m, self.bounds, mode is Mode.RUN)
-            self._enter(mode, motion, "asked for", command.run)
+            self._enter(mode, motion, Cause.ASKED_FOR, command.run)
         else:
             raise RefusedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
 
@@ -143,10 +144,10 @@ class ModeMachine:
                 if not good or segment.F_push or segment.load_A or segment.load_B:
                     self._require_segment(segment)
             motion = self._following(program)
-        self._enter(mode, motion, "program", command.run)
+        self._enter(mode, motion, Cause.PROGRAM, command.run)
         self._program = program
 
-    def try_out(self, made: Callable[[Carry], Motion], cause: str) -> None:
+    def try_out(self, made: Callable[[Carry], Motion], cause: Why) -> None:
         """Play what the bring-up asks for, from OFF."""
         self._enter(Mode.IDENTIFY, made(self._carried()), cause)
 
@@ -167,7 +168,7 @@ class ModeMachine:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
         self._plant.acknowledge()
         self.fault = Fault.NONE
-        self._enter(Mode.OFF, None, "reset")
+        self._enter(Mode.OFF, None, Cause.RESET)
 
     def begin_stop(self, stop: Stop, detail: str) -> None:
         """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
@@ -192,12 +193,12 @@ class ModeMachine:
         elif isinstance(self.motion, Trial):
             self._enter(Mode.OFF, None, self.motion.cause)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-            self._enter_pretension("program ended", completed=True)
+            self._enter_pretension(Cause.PROGRAM_ENDED, completed=True)
         elif self.pretension_done and not self._reached_told:
             self._reached_told = True
             self.events.append(PretensionReached(self.tick))
         elif self.mode is Mode.STOPPING:
-            self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, "standing")
+            self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
 
     def _following(self, program: Program) -> Motion:
         carry, m, bounds = self._carried(), self.m, self.bounds
@@ -248,7 +249,7 @@ class ModeMachine:
         gains, m = self.tuning.motors, self.m
         return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
 
-    def _enter(self, mode: Mode, motion: Motion | None, cause: str, run: int = 0, *, completed: bool = False) -> None:
+    def _enter(self, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False) -> None:
         if self._program is not None:
             self.events.append(ProgramEnded(self.tick, self.run, completed))
             if self._program.law not in IDENTIFYING:
@@ -272,7 +273,7 @@ class ModeMachine:
         r_m = self._geometry.r_m
         return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
 
-    def _enter_pretension(self, cause: str, *, completed: bool = False) -> None:
+    def _enter_pretension(self, cause: Why, *, completed: bool = False) -> None:
         carry, known, wound = self._carried(), self.zeroed, self._wound(PRETENSION_N)
         motion: Motion = Travel(carry, NO_REFERENCE, *wound) if known else Winding(carry, NO_REFERENCE)
         self._enter(Mode.PRETENSION, motion, cause, completed=completed)
@@ -292,7 +293,7 @@ class ModeMachine:
         self.zeroed = True
         self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
 
-    def _brake(self, cause: str) -> None:
+    def _brake(self, cause: Why) -> None:
         if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
             self._enter(Mode.OFF, None, cause)
             return

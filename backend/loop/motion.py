@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from backend.controllers import brake, cascade, force_hold, motors, pretension
 from backend.faults import Limit
+from backend.loop.causes import Cause, Why
 from backend.loop.player import ExcitationPlayer, Target
 from backend.loop.program import Program
 from plant.interface import Measurement, T_s
@@ -96,7 +97,7 @@ class Trial(MotorPositions):
     ``cause`` says how it ended.
     """
 
-    cause = ""
+    cause: Why = Cause.ASKED_FOR
 
 
 class Winding(MotorPositions):

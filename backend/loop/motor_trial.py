@@ -8,6 +8,7 @@ import math
 
 from backend.controllers import cascade, motors
 from backend.faults import Limit
+from backend.loop.causes import Cause
 from backend.loop.motion import Carry, Decision, Trial
 from backend.loop.player import Target
 from plant.interface import Measurement, T_s
@@ -32,7 +33,7 @@ REST_S = 0.3
 class MotorTrial(Trial):
     """One motor out and back; the other one gets nothing."""
 
-    cause = "motor tried"
+    cause = Cause.MOTOR_TRIED
 
     def __init__(self, carry: Carry, target: Target, m: Measurement, motor: str) -> None:
         super().__init__(carry, target)

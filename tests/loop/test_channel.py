@@ -9,7 +9,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from backend.faults import Fault
 from backend.loop import commands
+from backend.loop.causes import Cause, HomingEnd
 from backend.loop.channel import (
     MAX_BYTES,
     Channel,
@@ -61,6 +63,14 @@ def test_commands_arrive_as_they_were_or_are_refused(message: Any, sequence: int
 def test_events_arrive_as_they_were(message: Any, sequence: int) -> None:
     if is_finite(dataclasses.asdict(message)):
         assert decode_from_loop(encode(message, sequence)) == (sequence, message)
+
+
+@pytest.mark.parametrize("cause", [*Cause, *HomingEnd, *Fault])
+def test_a_cause_arrives_as_what_it_was(cause: Cause | HomingEnd | Fault) -> None:
+    """Not as another enum's word, nor as text: what decides hangs on it."""
+    _, changed = decode_from_loop(encode(commands.ModeChanged(1, Mode.RUN, Mode.OFF, cause)))
+    assert isinstance(changed, commands.ModeChanged)
+    assert changed.cause is cause
 
 
 def packet(**changes: Any) -> bytes:

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.faults import Fault
+from backend.loop.causes import HomingEnd
 from backend.loop.commands import (
     Accepted,
     ByHand,
@@ -23,7 +24,7 @@ from backend.loop.commands import (
     TryMotor,
 )
 from backend.loop.headless import Headless
-from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, HomingEnd, travel_to
+from backend.loop.homing import HOMING_MAX_V, TENSION_MAX_N, TIME_MAX_S, travel_to
 from backend.loop.mode import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.dynamics import PlantState

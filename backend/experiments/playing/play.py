@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from backend.faults import Fault
 from backend.loop.access import LoopAccess, LoopDied, LoopDiedError
+from backend.loop.causes import Why
 from backend.loop.commands import (
     Accepted,
     Event,
@@ -130,7 +131,7 @@ class _Watch:
         self._ended: ProgramEnded | None = None
         self._stopped: Stopped | None = None
         self._died: LoopDied | None = None
-        self._cause = ""
+        self._cause: Why | None = None
 
     def hear(self, event: Event | LoopDied) -> None:
         match event:
@@ -140,7 +141,7 @@ class _Watch:
                 self._stopped = event
             case ProgramEnded() if event.run == self._run:
                 self._ended = event
-            case ModeChanged() if self._ended is not None and not self._cause:
+            case ModeChanged() if self._ended is not None and self._cause is None:
                 self._cause = event.cause
 
     @property
@@ -148,7 +149,7 @@ class _Watch:
         """Whether the program has ended and, where a fault ended it, the stop is complete."""
         if self._died is not None:
             return True
-        return bool(self._cause) and (self._cause not in set(Fault) or self._stopped is not None)
+        return self._cause is not None and (not isinstance(self._cause, Fault) or self._stopped is not None)
 
     def ending(self, reason: str) -> Ending:
         """Return how it ended; ``reason`` is what is known where no event tells."""
@@ -163,4 +164,4 @@ class _Watch:
             if fault is Fault.SERVICE_ENDED:
                 return Ending(EndState.STOPPED, detail)
             return Ending(_END_STATES.get(fault, EndState.TRIPPED), f"{fault}: {detail}" if detail else fault)
-        return Ending(EndState.STOPPED, reason or self._cause)
+        return Ending(EndState.STOPPED, reason or self._cause or "")
