@@ -16,6 +16,7 @@ from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -64,10 +65,13 @@ class Offload:
             "the process that computes this died over it twice: look whether the machine is short of memory"
         )
 
-    def prepare(self, work: Callable[..., object]) -> None:
-        """Start the process and let it load what ``work`` needs, without waiting for it or for what becomes of it."""
+    def prepare(self, work: Callable[..., object], *libraries: str) -> None:
+        """Start the process and let it load what ``work`` needs, without waiting for it or for what becomes of it.
+
+        ``libraries`` are modules that ``work`` imports only when it runs.
+        """
         with suppress(BrokenProcessPool):
-            self._present().pool.submit(_load, work)
+            self._present().pool.submit(_load, work, libraries)
 
     def close(self) -> None:
         """End the process, whatever it works on: it stores whole or nothing."""
@@ -142,8 +146,10 @@ class _Worker:
             self.end()
 
 
-def _load(_work: Callable[..., object]) -> None:
-    """Do nothing: unpickling the argument has loaded its module."""
+def _load(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:
+    """Import the libraries; unpickling ``_work`` has loaded its module."""
+    for library in libraries:
+        import_module(library)
 
 
 def _begin(niceness: int) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 from datetime import UTC, datetime
 
+from backend.libraries import DRAWING
 from backend.offload import Offload
 from backend.reading import Angles
 from backend.recording.columns import columns_of_run
@@ -16,6 +17,8 @@ from backend.storage.runs import EndState, RunKind
 COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
 
+_REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"
+
 
 class Downloads:
     """Makes what is downloaded."""
@@ -26,7 +29,7 @@ class Downloads:
 
     def prepare(self) -> None:
         """Load what reports need ahead of the first one."""
-        self._offload.prepare(render)
+        self._offload.prepare(render, *DRAWING, *_REPORTS)
 
     async def report_html(self, run_id: int, angles: Angles) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, RefusalError."""

@@ -9,6 +9,7 @@ from backend.archive import views
 from backend.experiments.banks import bank_building, bank_files
 from backend.experiments.banks.bank_consistency import MODEL_NAMES
 from backend.experiments.banks.bank_difference import difference, figures_of_all, with_entries
+from backend.libraries import SCIENCE
 from backend.messages.bank import (
     BankDetail,
     BankDifference,
@@ -63,7 +64,7 @@ class StoredBanks:
 
     async def banks(self) -> list[BankView]:
         """Return all versions of all banks, newest first; what looks at them is loaded meanwhile."""
-        self._offload.prepare(figures_of_all)
+        self._offload.prepare(figures_of_all, *SCIENCE)
         return await asyncio.to_thread(self._banks)
 
     async def bank(self, bank_id: int) -> BankView:

@@ -68,7 +68,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError
     from backend.tuning.formulas import TuningError
-    from backend.web_server.server import CannotListenError
+    from backend.web_server.listening import CannotListenError
     from plant.interface import PlantError
     from plant.parameters import ParameterError
 

@@ -6,7 +6,6 @@ faster than the dynamics, so without the low-pass it returns the sensor's noise;
 """
 
 import numpy as np
-from scipy.signal import lfilter
 
 from backend.identification.errors import NotContinuousError
 from backend.identification.linearisation import Problem, triangle
@@ -63,6 +62,8 @@ def continuous_poles(sampled: Poles, period_s: float) -> Poles:
 
 
 def _low_pass(decay: float, signal: Signal) -> Signal:
+    from scipy.signal import lfilter
+
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], signal))
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.signal import lfilter, sosfilt, zpk2sos
 
 from backend.identification.errors import UnstableModelError
 from backend.identification.linearisation import Problem
@@ -21,6 +20,8 @@ def external_signal(record: Record) -> Signal | None:
 
     None where neither is known, or where r is constant.
     """
+    from scipy.signal import lfilter
+
     if record.controller is not None:
         return np.asarray(record.u + lfilter(_feedback(record, record.controller), [1.0, -1.0], record.y))
     return record.r if record.r is not None and np.ptp(record.r) > 0.0 else None
@@ -50,6 +51,8 @@ def _feedback(record: Record, controller: Controller) -> Signal:
     Sampled controllers differ in how they integrate and in whether they see the newest sample. The right version
     leaves u + C y free of noise, that is smoothest.
     """
+    from scipy.signal import lfilter
+
     k_p, k_i = controller.k_p, controller.k_i * record.period_s
     versions = [np.array([k_p + weight * k_i, (1.0 - weight) * k_i - k_p]) for weight in (0.0, 0.5, 1.0)]
     versions += [np.concatenate(([0.0], version)) for version in versions]
@@ -61,6 +64,8 @@ def _feedback(record: Record, controller: Controller) -> Signal:
 
 def _closed_loop_input(problem: Problem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
     """Response of u to what enters the loop from outside, 1/(1 + G C), with the model for G."""
+    from scipy.signal import sosfilt, zpk2sos
+
     poles = np.exp(problem.structure.poles(parameters) * problem.record.period_s)
     taps = parameters[0] * moving_average(problem.structure.poles(parameters), problem.record.period_s)
     taps *= np.real(np.prod(1.0 - poles))
@@ -81,6 +86,8 @@ def _closed_loop_input(problem: Problem, parameters: Signal, feedback: Signal, f
 
 def _fitted_input(record: Record, r: Signal) -> Signal:
     """Least-squares fit of u by r through a bank of lags, from one sample to a fifth of the record."""
+    from scipy.signal import lfilter
+
     decays = np.exp(-record.period_s / np.geomspace(record.period_s, record.duration_s / 5.0, _LAGS_OF_FIT))
     lagged = [lfilter([0.0, 1.0 - decay], [1.0, -decay], r) for decay in decays]
     count = r.size

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import rfft, rfftfreq
-from scipy.signal import detrend, get_window
 
 from backend.identification.excitation import external_signal
 from backend.identification.record import Record, Signal
@@ -35,6 +33,8 @@ def welch_response(record: Record) -> FrequencyResponse:
     Where something from outside the loop is known, both spectra are taken with it, S_ry / S_ru: the plain ratio
     S_uy / S_uu would mix the plant with the inverse of the controller.
     """
+    from scipy.fft import rfftfreq
+
     length = record.u.size // SEGMENTS
     external = external_signal(record)
     u, y = _spectra(record.u, length), _spectra(record.y, length)
@@ -51,6 +51,9 @@ def welch_response(record: Record) -> FrequencyResponse:
 
 def _spectra(signal: Signal, length: int) -> Complex:
     """Transform each windowed segment, line 0 left out; shape (segments, length // 2)."""
+    from scipy.fft import rfft
+    from scipy.signal import detrend, get_window
+
     segments = np.lib.stride_tricks.sliding_window_view(detrend(signal), length)[:: length // 2]
     centred = segments - np.mean(segments, axis=1, keepdims=True)
     return np.asarray(rfft(centred * get_window("hann", length), axis=1)[:, 1:])

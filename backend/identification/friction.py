@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from scipy.optimize import least_squares
 
 from backend.identification.errors import NotConvergedError
 from backend.identification.record import Record, Signal
@@ -77,6 +76,8 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
 
     A dead time to start from is fitted as well, from shorter ones too: a linear model takes friction for dead time.
     """
+    from scipy.optimize import least_squares
+
     scale_u, scale_y = float(np.sqrt(np.mean(record.u**2))), float(np.sqrt(np.mean(record.y**2)))
     u, y, period_s = record.u / scale_u, record.y / scale_y, record.period_s
 

@@ -2,18 +2,17 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pyarrow
-import pyarrow.parquet
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
 from backend.identification.errors import DataFileError
 from backend.identification.record import Controller, Record, mean_period
 from backend.identification.table import MAX_SAMPLES, Columns
 from backend.identification.timebase import even, time_of
+
+if TYPE_CHECKING:
+    import pyarrow
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _VERSION_7_3 = (
@@ -28,6 +27,9 @@ def read_mat(stream: BinaryIO) -> Columns:
     Columns of a matrix x are x_1, x_2 ..; fields of a struct s are read as if they stood alone, or as s.field where
     that name is taken.
     """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
     begin = stream.read(len(_HDF5))
     stream.seek(0)
     if begin == _HDF5:
@@ -66,6 +68,9 @@ def _take(columns: Columns, name: str, values: Any) -> None:
 
 def read_parquet(stream: BinaryIO) -> Columns:
     """Numeric columns by name of a Parquet file. Raises DataFileError."""
+    import pyarrow
+    import pyarrow.parquet
+
     try:
         table = pyarrow.parquet.read_table(stream)
     except (pyarrow.ArrowException, OSError) as error:
@@ -138,5 +143,7 @@ def record_from(
     return Record(period_s, signals[u], signals[y], r=r, controller=controller, t=t)
 
 
-def _holds_numbers(kind: pyarrow.DataType) -> bool:
+def _holds_numbers(kind: "pyarrow.DataType") -> bool:
+    import pyarrow
+
     return bool(pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind))

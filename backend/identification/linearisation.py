@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from scipy.signal import lfilter
 
 from backend.identification.errors import UnstableModelError
 from backend.identification.record import Record, Signal
@@ -68,6 +67,8 @@ class Problem:
 
     def whiten(self, signal: Signal) -> Signal:
         """Pass a signal or columns of signals through the whitening polynomial and the low-pass; 0 before ``first``."""
+        from scipy.signal import lfilter
+
         if self.whitening.size > 1 or self.low_pass:
             signal = np.asarray(lfilter(self.whitening, [1.0, -self.low_pass], signal, axis=0))
         return np.concatenate((np.zeros_like(signal[: self.first]), signal[self.first :])) if self.first else signal

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import norm
 
 from backend.identification.errors import NotConvergedError, RecordError
 from backend.identification.record import Signal
@@ -121,6 +119,8 @@ class MotorIdentification:
 
 def identify_motor(runs: Sequence[VoltageStep]) -> MotorIdentification:
     """Identify the motor from steps of different voltages. Raises RecordError, NotConvergedError."""
+    from scipy.stats import norm
+
     voltages = {abs(run.voltage) for run in runs}
     if len(voltages) < MIN_RUNS:
         raise RecordError(
@@ -167,6 +167,8 @@ def rule_of_63_percent(run: VoltageStep) -> RuleResult:
 
 def _least_squares(runs: Sequence[VoltageStep], start: Signal, *, coulomb: bool) -> tuple[Signal, Signal, float]:
     """Parameters (K_m, T_m, u_c), their covariance, shape (3, 3), and the RMS error [rad]."""
+    from scipy.optimize import least_squares
+
     free = 3 if coulomb else 2
 
     def residuals(parameters: Signal) -> Signal:

@@ -8,11 +8,9 @@ left out of the model, but not out of the verdict: how well gain and lag are kno
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
-from scipy.stats import norm
 
 from backend.identification.errors import IdentificationError, NotConvergedError, RecordError
 from backend.identification.friction import differences, moving
@@ -30,6 +28,9 @@ from backend.identification.validation import (
     MIN_FIT_PERCENT,
     graded,
 )
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 NAMES = ("K_m", "T_m", "u_c", "t_d")
 _LAGS = 10
@@ -165,6 +166,8 @@ def identify_motor_record(record: Record, y_resolution: float | None = None) -> 
 
 
 def _significant(found: _Fitted, which: int) -> bool:
+    from scipy.stats import norm
+
     at = _ORDER.index(which)
     return bool(found.parameters[at] > norm.ppf(1.0 - LEVEL / 2.0) * found.std_errors[at])
 
@@ -221,6 +224,8 @@ def _model(record: Record, z: Signal) -> Signal:
 
 def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:
     """Least squares on the angle, the best from all starts; what is not ``free`` stays. Raises NotConvergedError."""
+    from scipy.optimize import least_squares
+
     longest = max(float(start[_DELAY]) for start in starts)
     if first is None:
         first = min(record.u.size // 4, int(2.0 * longest) + 1) if longest > 0.0 else 0
@@ -234,7 +239,7 @@ def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | 
         error = (record.y - _model(record, full(z)))[first:]
         return np.asarray(error - np.mean(error))
 
-    def descended(start: Signal) -> OptimizeResult:
+    def descended(start: Signal) -> "OptimizeResult":
         scale = np.maximum(np.abs(start), 0.1 * np.max(np.abs(start[:_DELAY])))[free]
         return least_squares(residuals, start[free], jac=differences(residuals), x_scale=scale, max_nfev=_MAX_STEPS)
 

@@ -1,7 +1,6 @@
 """Autoregressive noise model: the polynomial D that whitens residuals, y = G u + e / D."""
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 
 from backend.identification.record import Signal
 from backend.identification.spectra import correlation
@@ -11,6 +10,8 @@ MAX_NOISE_ORDER = 12
 
 def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> Signal:
     """Coefficients 1, d_1 .. d_p of D(z^-1), by the Yule-Walker equations; p <= max_order minimises BIC."""
+    from scipy.linalg import solve_toeplitz
+
     count = residuals.size
     products = correlation(residuals, residuals)[: max_order + 1]
     best, lowest = np.array([1.0]), count * np.log(products[0])

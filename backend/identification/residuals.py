@@ -10,7 +10,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from backend.identification.record import Signal
 from backend.identification.result import CorrelationTest
@@ -108,6 +107,8 @@ def judged(test: KeptTest) -> Judged:
 
 def _critical(lags: int) -> float:
     """Return standard deviations that the largest of so many correlations exceeds with the probability of the level."""
+    from scipy.stats import norm
+
     return float(norm.ppf(1.0 - LEVEL / (2.0 * lags)))
 
 

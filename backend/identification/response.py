@@ -7,8 +7,6 @@ sections, which keep several poles near z = 1 apart where one long polynomial wo
 from functools import cache
 
 import numpy as np
-from scipy.linalg import expm
-from scipy.signal import lfilter, sosfilt
 
 from backend.identification.errors import UnstableModelError
 from backend.identification.record import Signal
@@ -88,6 +86,8 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
 
 def _held(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
     """Transition of the state, shape (n, n), and what an input that is held so long adds to it, shape (n,)."""
+    from scipy.linalg import expm
+
     order = B.size
     joint = np.zeros((order + 1, order + 1))
     joint[:order, :order], joint[:order, order] = A * time_s, B * time_s
@@ -105,6 +105,8 @@ def simulate(
     state before the first sample in the basis of :func:`free_responses`; without it the system is at rest.
     Raises UnstableModelError.
     """
+    from scipy.signal import lfilter, sosfilt
+
     check_stable(poles, period_s)
     whole, part = divmod(dead_time_s / period_s, 1.0)
     late = min(int(whole) + 1, u.size)
@@ -117,6 +119,8 @@ def simulate(
 
 def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
     """Responses to ``order`` independent initial states, no input; shape (count, order)."""
+    from scipy.signal import sosfilt
+
     # Until e^-40 only: beyond it comes nothing that counts beside the start, and in the end slow subnormal numbers.
     alive = min(count, poles.size + int(40.0 / (np.min(-poles.real) * period_s)))
     columns = np.zeros((poles.size, count))

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from backend.identification.errors import NoStartError, RecordError, UnstableModelError
 from backend.identification.linearisation import Problem, triangle
@@ -172,6 +171,8 @@ def _state_variable_filter(problem: Problem) -> list[Signal]:
 
 def _filtered_derivatives(y: Signal, alpha: float, order: int) -> list[Signal]:
     """(s/w)^i / (s/w + 1)^N applied to y for i = 0 .. N, by Tustin's rule with alpha = w period / 2."""
+    from scipy.signal import lfilter
+
     lagged = [y]
     for _ in range(order):
         lagged.append(lfilter([alpha, alpha], [1.0 + alpha, alpha - 1.0], lagged[-1]))

@@ -1,7 +1,6 @@
 """Standard errors that stay honest when the residuals are coloured: the sandwich formula with a HAC middle."""
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft
 
 from backend.identification.record import Signal
 
@@ -23,6 +22,8 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
 
 def _long_run(moments: Signal) -> Signal:
     """Sum over lags of Bartlett weight times covariance, evaluated in the frequency domain, shape (p, p)."""
+    from scipy.fft import next_fast_len, rfft
+
     bandwidth = _bandwidth(moments)
     size = next_fast_len(moments.shape[0] + bandwidth, real=True)
     weights = np.zeros(size)

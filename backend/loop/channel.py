@@ -1,25 +1,20 @@
-"""The command road: one JSON message per packet over a local socket pair, decoded strictly.
+"""The command road: one JSON message per packet of ``channel_ends``, decoded strictly.
 
 Unknown fields, wrong types, nan and infinities are refused, on both ends; a packet arrives whole or not at all.
 """
 
 import re
-import socket
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
+from backend.loop.channel_ends import MAX_BYTES
 from backend.loop.commands import Command, Event, RunProgram, SetTuning
 from backend.loop.pacer import Granted
 from backend.loop.program import Segment, require_few
 from plant.brought_up import NOT_BROUGHT_UP, BroughtUp
 from plant.choice import PlantChoice
-
-MAX_BYTES = 16_384
-"""Longest packet: what is decoded within a third of a period."""
-
-_QUEUE_BYTES = 212_992  # what every kernel grants
 
 PART_SEGMENTS = 64
 """Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
@@ -84,10 +79,6 @@ class ChannelError(Exception):
     def __init__(self, reason: str, sequence: int = 0) -> None:
         super().__init__(reason)
         self.sequence = sequence
-
-
-class ChannelClosedError(Exception):
-    """The other end is gone."""
 
 
 def _envelope(member: type) -> type[BaseModel]:
@@ -158,50 +149,3 @@ def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
         problems = (f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
         raise ChannelError("; ".join(problems), int(number.group(1)) if number else 0) from None
     return envelope.sequence, envelope.body
-
-
-class Channel:
-    """One end of a SOCK_SEQPACKET pair; neither sending nor receiving ever waits."""
-
-    def __init__(self, end: socket.socket) -> None:
-        end.setblocking(False)
-        self._socket = end
-        self._buffer = bytearray(MAX_BYTES)
-
-    def fileno(self) -> int:
-        """File descriptor, to wait on for packets."""
-        return self._socket.fileno()
-
-    def send(self, packet: bytes) -> bool:
-        """Send one packet; False when the other end does not read and its queue is full. Raises ChannelClosedError."""
-        try:
-            self._socket.send(packet)
-        except BlockingIOError:
-            return False
-        except (BrokenPipeError, ConnectionResetError) as error:
-            raise ChannelClosedError from error
-        return True
-
-    def receive(self) -> bytes | None:
-        """Take the next packet, None when there is none. Raises ChannelClosedError at the end of all packets."""
-        try:
-            length = self._socket.recv_into(self._buffer)
-        except BlockingIOError:
-            return None
-        except ConnectionResetError as error:
-            raise ChannelClosedError from error
-        if length == 0:
-            raise ChannelClosedError
-        return bytes(memoryview(self._buffer)[:length])
-
-    def close(self) -> None:
-        """Close this end; the other one notices."""
-        self._socket.close()
-
-
-def channel_pair() -> tuple[Channel, socket.socket]:
-    """Return this side's channel and the socket to hand to the other process."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    # The longest program has to find room as a whole; the kernel grants twice its usual limit.
-    ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE_BYTES)
-    return Channel(ours), theirs

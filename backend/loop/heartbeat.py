@@ -6,17 +6,19 @@ operators to ignore stops. So the thread runs compiled code, ahead of ordinary p
 silent once the event loop has not shown itself for STALE_S. A process that is killed or stopped falls silent at once.
 """
 
-import ctypes
 import os
 import socket
 import time
 from contextlib import suppress
+from typing import Any
 
 import numba
 import numpy as np
+from numba.core.types import ExternalFunction, int32, intp, uintp
 from numpy.typing import NDArray
 
-from backend.loop.channel import Channel, encode
+from backend.loop.channel import encode
+from backend.loop.channel_ends import Channel
 from backend.loop.commands import Heartbeat
 
 HEARTBEAT_S = 0.05
@@ -34,18 +36,13 @@ _MONOTONIC = time.CLOCK_MONOTONIC
 _FLAGS = int(socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 _STOPPED, _SHOWN, _SILENT_UNTIL, _BEATEN = range(4)
 
-_LIBC = ctypes.CDLL(None)
-# Pointers as whole numbers of their size: that is how the compiled code has them.
-_send = _LIBC.send
-_send.argtypes = (ctypes.c_int, ctypes.c_ssize_t, ctypes.c_size_t, ctypes.c_int)
-_send.restype = ctypes.c_ssize_t
-_sleep = _LIBC.clock_nanosleep
-_sleep.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_ssize_t)
-_now = _LIBC.clock_gettime
-_now.argtypes = (ctypes.c_int, ctypes.c_ssize_t)
+# libc's by name, not by address, so that the compiled code can be kept; pointers as whole numbers of their size.
+_send: Any = ExternalFunction("send", intp(int32, intp, uintp, int32))
+_sleep: Any = ExternalFunction("clock_nanosleep", int32(int32, int32, intp, intp))
+_now: Any = ExternalFunction("clock_gettime", int32(int32, intp))
 
 
-@numba.njit(nogil=True)  # not cached: the addresses of libc's functions are in it
+@numba.njit(nogil=True, cache=True)
 def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
     period = np.array([0, _PERIOD_NS])
     clock = np.zeros(2, np.int64)
@@ -72,6 +69,7 @@ class Heart:
     def run(self) -> None:
         """Beat until ``stop``, after which the channel may be closed; may be run anew when it has failed."""
         self._words[_STOPPED] = int(self._told)
+        prepare()
         with suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         _beat(self._fd, self._packet, self._words)
@@ -98,6 +96,6 @@ class Heart:
 
 
 def prepare() -> None:
-    """Compile the heartbeat, which takes a second, before there is a loop that waits for it."""
+    """Compile the heartbeat, which takes a second the first time, before there is a loop that waits for it."""
     stopped = np.array([1, 0, 0, 0])
     _beat(-1, np.zeros(1, np.uint8), stopped)

@@ -3,8 +3,7 @@
 import asyncio
 import logging
 import signal
-import sys
-from asyncio.subprocess import DEVNULL, Process
+from asyncio.subprocess import Process
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -16,21 +15,11 @@ from backend.loop.access import Listener, LoopDied, LoopDiedError, result_of
 from backend.loop.answers import Answers
 from backend.loop.card_guard import PART as GUARD
 from backend.loop.card_guard import CardGuard
-from backend.loop.channel import (
-    Channel,
-    ChannelClosedError,
-    ChannelError,
-    Failed,
-    FromLoop,
-    Ready,
-    Setup,
-    channel_pair,
-    decode_from_loop,
-    encode,
-    packets,
-)
+from backend.loop.channel import ChannelError, Failed, FromLoop, Ready, Setup, decode_from_loop, encode, packets
+from backend.loop.channel_ends import Channel, ChannelClosedError
 from backend.loop.commands import Accepted, Command, Event, ReadinessChanged, Refused, Shutdown, Stop, Stopped
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
+from backend.loop.launching import Launched, launch
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
 from backend.loop.ticking import HUNG_BEATS, Ticking
@@ -59,8 +48,9 @@ class Supervisor:
     ``guard`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a bring-up.
     """
 
-    def __init__(self, setup: Setup, supervision: Supervision | None = None) -> None:
+    def __init__(self, setup: Setup, supervision: Supervision | None = None, launched: Launched | None = None) -> None:
         self.setup = setup
+        self._launched = launched
         self.started_with = setup.brought_up
         self.ring = Ring.create()
         self.card = Card.create()
@@ -120,24 +110,18 @@ class Supervisor:
     async def _start(self) -> Granted:
         if self._process is not None:
             raise LoopDiedError("the loop process is there already: stop it first")
-        await asyncio.to_thread(heartbeat.prepare)
         self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
-        self.ring = Ring.create()
-        self.card = card = Card.create()
-        self.guard = CardGuard(card)
+        if self._launched is None or (launched := self._launched.take()) is None:
+            launched = await launch(self.setup.parameters)
+        self.ring, self.card = launched.ring, launched.card
+        self.guard = CardGuard(self.card)
         self._ending, self._reason = False, "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
-        channel, theirs = channel_pair()
-        with theirs:
-            self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                *("-m", "backend.loop.worker", str(self.ring.fd), str(theirs.fileno()), str(card.fd)),
-                stdin=DEVNULL,
-                pass_fds=(self.ring.fd, theirs.fileno(), card.fd),
-            )
-        self._channel = channel
+        self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
+        self._process, self._channel = launched.process, (channel := launched.channel)
         self.started_with = self.setup.brought_up
-        channel.send(encode(self.setup))
+        with suppress(ChannelClosedError):  # its end is noticed and told by _watch
+            channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
         self._heart = Heart(channel)
         self._beating = self._supervision.keep_thread(_HEARTBEAT, self._heart.run, self._heart.stop)
@@ -147,6 +131,7 @@ class Supervisor:
             keep(_SHOWING, partial(self._show_alive, channel, self._heart)),
             keep(GUARD, partial(self.guard.run, self._process)),
         ]
+        await asyncio.to_thread(heartbeat.prepare)  # before anybody commands: the loop is off, and waits for no beat
         try:
             return await result_of(self._ready, START_TIMEOUT_S)
         except TimeoutError:

@@ -1,4 +1,4 @@
-"""The loop process: ``python -m backend.loop.worker RING_FD CHANNEL_FD CARD_FD``, started by the supervisor.
+"""The loop process: ``python -m backend.loop.worker RING_FD CHANNEL_FD CARD_FD PARAMETERS``, see ``launching.py``.
 
 Nothing here waits for the service. Whatever ends this process, its last act is zero volts; when the service falls
 silent the loop brings the joint to a soft stop by itself.
@@ -12,12 +12,11 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 from backend.faults import Fault
 from backend.loop.channel import (
-    Channel,
-    ChannelClosedError,
     ChannelError,
     Failed,
     FromLoop,
@@ -28,6 +27,7 @@ from backend.loop.channel import (
     decode_to_loop,
     encode,
 )
+from backend.loop.channel_ends import Channel, ChannelClosedError
 from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop, SwitchDrives
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
@@ -39,6 +39,7 @@ from plant.card import Card
 from plant.catalog import make_plant
 from plant.interface import Plant, PlantError, T_s, Wired
 from plant.parameters import ParameterError, load_parameters
+from plant.simulator import Simulator
 
 SILENCE_S = 0.34
 """Without a word from the service for so long [s], the loop stops softly.
@@ -201,6 +202,8 @@ def main() -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     ring = Ring.attach(int(sys.argv[1]))
     channel = Channel(socket.socket(fileno=int(sys.argv[2])))
+    with suppress(ParameterError):  # it is told when it is needed
+        Simulator(load_parameters(sys.argv[4]))  # loads what is compiled, while the service is not there yet
     try:
         _work(ring, channel, Card(int(sys.argv[3])))
     except ChannelClosedError:

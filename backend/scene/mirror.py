@@ -1,5 +1,6 @@
 """Keeps the 3D view at the newest sample, 30 times a second, in a thread of its own."""
 
+import asyncio
 import threading
 import time
 from collections.abc import Callable
@@ -28,43 +29,57 @@ class SceneMirror:
         self._newest = newest
         self._geometry = parameters.geometry
         self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
-        self._server, self._stage = self._put_up()
+        self._scene: tuple[PortlessServer, Stage] | None = None
+        self._up = threading.Event()
         self._ending = threading.Event()
 
+    @property
+    def server(self) -> PortlessServer:
+        """The present scene's. Raises SceneEndedError where none has been put up."""
+        if self._scene is None:
+            raise SceneEndedError("there is no 3D view")
+        return self._scene[0]
+
     async def show(self, send: Send) -> None:
-        """Hand the scene to ``send`` until cancelled; see ``PortlessServer.show``."""
-        await self._server.show(send)
+        """Hand the scene to ``send`` until cancelled, from when it is up; see ``PortlessServer.show``."""
+        if not self._up.is_set():
+            await asyncio.to_thread(self._up.wait)
+        await self.server.show(send)
 
     def close(self) -> None:
         """Stop the server."""
-        self._server.stop()
+        self.end()
+        if self._scene is not None:
+            self._scene[0].stop()
 
-    def step(self) -> None:
-        """Show the newest sample."""
+    def _step(self, stage: Stage) -> None:
         row = self._newest()
         sample = None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
         if sample is not None and can_be_drawn(sample):
-            self._stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
+            stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
     def end(self) -> None:
         """Let ``run`` return."""
         self._ending.set()
+        self._up.set()
 
     def run(self) -> None:
-        """Keep the view at the newest sample until ``end``. Raises SceneEndedError when viser's own thread dies.
+        """Put up the scene, keep it at the newest sample until ``end``. Raises SceneEndedError when viser's own dies.
 
         Called again after that, it puts up another scene; those who looked at the first were sent away and come back.
         """
-        if not self._server.alive:
-            self._server, self._stage = self._put_up()
+        if self._scene is None or not self._scene[0].alive:
+            self._scene = self._put_up()
+        server, stage = self._scene
+        self._up.set()
         due = time.monotonic()
         while not self._ending.wait(max(0.0, due - time.monotonic())):
             due = max(due + 1.0 / RATE_HZ, time.monotonic())
-            if not self._server.alive:
-                self._server.clear_up()
+            if not server.alive:
+                server.clear_up()
                 raise SceneEndedError("viser's thread has ended")
-            if self._server.viewers:
-                self.step()
+            if server.viewers:
+                self._step(stage)
 
     def _put_up(self) -> tuple[PortlessServer, Stage]:
         server = PortlessServer()

@@ -9,12 +9,12 @@ never says a word. Why not otherwise: docs/decisions/0015-viser-without-a-port.m
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable, Coroutine
-from contextlib import redirect_stdout
-from io import StringIO
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
+import rich
 import viser
 import websockets.datastructures
 import websockets.exceptions
@@ -40,7 +40,7 @@ class PortlessServer(viser.ViserServer):
 
     def __init__(self) -> None:
         self._road = road = _Road()
-        with _one_at_a_time, redirect_stdout(StringIO()):  # it would print an address, and there is none
+        with _one_at_a_time, _without_a_word():
             vars(_infra)["websockets"] = SimpleNamespace(
                 asyncio=SimpleNamespace(server=SimpleNamespace(serve=road.serve)),
                 datastructures=websockets.datastructures,
@@ -80,7 +80,7 @@ class PortlessServer(viser.ViserServer):
 
     def stop(self) -> None:
         """Send all viewers away and end viser's thread."""
-        with redirect_stdout(StringIO()):
+        with _without_a_word():
             super().stop()
 
     def clear_up(self) -> None:
@@ -94,6 +94,17 @@ class PortlessServer(viser.ViserServer):
             task.cancel()
         loop.run_until_complete(asyncio.wait_for(asyncio.gather(*tasks, return_exceptions=True), _CLEAR_UP_S))
         loop.close()
+
+
+@contextmanager
+def _without_a_word() -> Iterator[None]:
+    """Let viser not print an address, as there is none; what others print meanwhile is heard."""
+    said = rich.print
+    vars(rich)["print"] = lambda *_words, **_how: None
+    try:
+        yield
+    finally:
+        vars(rich)["print"] = said
 
 
 class _Road:

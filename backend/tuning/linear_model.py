@@ -4,7 +4,8 @@ Four lags of the motor loops, the load on them, the joint's resonance: everythin
 E6). Coulomb friction is left out: smoothed at standstill it would look like a huge viscous friction.
 """
 
-import control
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,15 +16,20 @@ from plant.interface import NO_LOAD
 from plant.parameters import PlantParameters
 from plant.spring import tension
 
+if TYPE_CHECKING:
+    import control
+
 _STEP = 1e-6
 
 
-def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) -> control.StateSpace:
+def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) -> "control.StateSpace":
     """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
 
     The diagonal is what the two outer loops control, gain 1 at low frequency; the cross terms have gain 0 there, and
     vanish altogether where both sides are alike.
     """
+    import control
+
     d = decoupler.decoupler_for(parameters)
     system = control.interconnect(
         [
@@ -46,7 +52,9 @@ def stiffness_tension(parameters: PlantParameters, S: float) -> float:
     return tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A)
 
 
-def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> control.StateSpace:
+def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
     plant = parameters.identified_dynamics()
     theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
     load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
@@ -73,8 +81,10 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> contro
     )
 
 
-def _motor_loop(gains: i_pd.Gains, side: str) -> control.StateSpace:
+def _motor_loop(gains: i_pd.Gains, side: str) -> "control.StateSpace":
     """I-PD with its filter in continuous time; states: integral, filtered integral, filtered position."""
+    import control
+
     k_p, k_i, k_d, t_f = gains
     A = np.array([[0.0, 0.0, 0.0], [1.0 / t_f, -1.0 / t_f, 0.0], [0.0, 0.0, -1.0 / t_f]])
     B = np.array([[k_i, -k_i], [0.0, 0.0], [0.0, 1.0 / t_f]])
@@ -84,7 +94,9 @@ def _motor_loop(gains: i_pd.Gains, side: str) -> control.StateSpace:
     return control.ss(A, B, C, D, inputs=names, outputs=[f"u_{side}"], name=f"motor_{side}")
 
 
-def _decoupling(d: Decoupler, S: float) -> control.StateSpace:
+def _decoupling(d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
     def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
         return np.array(decoupler.motor_positions(d, q_c, S_c))
 
@@ -97,7 +109,9 @@ def _decoupling(d: Decoupler, S: float) -> control.StateSpace:
     return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=["theta_A_ref", "theta_B_ref"], name="decoupler")
 
 
-def _outputs(d: Decoupler, S: float) -> control.StateSpace:
+def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
     S_gain = decoupler.stiffness_slope(d, S)
     D = np.array([[1.0, 0.0, 0.0], [0.0, S_gain, S_gain]])
     return control.ss([], [], [], D, inputs=["q", "theta_A", "theta_B"], outputs=["q_out", "S_out"], name="outputs")

@@ -5,16 +5,19 @@ On the bare K_m/(s (T_m s + 1)) of table 2 the loop looks more robust than it is
 
 from collections.abc import Iterable
 from functools import cache
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
-from scipy.optimize import brentq
 
 from backend.controllers import i_pd
 from backend.tuning.formulas import TuningError, motor_gains
 from backend.tuning.models import MotorModel
+from backend.tuning.remembered import remembered
 from backend.tuning.robustness import M_S_MAX, Robustness, peak, robustness_of
 from plant.interface import T_s
+
+if TYPE_CHECKING:
+    import control
 
 LAM_MOTOR_MIN = 0.05
 """Least λ offered [s]. The loop then needs a 25th of its gain to be stable; with less λ it needs more, and a voltage
@@ -30,6 +33,8 @@ _LAMBDAS = 25
 
 def motor_robustness(motor: MotorModel, gains: i_pd.Gains) -> Robustness:
     """Robustness of the sampled loop of an unloaded motor; tendons change M_s by less than half a per cent."""
+    import control
+
     loop = _sampled(motor) * _law(gains)
     return robustness_of(control.tf2ss(loop), loop(_Z), _OMEGA)
 
@@ -53,6 +58,8 @@ def common_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
 
 def motor_lambda(motor: MotorModel, M_s: float) -> float:
     """λ [s] for a wanted M_s where it falls with λ, within what is offered. Raises TuningError with the span."""
+    from scipy.optimize import brentq
+
     low, end, _ = _range(motor)
     highest, lowest = _peak(motor, low), _peak(motor, end)
     if not lowest <= M_s <= highest:
@@ -63,9 +70,15 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
     return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
 
 
-@cache
 def _range(motor: MotorModel) -> tuple[float, float, float]:
     """Least λ [s] offered, the one to which M_s falls from there, and the largest."""
+    low, end, high = remembered(("motor range", motor), 3, lambda: _computed_range(motor))
+    return low, end, high
+
+
+def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
+    from scipy.optimize import brentq
+
     high = min(LAM_MOTOR_MAX, 3.8 * motor.T_m)
     if high <= LAM_MOTOR_MIN:
         raise TuningError(
@@ -90,15 +103,19 @@ def _peak(motor: MotorModel, lam: float) -> float:
 
 
 @cache
-def _sampled(motor: MotorModel) -> control.TransferFunction:
+def _sampled(motor: MotorModel) -> "control.TransferFunction":
     """From the voltage, held over a period, to the position at its end."""
+    import control
+
     s = control.tf("s")
     process = motor.K_m / (s * (motor.T_m * s + 1.0) * (motor.tau_e * s + 1.0))
     return control.sample_system(process, T_s, "zoh")
 
 
-def _law(gains: i_pd.Gains) -> control.TransferFunction:
+def _law(gains: i_pd.Gains) -> "control.TransferFunction":
     """From the position to the voltage, sign turned: ``i_pd.step`` as a difference equation."""
+    import control
+
     kept = float(np.exp(-T_s / gains.t_f))
     proportional = (1.0 - kept) * gains.k_p * np.array([1.0, -1.0, 0.0])
     integral = (1.0 - kept) * T_s * gains.k_i * np.array([0.0, 1.0, 0.0])

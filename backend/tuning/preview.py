@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +22,7 @@ from backend.tuning.gains import (
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
 from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
+from backend.tuning.remembered import remembered
 from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
 from plant.interface import T_s
 from plant.parameter_sections import SIDES
@@ -89,13 +90,22 @@ class Previewer:
         self._motors = [motor] if motor else [motor_model(parameters, side) for side in SIDES]
         require_within("lam_motor", lam_motor, *self.motor_range(), "s")
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
-        gains = motor_loops(parameters, lam_motor, motor)
-        models = [decoupled_model(parameters, gains, point.S_nominal) for point in self.points]
-        self._q = [OuterProcess(model[0, 0]) for model in models]
-        self._S = [OuterProcess(model[1, 1]) for model in models]
         self._lam_motor, self._b = lam_motor, b
-        self._motor_robustness = self.motor_at(lam_motor)
-        self._ranges = [self._safe_ranges(entry) for entry in range(len(self.points))]
+        self._ranges = [
+            remembered(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
+            for entry, point in enumerate(self.points)
+        ]
+
+    @cached_property
+    def _processes(self) -> list[tuple[OuterProcess, OuterProcess]]:
+        """What the outer loops of q and S control, by point."""
+        gains = motor_loops(self._parameters, self._lam_motor, self._motor)
+        models = [decoupled_model(self._parameters, gains, point.S_nominal) for point in self.points]
+        return [(OuterProcess(model[0, 0]), OuterProcess(model[1, 1])) for model in models]
+
+    @cached_property
+    def _motor_robustness(self) -> Robustness:
+        return self.motor_at(self._lam_motor)
 
     def safe_range(self) -> tuple[float, float]:
         """Smallest lam_q and lam_S [s] that are robust and leave the voltage unclipped at every point of the bank."""
@@ -126,6 +136,7 @@ class Previewer:
         """Preview at one point of the bank. Raises TuningError for a λ that has no gains."""
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         point = self.points[entry]
+        process_q, process_S = self._processes[entry]
         lam_q_min, lam_S_min = self.safe_range()
         q = position_gains(self._parameters, point, lambdas)
         S = stiffness_gains(self._parameters, point, lambdas)
@@ -133,8 +144,8 @@ class Previewer:
         peak_voltage, least_tension = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q)
         return Preview(
             self._motor_robustness,
-            _loop_preview(self._q[entry], q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
-            _loop_preview(self._S[entry], S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
+            _loop_preview(process_q, q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
+            _loop_preview(process_S, S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
             peak_voltage,
             least_tension,
         )
@@ -176,11 +187,15 @@ class Previewer:
 
     def _robust_q(self, entry: int, M_s: float = M_S_MAX) -> float:
         parameters, point = self._parameters, self.points[entry]
-        return safe_lambda(self._q[entry], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)), M_s)
+        return safe_lambda(
+            self._processes[entry][0], lambda lam: position_gains(parameters, point, Lambdas(lam_q=lam)), M_s
+        )
 
     def _robust_S(self, entry: int, M_s: float = M_S_MAX) -> float:
         parameters, point = self._parameters, self.points[entry]
-        return safe_lambda(self._S[entry], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)), M_s)
+        return safe_lambda(
+            self._processes[entry][1], lambda lam: stiffness_gains(parameters, point, Lambdas(lam_S=lam)), M_s
+        )
 
     def _lambdas(self, **chosen: float) -> Lambdas:
         return Lambdas(lam_motor=self._lam_motor, b=self._b, **chosen)
@@ -247,4 +262,6 @@ def _loop_preview(
 
 
 def _step(process: OuterProcess, gains: i_p.Gains, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    import control
+
     return np.asarray(control.step_response(process.closed_loop(gains), t).outputs)

@@ -3,15 +3,17 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from backend.controllers import i_p
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX
+
+if TYPE_CHECKING:
+    import control
 
 M_S_MAX = 1.7
 """Largest sensitivity peak an operator is offered (method section 5)."""
@@ -37,7 +39,7 @@ class Robustness:
 class OuterProcess:
     """What an outer loop controls, from its control signal to its measurement, with its frequency response at hand."""
 
-    def __init__(self, system: control.StateSpace) -> None:
+    def __init__(self, system: "control.StateSpace") -> None:
         self.system = system
         self.response = system(1j * _OMEGA)
 
@@ -47,31 +49,41 @@ class OuterProcess:
 
     def robustness(self, gains: i_p.Gains) -> Robustness:
         """Robustness of the I-P loop around this process."""
+        import control
+
         s = control.tf("s")
         loop = self.system * control.tf2ss(gains.k_p + gains.k_i / s)
         return robustness_of(loop, self.loop_response(gains), _OMEGA)
 
     def sensitivity_peak(self, gains: i_p.Gains) -> float:
         """M_s alone, without the margins that take most of the time of ``robustness``; inf for an unstable loop."""
+        import control
+
         s = control.tf("s")
         loop = self.system * control.tf2ss(gains.k_p + gains.k_i / s)
         if not _stable(loop):
             return math.inf
         return peak(self.loop_response(gains))
 
-    def closed_loop(self, gains: i_p.Gains) -> control.StateSpace:
+    def closed_loop(self, gains: i_p.Gains) -> "control.StateSpace":
         """From the reference to the measurement."""
+        import control
+
         s = control.tf("s")
         feedback = control.tf2ss(gains.k_p + gains.k_i / s)
         forward = control.tf2ss(control.tf(gains.k_r + gains.k_i / s))
         return control.feedback(self.system, feedback) * forward
 
 
-def robustness_of(loop: control.StateSpace, response: NDArray[np.complex128], omega: NDArray[np.float64]) -> Robustness:
+def robustness_of(
+    loop: "control.StateSpace", response: NDArray[np.complex128], omega: NDArray[np.float64]
+) -> Robustness:
     """Robustness of a loop, continuous or sampled, with its ``response`` (n,) at ``omega`` (n,) [rad/s], evenly in log.
 
     Gain margins are counted on both sides: a conditionally stable loop is lost when gain is taken away, too.
     """
+    import control
+
     if not _stable(loop):
         return Robustness(math.inf, 1.0, 1.0, 0.0, stable=False)
     gain_margins, phase_margins, *_ = control.stability_margins(control.frd(response, omega), returnall=True)
@@ -94,7 +106,9 @@ def peak(response: NDArray[np.complex128]) -> float:
     return float(middle + (high - low) ** 2 / (8.0 * (2.0 * middle - high - low)))
 
 
-def _stable(loop: control.StateSpace) -> bool:
+def _stable(loop: "control.StateSpace") -> bool:
+    import control
+
     poles = control.feedback(loop, 1).poles()
     return bool(np.all(np.abs(poles) < 1.0) if loop.isdtime(strict=True) else np.all(poles.real < 0.0))
 
@@ -104,6 +118,7 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], i_p.Gains], 
 
     ``gains_for`` gives the gains for a λ. Raises TuningError where no λ up to LAM_MAX is that robust.
     """
+    from scipy.optimize import brentq
 
     def excess(lam: float) -> float:
         return peak(process.loop_response(gains_for(lam))) - M_s

@@ -2,8 +2,6 @@
 
 import math
 
-from scipy.optimize import brentq
-
 from backend.tuning.models import motor_model
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
@@ -22,6 +20,8 @@ def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.
 
 
 def _time(turn: float, speed: float, T_m: float) -> float:
+    from scipy.optimize import brentq
+
     if turn == 0.0:
         return 0.0
 

@@ -2,8 +2,7 @@
 
 import asyncio
 import socket
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -14,25 +13,6 @@ from backend.web_server.places import RESERVE, Place, Places, Room, descriptor_l
 from backend.web_server.protocols import LONGEST_HEAD, HttpProtocol, SocketProtocol
 
 GRACE_S = 3
-
-
-class CannotListenError(Exception):
-    """The address cannot be listened on."""
-
-
-@contextmanager
-def listening_on(host: str, port: int) -> Iterator[socket.socket]:
-    """Hold the socket that is listened on. Raises CannotListenError."""
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        listening = socket.create_server((host, port), family=family)
-    except OSError as error:
-        reason = error.strerror or error
-        raise CannotListenError(
-            f"cannot listen on {host} port {port}: {reason}; choose another --host or --port"
-        ) from None
-    with listening:
-        yield listening
 
 
 class Server(EndingServer):

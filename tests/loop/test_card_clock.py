@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.loop.channel import Channel, channel_pair
+from backend.loop.channel_ends import Channel, channel_pair
 from backend.loop.commands import SetTuning
 from backend.loop.loop import Loop
 from backend.loop.pacer import Pacer

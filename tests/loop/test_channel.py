@@ -13,21 +13,18 @@ from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.causes import Cause, HomingEnd
 from backend.loop.channel import (
-    MAX_BYTES,
-    Channel,
-    ChannelClosedError,
     ChannelError,
     Failed,
     LongProgram,
     ProgramPart,
     Ready,
     Setup,
-    channel_pair,
     decode_from_loop,
     decode_to_loop,
     encode,
     packets,
 )
+from backend.loop.channel_ends import MAX_BYTES, Channel, ChannelClosedError, channel_pair
 from backend.loop.commands import Accepted, RunProgram, SetMode, Shutdown
 from backend.loop.mode import Mode
 from backend.loop.program import MAX_SEGMENTS, Excitation, Law, Program, Segment

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 import pytest
 
 from backend.loop import heartbeat
-from backend.loop.channel import Channel, channel_pair, decode_to_loop
+from backend.loop.channel import decode_to_loop
+from backend.loop.channel_ends import Channel, channel_pair
 from backend.loop.commands import Heartbeat
 from backend.loop.heartbeat import HEARTBEAT_S, Heart
 

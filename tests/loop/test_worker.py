@@ -8,13 +8,8 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop import worker as worker_module
-from backend.loop.channel import (
-    MAX_BYTES,
-    Ready,
-    ToLoop,
-    decode_to_loop,
-    packets,
-)
+from backend.loop.channel import Ready, ToLoop, decode_to_loop, packets
+from backend.loop.channel_ends import MAX_BYTES
 from backend.loop.commands import (
     Accepted,
     Command,

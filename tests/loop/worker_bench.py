@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from backend.loop.channel import Channel, Setup, channel_pair, decode_from_loop, encode
+from backend.loop.channel import Setup, decode_from_loop, encode
+from backend.loop.channel_ends import Channel, channel_pair
 from backend.loop.commands import SetTuning
 from backend.loop.loop import Loop
 from backend.loop.pacer import Pacer

@@ -4,11 +4,12 @@ import shutil
 from pathlib import Path
 
 import pytest
+from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
 from backend.storage import migrate, recordings, runs
 from backend.storage.database import connect, open_database, sqlite_url
-from backend.storage.migrate import SchemaError, newest_revision, require_models_match, revision, upgrade
+from backend.storage.migrate import SCRIPTS, SchemaError, newest_revision, require_models_match, revision, upgrade
 from tests.storage.test_lineage import NEW_RUN
 
 REBUILDING = '''
@@ -164,3 +165,7 @@ def test_a_failing_migration_changes_nothing(
     assert revision(engine) == before
     assert "weather" not in {column["name"] for column in inspect(engine).get_columns("run")}
     engine.dispose()
+
+
+def test_the_newest_revision_is_the_one_that_alembic_finds() -> None:
+    assert newest_revision() == ScriptDirectory(str(SCRIPTS)).get_current_head()

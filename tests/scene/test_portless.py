@@ -95,7 +95,7 @@ def test_the_whole_scene_comes_first_and_then_what_moves(scene: SceneMirror) -> 
         assert sum(map(len, viewer.messages[:4])) > 1_000_000
         assert max(map(len, viewer.messages[10:])) < 20_000
         looking.cancel()
-        await until(lambda: scene._server.viewers == 0)
+        await until(lambda: scene.server.viewers == 0)
 
     run(session)
 
@@ -115,7 +115,7 @@ def test_who_takes_slowly_gets_the_newest_and_delays_nobody(scene: SceneMirror) 
         assert sum(map(len, slow.messages[taken : taken + 5])) < 60_000
         for task in looking:
             task.cancel()
-        await until(lambda: scene._server.viewers == 0)
+        await until(lambda: scene.server.viewers == 0)
 
     run(session)
 
@@ -127,7 +127,7 @@ def test_a_viewer_that_fails_is_told_and_forgotten(scene: SceneMirror) -> None:
     async def session() -> None:
         with pytest.raises(ConnectionResetError, match="the cable is out"):
             await scene.show(fail)
-        await until(lambda: scene._server.viewers == 0)
+        await until(lambda: scene.server.viewers == 0)
 
     run(session)
 
@@ -155,13 +155,13 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
         kept = supervision.keep_thread(PART, mirror.run, mirror.end)
         looking = asyncio.create_task(mirror.show(viewer.take))
         await until(lambda: len(viewer.messages) > 10)
-        died = mirror._server._event_loop
+        died = mirror.server._event_loop
         died.call_soon_threadsafe(died.stop)
         done, _ = await asyncio.wait([looking])
         assert done == {looking}
         await until(lambda: len(supervision.problems) == 1)
         assert "viser's thread has ended" in supervision.problems[0]
-        await until(lambda: mirror._server._event_loop is not died)
+        await until(lambda: mirror.server._event_loop is not died)
         viewer.messages.clear()
         looking = asyncio.create_task(mirror.show(viewer.take))
         await until(lambda: len(viewer.messages) > 10)
@@ -174,7 +174,7 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
 
 
 def test_nothing_that_a_browser_could_ask_for_has_a_handler(scene: SceneMirror) -> None:
-    server = scene._server
+    server = scene.server
     assert server._websock_server._incoming_handlers == {}
     before = children(os.getpid())
     assert server.request_share_url() is None

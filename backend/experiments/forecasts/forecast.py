@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from backend.controllers import force_hold
 from backend.controllers.decoupler import decoupler_for, equilibrium, stiffness
@@ -141,6 +140,8 @@ def expected_s(plan: Plan, parameters: PlantParameters, start: Start) -> float:
 
 def _through_four_lags(asked: Array, at: float, lam: float) -> Array:
     """Response of a motor at rest in ``at`` [rad] to its reference: 1/(λ s + 1)^4."""
+    from scipy.signal import lfilter
+
     pole = math.exp(-T_s / lam)
     moved = asked - at
     for _ in range(4):

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from backend.controllers.decoupler import decoupler_for, equilibrium
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
@@ -77,6 +76,8 @@ def _through_four_lags(
     u: NDArray[np.float64], lam: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Response of 1/(λ s + 1)^4 with its first two derivatives, from the differences between the lags."""
+    from scipy.signal import lfilter
+
     pole = math.exp(-T_s / lam)
     lags = [u]
     for _ in range(4):

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from backend.controllers.decoupler import decoupler_for, stiffness
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
@@ -87,6 +86,7 @@ def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) 
 
 def _step_length(plan: MotorIdentificationPlan, speed: float, T_m: float) -> float:
     """Time [s] in which a motor of steady ``speed`` [rad/s] turns by the plan's travel, at most ``step_s``."""
+    from scipy.optimize import brentq
 
     def left(t: float) -> float:
         return float(speed * (t + T_m * np.expm1(-t / T_m))) - plan.travel_rad

@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scipy.signal import max_len_seq
-
 from backend.controllers.limits import STIFFNESS_RANGE
 from backend.documents.result import Phase
 from backend.experiments.plans.compliance_plan import CompliancePlan
@@ -123,6 +121,8 @@ class ActuatorIdentificationPlan:
 
     def excitation(self) -> Excitation:
         """Return the sequence with its timing. Raises OutOfRangeError when it would last too long."""
+        from scipy.signal import max_len_seq
+
         register, _ = max_len_seq(self.bits)
         levels = "".join("+" if chip else "-" for chip in register)
         excitation = Excitation(self.amplitude_rad, self.chip_s, levels, self.periods)

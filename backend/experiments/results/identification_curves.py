@@ -4,7 +4,6 @@ from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import step
 
 from backend.documents.actuator import (
     CHANNELS,
@@ -49,6 +48,8 @@ def _motor(side: Side, found: MotorFound) -> Document:
 
 
 def _channel(name: ChannelName, channel: Channel) -> Document:
+    from scipy.signal import step
+
     model, quality = channel.model, channel.quality
     found = Model(model.structure, model.parameters)
     K, T = model.first_order.K, model.first_order.T

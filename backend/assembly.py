@@ -1,0 +1,192 @@
+"""All parts of the service, put together over what the loop starts from."""
+
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter
+
+from backend.access.authentication import PART as TOKENS
+from backend.access.authentication import Authentication
+from backend.access.control import PART as CONTROL
+from backend.access.control import Control
+from backend.api.auth import signed_in
+from backend.api.service import Service
+from backend.archive.downloads import Downloads
+from backend.archive.evaluations import Evaluations
+from backend.archive.history import History
+from backend.archive.maintenance import Maintenance
+from backend.archive.preferences import StoredPreferences
+from backend.archive.replay import Replay
+from backend.archive.retention import PART as RETENTION
+from backend.archive.retention import Retention
+from backend.archive.stored_banks import StoredBanks
+from backend.archive.stored_identifications import StoredIdentifications
+from backend.archive.stored_runs import StoredRuns
+from backend.data_folder import PART as FOLDER
+from backend.data_folder import FolderWatch, HeldFolder
+from backend.experiments.playing.runner import Station
+from backend.experiments.results.evaluation import evaluate
+from backend.faults import Fault
+from backend.libraries import SCIENCE
+from backend.messages.live import MarkKind, StateMessage
+from backend.operating.actuator import Actuator
+from backend.operating.bring_up import BringUp
+from backend.operating.dry_runs import DryRuns
+from backend.operating.foundation import SEED, Foundation
+from backend.operating.journal import PART as JOURNAL
+from backend.operating.journal import Journal
+from backend.operating.live_stream import PART as LIVE
+from backend.operating.live_stream import LiveStream
+from backend.operating.ordered_runs import OrderedRuns
+from backend.operating.present_state import PresentState
+from backend.operating.safe_stop import SafeStop
+from backend.operating.saved_tunings import SavedTunings
+from backend.operating.session_runs import SessionRuns
+from backend.operating.tuning_in_use import TuningInUse
+from backend.processes import Processes
+from backend.recording.flight import PART as FLIGHTS
+from backend.recording.flight import FlightRecorder, Quota
+from backend.recording.recorder import Recorder
+from backend.recording.retention import Rule
+from backend.scene.mirror import PART as SCENE
+from backend.scene.mirror import SceneMirror
+from backend.scene.proxy import router as scene_router
+from backend.settings import Settings
+from backend.supervision import KeptThread, Part, Supervision
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """What serves, what records, the routes of the 3D views, and ``draw``, which puts these up once that can wait."""
+
+    service: Service
+    recorder: Recorder
+    scenes: list[APIRouter]
+    draw: Callable[[], None]
+
+
+def assemble(
+    settings: Settings,
+    foundation: Foundation,
+    folder: HeldFolder,
+    authentication: Authentication,
+    supervision: Supervision,
+    stack: AsyncExitStack,
+) -> Assembled:
+    """Put all parts together, each taken down again by ``stack``, in reverse."""
+
+    def keep(
+        part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
+    ) -> None:
+        stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
+
+    parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
+    soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
+    recorder = Recorder(database, supervisor.ring)
+    supervisor.listen(recorder.hear)
+
+    quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota)
+    supervisor.listen(flights.hear)
+    stack.callback(flights.close)
+    keep(FLIGHTS, flights.run)
+
+    def problems() -> list[str]:
+        first = watch, soundness, recorder, flights, journal
+        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands
+        return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
+
+    retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
+    keep(RETENTION, retention.run)
+
+    journal = Journal(database)
+    stack.callback(journal.close)
+    keep(JOURNAL, journal.run)
+    if foundation.said:
+        journal.note(MarkKind.TUNING, foundation.said, tick=0)
+    present = PresentState(supervisor, parameters, tuning, problems)
+    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
+    safe_stop = SafeStop(supervisor, present, supervision)
+    sessions = SessionRuns(database, settings.plant_choice.name, parameters)
+    actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    control = Control(actuator.operator_lost, actuator.note_control)
+    control.let_go = actuator.let_go
+    present.holder, present.people = control.view, authentication.people.view
+    keep(TOKENS, authentication.run)
+    stack.push_async_callback(authentication.sessions.save)
+    keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
+    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
+    journal.on_mark(live.announce)
+    actuator.on_change(live.state_changed)
+    keep(LIVE, live.run)
+    watch = FolderWatch((folder.problem, soundness.displaced), actuator.changed)
+    keep(FOLDER, watch.run)
+    soundness.start()
+
+    history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
+    processes = Processes(supervision)
+    stack.callback(processes.close)
+    downloads = Downloads(database, processes.reports)
+    evaluations = Evaluations(database, processes.computing, lambda: present.task)
+    stored_runs = StoredRuns(
+        database, lambda: present.task, lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run)
+    )
+    banks = StoredBanks(database, processes.computing, lambda: present.tuning)
+    station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
+
+    def prepare() -> None:
+        """Load what evaluation and report need while the program still plays."""
+        processes.computing.prepare(evaluate, *SCIENCE)
+        downloads.prepare()
+
+    ordered_runs = OrderedRuns(
+        station, actuator, banks, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop
+    )
+    evaluations.done = ordered_runs.evaluated
+
+    replay = Replay(database)
+    mirrors = {
+        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest()),
+        "/replay": SceneMirror(parameters, replay.row),
+    }
+    drawing: list[KeptThread] = []
+    for mirror in mirrors.values():
+        stack.callback(mirror.close)
+
+    def clear_away() -> None:
+        for kept in drawing:
+            kept.end(2.0)
+
+    stack.callback(clear_away)
+
+    def draw() -> None:
+        drawing.extend(supervision.keep_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
+
+    scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
+    bring_up = BringUp(actuator, supervisor, database, parameters, hands)
+    stack.push_async_callback(bring_up.close)
+    service = Service(
+        actuator=actuator,
+        control=control,
+        ordered_runs=ordered_runs,
+        saved_tunings=SavedTunings(database),
+        bring_up=bring_up,
+        live=live,
+        runs=stored_runs,
+        identifications=StoredIdentifications(database, stored_runs.progress),
+        evaluations=evaluations,
+        banks=banks,
+        preferences=StoredPreferences(database),
+        history=history,
+        replay=replay,
+        downloads=downloads,
+        maintenance=Maintenance(database, settings.data, supervisor),
+        retention=retention,
+    )
+    return Assembled(service, recorder, scenes, draw)
+
+
+def _id_of_bank(tuning: TuningInUse) -> int | None:
+    return None if tuning.bank is None else tuning.bank.id

@@ -1,0 +1,70 @@
+"""What the loop starts from: parameters, database, the tuning in force, what was brought up, whether hands are in."""
+
+import logging
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+
+from backend.archive.soundness import Soundness
+from backend.bring_up.hands import KeptHands
+from backend.bring_up.standing import brought_up_of
+from backend.loop.channel import Setup
+from backend.loop.launching import Launched
+from backend.loop.supervisor import Supervisor
+from backend.operating.kept_figures import KeptFigures
+from backend.operating.kept_tuning import KeptTuning
+from backend.operating.tuning_in_use import TuningInUse
+from backend.settings import Settings
+from backend.storage import Database, open_database, runs
+from backend.supervision import Supervision
+from plant.parameters import PlantParameters, load_parameters
+
+SEED = 0
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty."""
+
+    parameters: PlantParameters
+    database: Database
+    soundness: Soundness
+    figures: KeptFigures
+    kept: KeptTuning
+    tuning: TuningInUse
+    said: str
+    hands: KeptHands
+    supervisor: Supervisor
+
+
+def lay_foundation(
+    settings: Settings, launched: Launched, supervision: Supervision, stack: AsyncExitStack
+) -> Foundation:
+    """Open the database and read from it what the ``launched`` loop process is to be told; ``stack`` closes it again.
+
+    Raises StorageError, SchemaError, ParameterError and TuningError.
+    """
+    parameters = load_parameters(settings.params)
+    database = open_database(settings.data, settings.database_url, settings.database_password())
+    stack.callback(database.close)
+    soundness = Soundness(database, settings.data)
+    soundness.before_start()
+    _close_interrupted(database)
+    figures = KeptFigures()
+    figures.restore()
+    stack.callback(figures.keep)
+    kept = KeptTuning(database)
+    tuning, said = kept.restore(parameters)
+    brought_up = brought_up_of(database, settings.plant_choice)
+    hands = KeptHands(database, settings.plant_choice)
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, hands.left is not None)
+    supervisor = Supervisor(setup, supervision, launched)
+    return Foundation(parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+
+
+def _close_interrupted(database: Database) -> None:
+    with database.session() as session:
+        interrupted = runs.close_interrupted(session)
+    if interrupted:
+        _log.warning("runs closed that the last service left open: %s", interrupted)

@@ -1,0 +1,114 @@
+"""A start loads only what the first curve needs, and computes nothing that was computed before."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from backend.operating.kept_figures import KeptFigures
+from backend.tuning import motor_loop, remembered
+from backend.tuning.models import MotorModel
+from backend.tuning.preview import Previewer
+from plant.parameters import load_parameters
+
+LATER = ("scipy.optimize", "scipy.signal", "scipy.stats", "control", "matplotlib", "pyarrow", "typst", "alembic")
+STARTED = """
+import sys
+from collections.abc import Callable
+import backend.main, backend.assembly, backend.api.app, backend.operating.foundation
+from backend.operating.foundation import KeptFigures, KeptTuning, load_parameters, open_database
+from pathlib import Path
+database = open_database(Path(sys.argv[1]))
+KeptFigures(Path(sys.argv[1])).restore()
+tuning, _ = KeptTuning(database).restore(load_parameters("lab"))
+tuning.view(0.0), tuning.command()
+print(*[name for name in sys.argv[2:] if name in sys.modules])
+"""
+
+
+@pytest.fixture
+def nothing_known(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, ...]]:
+    monkeypatch.setattr(remembered, "FIGURES", {})
+    monkeypatch.setattr("backend.operating.kept_figures.FIGURES", remembered.FIGURES)
+    return remembered.FIGURES
+
+
+def loaded(data: Path) -> list[str]:
+    ended = subprocess.run(
+        [sys.executable, "-c", STARTED, str(data), *LATER], capture_output=True, text=True, check=True
+    )
+    return ended.stdout.split()
+
+
+def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
+    tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]
+) -> None:
+    assert "control" in loaded(tmp_path)  # nothing has been computed yet
+    Previewer(load_parameters("lab"))
+    KeptFigures(tmp_path).keep()
+    assert loaded(tmp_path) == []
+
+
+def test_the_loop_process_loads_none_of_it_at_all() -> None:
+    code = "import sys, backend.loop.worker; print(*[name for name in sys.argv[1:] if name in sys.modules])"
+    ended = subprocess.run(
+        [sys.executable, "-c", code, *LATER, "sqlalchemy", "fastapi"], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.split() == []
+
+
+def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]) -> None:
+    motor = MotorModel(2.86, 0.22, 0.002)
+    computed = motor_loop.motor_range(motor)
+    KeptFigures(tmp_path).keep()
+    nothing_known.clear()
+    KeptFigures(tmp_path).restore()
+    assert len(nothing_known) == 1
+    assert motor_loop.motor_range(motor) == computed
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: "",
+        lambda text: text[:-20],
+        lambda text: "[]",
+        lambda text: text.replace("0.2", "0.3", 1),
+        lambda text: json.dumps({"figures": {"a": [[]]}, "digest": "b"}),
+    ],
+    ids=["empty", "cut off", "of another form", "altered", "none of ours"],
+)
+def test_a_damaged_file_is_not_believed(
+    tmp_path: Path, nothing_known: dict[str, tuple[float, ...]], damage: Callable[[str], str]
+) -> None:
+    motor_loop.motor_range(MotorModel(2.86, 0.22, 0.002))
+    kept = KeptFigures(tmp_path)
+    kept.keep()
+    whole = kept.file.read_text(encoding="ascii")
+    kept.file.write_text(damage(whole), encoding="ascii")
+    assert damage(whole) != whole
+    nothing_known.clear()
+    KeptFigures(tmp_path).restore()
+    assert nothing_known == {}
+
+
+@pytest.mark.parametrize("known", [(), (1.0,), (1.0, float("nan")), (1.0, float("inf"))])
+def test_figures_of_another_form_are_computed_anew(
+    nothing_known: dict[str, tuple[float, ...]], known: tuple[float, ...]
+) -> None:
+    assert remembered.remembered(("question",), 2, lambda: (1.0, 2.0)) == (1.0, 2.0)
+    (key,) = nothing_known
+    nothing_known[key] = known
+    assert remembered.remembered(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
+
+
+def test_the_oldest_figures_are_forgotten_first(nothing_known: dict[str, tuple[float, ...]]) -> None:
+    for number in range(remembered.MOST + 1):
+        remembered.remembered((number,), 1, partial(lambda value: (value,), float(number)))
+    assert len(nothing_known) == remembered.MOST
+    assert (0.0,) not in nothing_known.values()
+    assert (1.0,) in nothing_known.values()
