@@ -1,5 +1,5 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
-# make test   installs what the tests need (a browser too) and runs all of them
+# make test   installs what the tests need (a browser too) and runs all of them, in lanes: tests/lanes.py
 # Further: check, format, test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
 # mutate (whether the tests notice when something is computed wrongly; an hour),
 # screenshots. Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.

@@ -14,10 +14,12 @@ collect_ignore = [] if "FUZZ_EXAMPLES" in os.environ else ["fuzz"]
 """Thousands of requests are a lane of their own, `make fuzz`."""
 ONLY_COMPUTES = {
     "bench",
+    "bring_up",
     "cli",
     "closed_loop",
     "controllers",
     "docs",
+    "documents",
     "experiments",
     "identification",
     "loop",
@@ -33,10 +35,25 @@ ONLY_COMPUTES = {
     "test_forks.py",
     "test_house.py",
     "test_lanes.py",
+    "test_reading.py",
+    "test_refusal.py",
 }
 """What a busy machine makes slower but not wrong, but for modules that say of themselves that they are live. Else,
 new folders too, tests are taken to be live."""
 
+
+PAGE = "e2e"
+"""Tests with a browser, which takes most of a core."""
+
+BESIDE = {
+    "api": (
+        "auth bodies chain faults invalid journal live names observation operate pace places security sign_in stream "
+        "system tokens tuning turns units waits"
+    ),
+    PAGE: "absent accessibility charts layout map",
+}
+"""Live modules that were tried, and are green, on cores that had other work too. All others are taken to want the
+machine for themselves, until they have been tried."""
 
 SESSION_LONG = {"api", "fuzz"}
 """Their one service stays up until the end: so they come last, and it is in nobody's way."""
@@ -52,8 +69,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if folder(item) not in ONLY_COMPUTES:
             item.add_marker(pytest.mark.live)
+        if item.get_closest_marker("live"):
+            if folder(item) == PAGE:
+                item.add_marker(pytest.mark.page)
+            if not beside(item):
+                item.add_marker(pytest.mark.alone)
     items.sort(key=lambda item: folder(item) in SESSION_LONG)
 
 
 def folder(item: pytest.Item) -> str:
     return item.path.relative_to(TESTS).parts[0]
+
+
+def beside(item: pytest.Item) -> bool:
+    return item.path.stem.removeprefix("test_") in BESIDE.get(folder(item), "").split()

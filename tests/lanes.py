@@ -1,8 +1,9 @@
 """``python -m tests.lanes [PYTEST ARGUMENT ...]``: all tests, each in one of the lanes; told how long each lane took.
 
-Tests that only compute share the processor: as many processes as there are cores. Tests with a live service, loop or
-browser come after them, one at a time, so that nothing but what is tested moves. `tests/conftest.py` says which is
-which. At the end the tests that were run are counted against those there are: a test that no lane runs is a failure.
+Tests that only compute share the processor: as many processes as there are cores. After them the pages are tried in a
+browser and, beside it, the live tests that another busy core does not disturb. Last, one at a time, come those that
+count on the machine for themselves, so that nothing but what is tested moves. `tests/conftest.py` says which is which.
+At the end the tests that were run are counted against those there are: a test that no lane runs is a failure.
 """
 
 import subprocess
@@ -10,8 +11,11 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import pytest
 from rich.console import Console
@@ -20,11 +24,16 @@ from rich.table import Table
 ROOT = Path(__file__).parents[1]
 LANES = {
     "pure": ("-m", "not live", "-n", "auto", "--dist", "worksteal", "-p", "no:schemathesis"),
-    "live": ("-m", "live", "-p", "no:xdist"),
+    "live": ("-m", "live and not page and not alone", "-p", "no:xdist"),
+    "page": ("-m", "page and not alone", "-p", "no:xdist", "-p", "no:schemathesis"),
+    "alone": ("-m", "alone", "-p", "no:xdist"),
 }
 """Worksteal leaves the tests of a file beside each other, in the process that has what they share; schemathesis, which
 takes a process seconds to load, makes requests to a live service only."""
 
+BESIDE = (("pure",), ("live", "page"), ("alone",))
+"""What runs at the same time, one group after the other. The first lane of a group is seen as it goes; what another
+says is shown when it has ended."""
 
 NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
 
@@ -44,20 +53,36 @@ class Ended:
         return sum(outcome == "failed" for outcome in self.outcomes.values())
 
 
-def run(name: str, arguments: list[str]) -> Ended:
-    """Run one lane, its output as it comes."""
+def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended:
+    """Run one lane, its output as it comes, or into ``said``."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pytest", "-p", "tests.lanes_record", f"--record={folder}", *LANES[name]]
         begun = time.monotonic()
-        code = subprocess.run([*command, *arguments], cwd=ROOT, check=False).returncode
+        process = subprocess.run([*command, *arguments], cwd=ROOT, check=False, stdout=said, stderr=said)
         there, outcomes = (_lines(Path(folder) / kept) for kept in ("there", "outcomes"))
         return Ended(
             name,
-            0 if code == NO_TESTS else code,
+            0 if process.returncode == NO_TESTS else process.returncode,
             time.monotonic() - begun,
             there,
             dict(line.split(" ", 1)[::-1] for line in outcomes),
         )
+
+
+def run_beside(names: tuple[str, ...], arguments: list[str], console: Console) -> list[Ended]:
+    """Run lanes at the same time."""
+    first, *others = names
+    with ExitStack() as files, ThreadPoolExecutor(len(names)) as threads:
+        said = [files.enter_context(tempfile.TemporaryFile()) for _ in others]
+        console.rule(f"lane: {first}" + "".join(f", beside it: {name}" for name in others))
+        going = [threads.submit(run, name, arguments, kept) for name, kept in zip(others, said, strict=True)]
+        ended = [run(first, arguments)]
+        for lane, name, kept in zip(going, others, said, strict=True):
+            ended.append(lane.result())
+            console.rule(f"lane: {name}")
+            kept.seek(0)
+            sys.stdout.write(kept.read().decode("utf-8", "replace"))
+    return ended
 
 
 def not_run_once(lanes: list[Ended]) -> list[str]:
@@ -69,10 +94,9 @@ def not_run_once(lanes: list[Ended]) -> list[str]:
 
 def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
-    lanes = []
-    for name in LANES:
-        console.rule(f"lane: {name}")
-        lanes.append(run(name, sys.argv[1:]))
+    lanes: list[Ended] = []
+    for names in BESIDE:
+        lanes += run_beside(names, sys.argv[1:], console)
     table = Table("lane", "tests", "failed", "time [s]", title=f"Python {sys.version.split()[0]}")
     for lane in lanes:
         table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")

@@ -5,7 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.lanes import Ended, not_run_once
+import pytest
+from rich.console import Console
+
+from tests.conftest import BESIDE as BESIDE_OTHERS
+from tests.conftest import TESTS
+from tests.lanes import BESIDE, LANES, Ended, not_run_once, run_beside
 
 ROOT = Path(__file__).parents[1]
 
@@ -22,13 +27,31 @@ def test_a_test_that_no_lane_runs_is_found_and_so_is_one_that_two_run() -> None:
 
 
 def test_lanes_divide_what_there_is_and_count_it() -> None:
-    some = ["tests/wire", "tests/loop/test_pacer.py", "-q"]
+    some = ["tests/wire", "tests/api/test_pace.py", "tests/loop/test_pacer.py", "-q"]
     ended = subprocess.run([sys.executable, "-m", "tests.lanes", *some], cwd=ROOT, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    pure, live = (int(re.findall(rf"{name} +│ (\d+)", ended.stdout)[0]) for name in ("pure", "live"))
-    assert pure > 0
-    assert live > 0
-    assert ended.stdout.splitlines()[-1] == f"{pure + live} passed, 0 failed"
+    counts = {name: int(re.findall(rf"{name} +│ (\d+)", ended.stdout)[0]) for name in LANES}
+    assert counts.pop("page") == 0
+    assert all(count > 0 for count in counts.values()), counts
+    assert ended.stdout.splitlines()[-1] == f"{sum(counts.values())} passed, 0 failed"
+
+
+def test_each_lane_has_its_turn_once() -> None:
+    assert sorted(name for group in BESIDE for name in group) == sorted(LANES)
+
+
+def test_what_runs_beside_is_shown_when_it_has_ended(capfd: pytest.CaptureFixture[str]) -> None:
+    ended = run_beside(("pure", "alone"), ["tests/wire", "tests/loop/test_pacer.py", "-q"], Console(width=80))
+    assert [lane.name for lane in ended] == ["pure", "alone"]
+    assert [lane.code for lane in ended] == [0, 0]
+    shown = capfd.readouterr().out
+    assert f"{len(ended[1].outcomes)} passed" in shown.partition("lane: alone")[2]
+
+
+def test_what_is_said_to_run_beside_other_work_is_there() -> None:
+    paths = [TESTS / folder / f"test_{name}.py" for folder, names in BESIDE_OTHERS.items() for name in names.split()]
+    assert paths
+    assert [path for path in paths if not path.is_file()] == []
 
 
 def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
