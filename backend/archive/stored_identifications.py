@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from backend import __version__
-from backend.archive import views
+from backend.archive import identification_views
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.experiments.results.spring_identification import from_table
@@ -47,7 +47,7 @@ class StoredIdentifications:
 
     async def spring_table(self, number: int) -> SpringTableView:
         """Return one spring identified from a table. Raises UnknownRecordError."""
-        return views.spring_table_view(await asyncio.to_thread(self._spring_table, number))
+        return identification_views.spring_table_view(await asyncio.to_thread(self._spring_table, number))
 
     async def spring_table_curves(self, number: int) -> IdentificationCurves:
         """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
@@ -56,7 +56,7 @@ class StoredIdentifications:
 
     async def add_spring_table(self, name: str, table: str, who: str) -> SpringTableView:
         """Identify a spring from a measured table and store it. Raises IdentificationError."""
-        return views.spring_table_view(await asyncio.to_thread(self._add_spring_table, name, table, who))
+        return identification_views.spring_table_view(await asyncio.to_thread(self._add_spring_table, name, table, who))
 
     # In a thread --------------------------------------------------------------------------------------------
 
@@ -69,9 +69,9 @@ class StoredIdentifications:
     def _listed(self, run: Run, estimate: Identification | None) -> IdentificationView:
         """Return a run as the list shows it: one that cannot be read says so, and the others are there."""
         try:
-            return views.identification_view(run, estimate, self._progress(run))
+            return identification_views.identification_view(run, estimate, self._progress(run))
         except UnreadableDocumentError as error:
-            view = views.identification_view(run, None, self._progress(run))
+            view = identification_views.identification_view(run, None, self._progress(run))
             return view.model_copy(update={"message": str(error)})
 
     def _identification(self, run_id: int) -> IdentificationView:
@@ -81,7 +81,7 @@ class StoredIdentifications:
                 raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
-        view = views.identification_view(run, estimates[0] if estimates else None, self._progress(run))
+        view = identification_views.identification_view(run, estimates[0] if estimates else None, self._progress(run))
         problem = "" if result is None else result.metrics.problem
         return view.model_copy(update={"message": problem}) if problem else view
 
@@ -93,7 +93,7 @@ class StoredIdentifications:
     def _spring_tables(self) -> list[SpringTableView]:
         with self._database.reading() as session:
             found = identifications.find(session, kind="spring")
-        return [views.spring_table_view(table) for table in found if table.run_id is None]
+        return [identification_views.spring_table_view(table) for table in found if table.run_id is None]
 
     def _spring_table(self, number: int) -> Identification:
         with self._database.reading() as session:

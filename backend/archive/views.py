@@ -9,35 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.actuator import ChannelName
 from backend.documents.edge import UnreadableDocumentError
-from backend.documents.motor import Fitted, Pair
-from backend.documents.motor_grade import grade_of
 from backend.documents.result import Criterion as Judged
 from backend.experiments.results.used_settings import used_settings
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
 from backend.messages.flight import FlightView
-from backend.messages.identification import (
-    IdentificationView,
-    ModelView,
-    MotorEstimate,
-    MotorView,
-    SpringFitView,
-    SpringTableView,
-    SpringView,
-)
 from backend.messages.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
 from backend.sample import STORED
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
-from backend.storage.identifications import Identification
 from backend.storage.results import Result
 from backend.storage.runs import Run
 from plant.interface import T_s
-from plant.parameter_sections import SIDES
 
 _UNITS = {field.name: field.unit for field in STORED}
 
@@ -50,7 +36,12 @@ def run_view(
     missed: int,
     samples_deleted: datetime | None = None,
 ) -> RunView:
-    """Return a run with the extent of what was recorded of it."""
+    """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so."""
+    settings, problem = [], run.evaluation_problem
+    try:
+        settings = [UsedSetting(**asdict(item)) for item in used_settings(run.set_to)]
+    except UnreadableDocumentError as error:
+        problem = problem or str(error)
     return RunView(
         id=run.id,
         kind=run.kind,
@@ -65,10 +56,10 @@ def run_view(
         samples=samples,
         missing_samples=missed,
         samples_deleted=samples_deleted,
-        settings=[UsedSetting(**item) for item in used_settings(run.settings)],
+        settings=settings,
         note=run.note,
         evaluation=evaluation,
-        evaluation_problem=run.evaluation_problem,
+        evaluation_problem=problem,
     )
 
 
@@ -85,45 +76,6 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
             )
             for name in envelope.minimum
         },
-    )
-
-
-def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
-    """Return an identification run with its models, where it has any."""
-    plan = run.settings.get("plan", {})
-    kind = run.kind.removesuffix("_identification")
-    actuator = estimate if kind == "actuator" else None
-    return IdentificationView(
-        id=run.id,
-        run=run.id,
-        kind=kind,
-        status=run.end_state,
-        created=run.started_at,
-        progress=progress,
-        tension_N=plan.get("tension_N"),
-        S_nominal=None if actuator is None else actuator.actuator.model.S_nominal,
-        settings={**plan, **run.settings.get("loop", {})},
-        estimate=None if estimate is None else estimate.id,
-        usable=estimate is not None and estimate.usable,
-        G_q=None if actuator is None else _model_view(actuator, "G_q"),
-        G_S=None if actuator is None else _model_view(actuator, "G_S"),
-        motors=_motors(estimate) if estimate is not None and kind == "motor" else [],
-        springs=_springs(estimate) if estimate is not None and kind == "spring" else [],
-        message=_message(run, None) if estimate is None else estimate.verdict,
-    )
-
-
-def spring_table_view(found: Identification) -> SpringTableView:
-    """Return a spring that was identified from a table."""
-    return SpringTableView(
-        id=found.id,
-        file=found.table.file,
-        sha256=found.table.sha256,
-        created=found.created_at,
-        who=found.who,
-        usable=found.usable,
-        spring=_springs(found)[0],
-        message=found.verdict,
     )
 
 
@@ -160,9 +112,9 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
         status=run.end_state,
         created=run.started_at,
         progress=progress,
-        settings={**run.settings.get("plan", {}), **run.settings.get("loop", {})},
+        settings=dict(run.set_to.told()),
         **_judgement(run, result),
-        message=_message(run, result),
+        message=message_of(run, result),
     )
 
 
@@ -177,7 +129,7 @@ def dry_run_view(
     samples = None if curves is None else samples_view(run.id, curves, raw=False)
     return DryRunView(
         status=run.end_state,
-        message=_message(run, result),
+        message=message_of(run, result),
         duration_s=duration_s,
         settings=settings,
         **_judgement(run, result),
@@ -210,76 +162,11 @@ def _criterion(item: Judged) -> Criterion:
     )
 
 
-def _message(run: Run, result: Result | None) -> str:
+def message_of(run: Run, result: Result | None) -> str:
+    """Return what is to be said of a run beside its verdict: how it ended, or why there is no result."""
     if result is None and run.evaluation_problem:
         return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
     return run.end_detail or ("" if result is None else result.metrics.problem)
-
-
-def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
-    channel = estimate.actuator.channel(name)
-    model, quality = channel.model, channel.quality
-    return ModelView(
-        structure=model.structure,
-        method=estimate.method if model.method is None else model.method,
-        parameters=model.parameters,
-        std_errors=model.std_errors,
-        fit_percent=quality.fit_percent,
-        gain_geometry=_needed(quality.gain_geometry, estimate, "gain_geometry"),
-        K=model.first_order.K,
-        T=model.first_order.T,
-        grade=quality.grade,
-        usable=quality.usable,
-        verdict=quality.verdict,
-    )
-
-
-def _motors(estimate: Identification) -> list[MotorView]:
-    views = []
-    for side in SIDES:
-        found = estimate.motors.side(side)
-        model, quality = found.model, found.quality
-        views.append(
-            MotorView(
-                side=side,
-                u_c=_needed(model.parameters.u_c, estimate, "u_c"),
-                u_c_std=_needed(model.std_errors.u_c, estimate, "std_errors.u_c"),
-                fitted=_motor_estimate(model.parameters, estimate),
-                std_errors=_motor_estimate(model.std_errors, estimate),
-                rule_mean=_motor_estimate(model.rule_mean, estimate),
-                rule_spread=_motor_estimate(model.rule_spread, estimate),
-                before=_motor_estimate(model.before, estimate),
-                rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
-                refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
-                grade=grade_of(found),
-                verdict=quality.verdict,
-            )
-        )
-    return views
-
-
-def _motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
-    return MotorEstimate(K_m=_needed(found.K_m, estimate, "K_m"), T_m=_needed(found.T_m, estimate, "T_m"))
-
-
-def _needed(value: float | None, estimate: Identification, name: str) -> float:
-    if value is None:
-        raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no figure for {name}")
-    return value
-
-
-def _springs(estimate: Identification) -> list[SpringView]:
-    return [
-        SpringView(
-            name=name,
-            recommended=found.model.recommended,
-            reason=found.model.reason,
-            pairs=found.quality.pairs,
-            hysteresis_N=found.quality.hysteresis_N,
-            fits=[SpringFitView(**asdict(fit)) for fit in found.model.fits],
-        )
-        for name, found in estimate.springs.items()
-    ]
 
 
 def _plain(values: NDArray[np.float32]) -> list[float | None]:

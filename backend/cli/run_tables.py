@@ -37,13 +37,13 @@ def show_settings(source: "Source") -> None:
     """Print what a run was set to."""
     from backend.experiments.results.used_settings import used_settings
 
-    used = used_settings(source.run.settings)
+    used = used_settings(source.run.set_to)
     rows = [
         (
-            item["meaning"],
-            item["symbol"],
-            _setting(item["value"], item["unit"]),
-            reading_of(item["unit"], angles()).unit,
+            item.meaning,
+            item.symbol,
+            _setting(item.value, item.unit),
+            reading_of(item.unit, angles()).unit,
         )
         for item in used
     ]

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
+from backend.documents.run_settings import DeclaredValue, Value
 from backend.reading import Angles, reading_of, typed
 from backend.refusal import Path, RefusedValueError, require_within
 
-Value = float | int | bool | str
 _KEY = "setting"
 _SHOWN = 100
 _WORDS = {"true": True, "yes": True, "false": False, "no": False}
@@ -144,19 +144,13 @@ def from_values(plan: type[_T], values: Mapping[str, object]) -> _T:
     return plan(**{name: known[name].parse(value) for name, value in values.items()})
 
 
-def declared_values(*chosen: Any) -> list[dict[str, Any]]:
+def declared_values(*chosen: Any) -> tuple[DeclaredValue, ...]:
     """Return what was chosen with symbol, unit and meaning, so that a stored run explains itself."""
-    return [
-        {
-            "name": setting.name,
-            "symbol": setting.symbol,
-            "unit": setting.unit,
-            "meaning": setting.meaning,
-            "value": getattr(item, setting.name),
-        }
+    return tuple(
+        DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, getattr(item, setting.name))
         for item in chosen
         for setting in describe(type(item))
-    ]
+    )
 
 
 def _declare(kind: str, default: object, declaration: dict[str, object]) -> Any:

@@ -3,6 +3,7 @@
 import asyncio
 
 from backend import __version__
+from backend.documents.run_settings import SETTINGS, KeptLoop, RunSettings
 from backend.loop.mode import Mode
 from backend.operating.tuning_in_use import TuningInUse
 from backend.storage import runs
@@ -30,7 +31,7 @@ class SessionRuns:
             parameters=self._parameters.document(),
             who=who,
             software=__version__,
-            settings={"mode": str(mode), "loop": tuning.choice.document()},
+            settings=SETTINGS.write(RunSettings(mode=str(mode), loop=KeptLoop(**tuning.choice.document()))),
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )
         return await asyncio.to_thread(self._create, new)

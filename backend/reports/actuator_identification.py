@@ -11,6 +11,7 @@ from backend.documents.actuator import (
     FailedCandidate,
     ResidualTests,
 )
+from backend.documents.edge import UnreadableDocumentError
 from backend.identification.published import TABLE_1
 from backend.identification.residuals import judged
 from backend.identification.result import worst
@@ -58,7 +59,7 @@ _NOTES = (
 def actuator_identification_report(source: Source) -> Report:
     """Build the report; a run without a model says why it gave none."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
-    tension_N = source.run.settings["plan"]["tension_N"]
+    tension_N = held_N(source)
     sections = []
     if found is not None:
         sections += [
@@ -89,6 +90,14 @@ def actuator_identification_report(source: Source) -> Report:
         footer=f"Sinew {source.run.software} · actuator identification · run {source.run.id}",
         date=source.run.started_at,
     )
+
+
+def held_N(source: Source) -> float:
+    """Return the tension [N] that was held. Raises UnreadableDocumentError where the plan does not say."""
+    told = (source.run.set_to.plan or {}).get("tension_N")
+    if not isinstance(told, int | float):
+        raise UnreadableDocumentError(f"run {source.run.id}: its plan has no tension_N")
+    return told
 
 
 def _outcome(found: Identification | None) -> str:

@@ -45,8 +45,8 @@ def compliance_report(source: Source) -> Report:
 def _figures(source: Source, metrics: Metrics) -> Section:
     pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
     delay_s = metrics.value_of("delay_s") or 0.0
-    r_j = source.run.parameters["geometry"]["r_j"]["value"]
-    F_max = source.run.parameters["safety"]["F_max"]["value"]
+    r_j = source.run.number("geometry", "r_j")
+    F_max = source.run.number("safety", "F_max")
     panels = force_panels(source.columns, r_j, pushed_s, delay_s, "forces", source.angles)
     return Section(
         "Figures",

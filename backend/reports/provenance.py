@@ -1,8 +1,10 @@
 """What every report says of where a run comes from: who, when, on what, with which settings, gains and parameters."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from backend.documents.actuator import CHANNELS
+from backend.documents.run_settings import DeclaredValue
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
@@ -38,30 +40,30 @@ def facts(source: Source) -> tuple[Fact, ...]:
     ]
     if run.note:
         lines.append(Fact("Note", run.note))
-    versions = run.settings.get("versions", {})
+    versions = run.set_to.versions or {}
     software = ", ".join([f"Sinew {run.software}", *(f"{name} {version}" for name, version in versions.items())])
     return (*lines, Fact("Software", software))
 
 
 def tuning_facts(source: Source) -> tuple[Fact, ...]:
     """Return λ as the samples have it, the rest of the tuning in use and the seed of the simulator."""
-    settings = source.run.settings
-    loop = settings.get("loop", settings)  # sessions used to have it beside their mode
+    settings = source.run.set_to
+    loop = settings.loop
     parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S")]
-    if "lam_motor" in loop:
-        parts.append(f"λ_motor = {exact(loop['lam_motor'])} s")
-    parts.append(f"b = {exact(loop['b'])}" if "b" in loop else "b was not recorded then")
+    if loop.lam_motor is not None:
+        parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
+    parts.append("b was not recorded then" if loop.b is None else f"b = {exact(loop.b)}")
     bank = source.bank
     gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
-    law = source.run.settings.get("plan", {}).get("controller", "cascade")
+    law = (settings.plan or {}).get("controller", "cascade")
     controller = f"cascade, gains of {gains}" if bank else f"cascade, gains {gains}"
     if law != "cascade":
         controller = f"{law}, for comparison; the cascade's gains were not in use"
     if bank is not None and len(bank.entries) > 1 and law == "cascade":
-        controller += ", interpolating between entries" if loop.get("interpolate") else ", switching between entries"
+        controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
-    if source.run.plant in SIMULATED and "seed" in loop:
-        lines.append(Fact("Seed", str(loop["seed"])))
+    if source.run.plant in SIMULATED and loop.seed is not None:
+        lines.append(Fact("Seed", str(loop.seed)))
     return tuple(lines)
 
 
@@ -76,14 +78,19 @@ def _lam_text(source: Source, name: str) -> str:
 
 def settings_table(source: Source) -> Table:
     """Return the settings of the plan and of the loop with their units, as the run stored them."""
+    return table_of(source.run.set_to.declared or (), source)
+
+
+def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
+    """Return settings with their units."""
     rows = tuple(
         (
-            str(item["meaning"]),
-            str(item["symbol"]),
-            _chosen(item["value"], item["unit"], source.angles),
-            shown_unit(item["unit"], source.angles),
+            item.meaning,
+            item.symbol,
+            _chosen(item.value, item.unit, source.angles),
+            shown_unit(item.unit, source.angles),
         )
-        for item in source.run.settings.get("declared", [])
+        for item in declared
     )
     titles = (
         Column("Setting", number=False, wide=True),

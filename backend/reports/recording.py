@@ -1,7 +1,6 @@
 """The report of what was played or done by hand without criteria: its curves, and figures where there are some."""
 
 import json
-from dataclasses import replace
 from typing import Any
 
 from backend.reading import Angles, read, reading_of
@@ -13,6 +12,7 @@ from backend.reports.provenance import (
     parameter_section,
     settings_table,
     subtitle,
+    table_of,
     tuning_facts,
 )
 from backend.reports.source import Source
@@ -46,15 +46,14 @@ def recording_report(source: Source) -> Report:
 
 def _made(source: Source) -> tuple[Table, ...]:
     """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
-    settings = source.run.settings
-    if not settings.get("declared"):
+    declared = source.run.set_to.declared
+    if not declared:
         return ()
-    sequence = next((item["value"] for item in settings["declared"] if item.get("name") == "segments"), None)
+    sequence = next((item.value for item in declared if item.name == "segments"), None)
     if sequence is None:
         return (settings_table(source),)
-    others = [item for item in settings["declared"] if item.get("name") != "segments"]
-    rest = replace(source, run=replace(source.run, settings={**settings, "declared": others}))
-    return _segments_table(json.loads(sequence), source.angles), settings_table(rest)
+    others = [item for item in declared if item.name != "segments"]
+    return _segments_table(json.loads(str(sequence)), source.angles), table_of(others, source)
 
 
 def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
@@ -83,8 +82,8 @@ def _segments_table(segments: list[dict[str, Any]], angles: Angles) -> Table:
 
 
 def _figures(source: Source) -> Section:
-    columns, parameters = source.columns, source.run.parameters
-    u_max, F_max = parameters["motor"]["u_max"]["value"], parameters["safety"]["F_max"]["value"]
+    columns, run = source.columns, source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "panels", u_max, source.angles)
     caption = "(A) joint position, (B) joint stiffness, (C) motor voltages. References dashed."
     tensions = "Tendon tensions as the load cells show them."

@@ -26,7 +26,7 @@ def robustness_report(source: Source) -> Report:
 
 
 def _figures(source: Source) -> Section:
-    F_max = source.run.parameters["safety"]["F_max"]["value"]
+    F_max = source.run.number("safety", "F_max")
     return Section(
         "Figures",
         (

@@ -52,8 +52,8 @@ def tracking_report(source: Source) -> Report:
 def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigures]) -> Section:
     columns = source.columns
     played_s = float(columns["t"][-1])
-    parameters = source.run.parameters
-    u_max, F_max = parameters["motor"]["u_max"]["value"], parameters["safety"]["F_max"]["value"]
+    run = source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
     blocks = [

@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
+from functools import cached_property
 
 from sqlalchemy import ColumnElement, String, cast, func, or_, select, update
 from sqlalchemy.orm import Session
 
+from backend.documents.edge import UnreadableDocumentError
+from backend.documents.run_settings import SETTINGS, RunSettings
 from backend.storage.records import require, to_record
 from backend.storage.schema import Document, RunRow
 
@@ -77,6 +80,19 @@ class Run:
     end_detail: str
     note: str
     evaluation_problem: str = ""
+
+    def number(self, section: str, name: str) -> float:
+        """Return a number of the plant as it was when the run began. Raises UnreadableDocumentError."""
+        try:
+            return float(self.parameters[section][name]["value"])
+        except (KeyError, TypeError, ValueError):
+            what = f"its parameters have no number {section}.{name}"
+            raise UnreadableDocumentError(f"run {self.id}: {what}") from None
+
+    @cached_property
+    def set_to(self) -> RunSettings:
+        """What the run was set to. Raises UnreadableDocumentError."""
+        return SETTINGS.read(self.settings, f"run {self.id}")
 
 
 def create(session: Session, new: NewRun) -> Run:

@@ -52,6 +52,7 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
         "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
         "declared": [
             {
+                "name": "q_amplitude",
                 "meaning": "joint position steps between ±q_max",
                 "symbol": "q_max",
                 "unit": "rad",

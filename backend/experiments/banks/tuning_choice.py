@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-from backend.experiments.settings import Value, boolean, describe, from_values, integer, number
+from backend.documents.run_settings import Value
+from backend.experiments.settings import boolean, describe, from_values, integer, number
 from backend.tuning.models import LAM_MAX, LAM_MOTOR, LAM_Q, LAM_S, Lambdas
 from backend.tuning.motor_loop import LAM_MOTOR_MAX, LAM_MOTOR_MIN
 

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from typing import Any
 
 from backend import __version__
+from backend.documents.run_settings import SETTINGS, KeptLoop, RunSettings
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -75,12 +76,12 @@ def create_run(station: Station, order: Order) -> Run:
         start = start_from(station.loop.ring.newest())
         told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
-    settings = {
-        "plan": asdict(order.plan),
-        "loop": asdict(order.loop_settings),
-        "declared": declared_values(order.plan, order.loop_settings),
-        "versions": {"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
-    }
+    settings = RunSettings(
+        plan=asdict(order.plan),
+        loop=KeptLoop(**asdict(order.loop_settings)),
+        declared=declared_values(order.plan, order.loop_settings),
+        versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
+    )
     new = NewRun(
         kind=RunKind(order.plan.kind),
         plant=station.plant,
@@ -88,7 +89,7 @@ def create_run(station: Station, order: Order) -> Run:
         parameters=station.parameters.document(),
         who=order.who,
         software=__version__,
-        settings=settings,
+        settings=SETTINGS.write(settings),
         bank_id=order.loop_settings.bank or None,
         note=order.note,
     )

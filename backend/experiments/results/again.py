@@ -40,5 +40,5 @@ def require_evaluable(run: Run) -> None:
 
 
 def _plan_of(run: Run) -> Plan:
-    plan: Plan = from_values(_PLANS[run.kind], run.settings["plan"])
+    plan: Plan = from_values(_PLANS[run.kind], run.set_to.plan or {})
     return plan

@@ -22,6 +22,7 @@ from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
+from backend.tuning.models import LAM_MOTOR
 from backend.tuning.speed_bound import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -91,10 +92,12 @@ def _loaded(
     outline = _outline(columns, plan, run)
     figures = robustness_figures(columns, plan.phases(), parameters.sensors.motor_step)
     early = "" if outline.complete else ended_early(outline.played_s, outline.planned_s)
-    criteria = robustness_criteria(
-        figures, run.settings["loop"]["lam_motor"], parameters.motor.u_max, unseen(missed, early)
-    )
+    criteria = robustness_criteria(figures, _lam_motor(run), parameters.motor.u_max, unseen(missed, early))
     return replace(outline, figures=figure_documents(figures, figures.reasons)), criteria
+
+
+def _lam_motor(run: Run) -> float:
+    return LAM_MOTOR if run.set_to.loop.lam_motor is None else run.set_to.loop.lam_motor
 
 
 def _identified(

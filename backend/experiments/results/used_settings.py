@@ -1,29 +1,18 @@
 """What a stored run was set to, each setting with symbol, unit and meaning: for page and report. Pure."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
-from backend.documents.edge import Document
+from backend.documents.run_settings import DeclaredValue, RunSettings
 from backend.experiments.banks.tuning_choice import DECLARED
 
 
-def used_settings(stored: Mapping[str, Any]) -> list[Document]:
-    """Return the settings of a run in order, from what is stored of them.
-
-    Programs store them declared. A session has a tuning only; older ones have it beside their mode.
-    """
-    declared: list[Document] | None = stored.get("declared")
-    if declared is not None:
-        return declared
-    tuning = stored.get("loop", stored)
+def used_settings(stored: RunSettings) -> Sequence[DeclaredValue]:
+    """Return the settings of a run in order. Programs store them declared; a session has a tuning only."""
+    if stored.declared is not None:
+        return stored.declared
+    tuning = stored.loop.known()
     return [
-        {
-            "name": setting.name,
-            "symbol": setting.symbol,
-            "unit": setting.unit,
-            "meaning": setting.meaning,
-            "value": tuning[setting.name],
-        }
+        DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, tuning[setting.name])
         for setting in DECLARED
-        if tuning.get(setting.name) is not None
+        if setting.name in tuning
     ]

@@ -1,0 +1,71 @@
+"""What a run was set to: its plan, the tuning and seed of the loop, and both declared with unit and meaning. Pure.
+
+A session has a tuning and a mode only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from backend.documents.edge import ABSENT, Edge, json_ready
+
+VERSION = 1
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptLoop:
+    """The tuning that a run began with, as ``TuningChoice`` spells it, and the seed of the simulator.
+
+    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry.
+    """
+
+    lam_q: float | None = field(default=None, metadata=ABSENT)
+    lam_S: float | None = field(default=None, metadata=ABSENT)
+    lam_motor: float | None = field(default=None, metadata=ABSENT)
+    b: float | None = field(default=None, metadata=ABSENT)
+    bank: int | None = field(default=None, metadata=ABSENT)
+    interpolate: bool | None = field(default=None, metadata=ABSENT)
+    seed: int | None = field(default=None, metadata=ABSENT)
+
+    def known(self) -> dict[str, Value]:
+        """Return by name what was kept."""
+        return json_ready({name: value for name, value in vars(self).items() if value is not None})
+
+
+@dataclass(frozen=True)
+class DeclaredValue:
+    """A setting as it was chosen, with symbol, unit and meaning, so that a stored run explains itself."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    value: Value
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """All of it. ``mode`` is that of a session; ``versions`` are those of the packages that computed."""
+
+    mode: str | None = field(default=None, metadata=ABSENT)
+    plan: dict[str, Value] | None = field(default=None, metadata=ABSENT)
+    loop: KeptLoop = field(default_factory=KeptLoop)
+    declared: tuple[DeclaredValue, ...] | None = field(default=None, metadata=ABSENT)
+    versions: dict[str, str] | None = field(default=None, metadata=ABSENT)
+    version: int = VERSION
+
+    def told(self) -> dict[str, Value]:
+        """Return plan and tuning by name."""
+        return {**(self.plan or {}), **self.loop.known()}
+
+
+def _loop_apart(document: Any) -> Any:
+    """Early sessions had their tuning beside the mode."""
+    if not isinstance(document, Mapping) or "mode" not in document or "loop" in document:
+        return document
+    return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
+
+
+SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, _loop_apart)
