@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import Criterion as Judged
+from backend.experiments.banks.bank_consistency import MODEL_NAMES, point_of
 from backend.experiments.results.used_settings import used_settings
 from backend.messages.bank import BankEntryView, BankView
 from backend.messages.experiment import Criterion, DryRunView, ExperimentView, MeasuredMetric, SettingValue
@@ -94,10 +95,10 @@ def bank_view(
         entries=[
             BankEntryView(
                 identification=None if entry.identification_id is None else runs_of.get(entry.identification_id),
-                tension_N=entry.model.get("tension_N"),
+                tension_N=entry.known.tension_N,
                 S_nominal=entry.S_nominal,
                 q_nominal=None if entry.identification_id is None else positions.get(entry.identification_id),
-                **{name: entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")},
+                **{name: getattr(point_of(entry), name) for name in MODEL_NAMES},
             )
             for entry in bank.entries
         ],

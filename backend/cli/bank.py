@@ -207,7 +207,10 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as
         (
             name_of_entry(entry),
             entry.S_nominal,
-            *(entry.model[name] for name in ("K_q", "T_q", "K_S", "T_S")),
+            entry.known.K_q,
+            entry.known.T_q,
+            entry.known.K_S,
+            entry.known.T_S,
             run_of.get(entry.identification_id or 0),
         )
         for entry in bank.entries

@@ -74,6 +74,7 @@ def ordered(plan: "type[_Plan]", values: dict[str, object], standing: Standing) 
 
 def in_force(settings: Settings) -> Standing:
     """Return the tuning that the dashboard left in force for this plant; the defaults where none can be used."""
+    from backend.documents.edge import UnreadableDocumentError
     from backend.experiments.banks import kept_choice
     from backend.experiments.settings import SettingError
     from backend.refusal import OutOfRangeError
@@ -83,7 +84,7 @@ def in_force(settings: Settings) -> Standing:
     with database_of(settings) as database:
         try:
             kept = kept_choice.newest(database, parameters)
-        except (SettingError, OutOfRangeError) as error:
+        except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
             errors.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
             return _defaults(parameters)
     if kept is None:

@@ -2,6 +2,7 @@
 
 import logging
 
+from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.kept_choice import KeptChoice
 from backend.experiments.settings import SettingError
@@ -36,7 +37,7 @@ class KeptTuning:
                 if choice is None:
                     return None
                 return Chosen(choice, None if choice.bank == 0 else banks.get(session, choice.bank))
-        except (SettingError, OutOfRangeError, UnknownRecordError):
+        except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("what was in force before the present tuning cannot be had any more")
             return None
 
@@ -54,7 +55,7 @@ class KeptTuning:
             with self._database.reading() as session:
                 bank = None if kept.choice.bank == 0 else banks.get(session, kept.choice.bank)
             tuning = initial(parameters, kept.choice, bank)
-        except (SettingError, OutOfRangeError, TuningError, UnknownRecordError) as error:
+        except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
             return _defaults(parameters, f"the tuning of last time is refused, {error}")
         return tuning, _said(tuning, kept)
 

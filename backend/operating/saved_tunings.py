@@ -2,6 +2,7 @@
 
 import asyncio
 
+from backend.documents.kept_tuning import SAVED, SavedParts
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import SavedTuning
 from backend.operating.tuning_in_use import TuningInUse, parts_of
@@ -33,11 +34,12 @@ class SavedTunings:
 
     def _put(self, tuning: TuningInUse, who: str) -> StoredSetting:
         with self._database.session() as session:
-            return settings.put(session, _setting_of(tuning), parts_of(tuning.choice), who)
+            return settings.put(session, _setting_of(tuning), SAVED.write(SavedParts(**parts_of(tuning.choice))), who)
 
 
 def _saved(stored: StoredSetting) -> SavedTuning:
-    return SavedTuning(**parts_of(TuningChoice.of(stored.value)), who=stored.who, at=stored.at, moved="")
+    read = SAVED.read(stored.value, f"setting “{stored.name}”")
+    return SavedTuning(**parts_of(TuningChoice.of(read.known())), who=stored.who, at=stored.at, moved="")
 
 
 def _setting_of(tuning: TuningInUse) -> str:

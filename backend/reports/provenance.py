@@ -113,7 +113,7 @@ def lineage(source: Source) -> tuple[Paragraph | Table, ...]:
         (
             name_of_entry(entry),
             shown(entry.S_nominal, 4),
-            *(shown(entry.model.get(name), 4) for name in ("K_q", "T_q", "K_S", "T_S")),
+            *(shown(value, 4) for value in (entry.known.K_q, entry.known.T_q, entry.known.K_S, entry.known.T_S)),
             _came_from(source, entry),
             *_fits(source, entry),
         )

@@ -18,7 +18,7 @@ def entry_name(S_nominal: float, tension_N: float | None) -> str:
 
 def name_of_entry(entry: BankEntry) -> str:
     """Return what a stored entry is called."""
-    return entry_name(entry.S_nominal, entry.model.get("tension_N"))
+    return entry_name(entry.S_nominal, entry.known.tension_N)
 
 
 def entry_in_use(entries: Sequence[BankEntry], active: float) -> str:

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.storage.records import require, to_record
 from backend.storage.schema import BankEntryRow, BankRow, Document
 
@@ -18,6 +20,11 @@ class BankEntry:
     S_nominal: float
     model: Document
     identification_id: int | None = None
+
+    @cached_property
+    def known(self) -> EntryModel:
+        """What the models say. Raises UnreadableDocumentError."""
+        return ENTRY.read(self.model, f"the entry at {self.S_nominal:.2f} N·m/rad of a bank")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Identifications: what was estimated from which data, how, and whether it may be used for tuning."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -11,6 +12,7 @@ from sqlalchemy.orm import Session
 from backend.documents import actuator as of_actuator
 from backend.documents import motor as of_motor
 from backend.documents import spring as of_spring
+from backend.documents.edge import UnreadableDocumentError
 from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import Document, IdentificationRow
 
@@ -125,8 +127,12 @@ def runs_of(session: Session) -> dict[int, int | None]:
 def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float]:
     """Return the joint position [rad] at which each stored estimate of an actuator was made, where it says so."""
     rows = session.scalars(select(IdentificationRow).where(IdentificationRow.id.in_(tuple(numbers))))
-    found = {row.id: to_record(Identification, row).early_model.q_nominal for row in rows}
-    return {number: q for number, q in found.items() if q is not None}
+    found: dict[int, float] = {}
+    for row in rows:
+        with suppress(UnreadableDocumentError):  # a bank is shown without what its identification cannot tell
+            q = to_record(Identification, row).early_model.q_nominal
+            found |= {} if q is None else {row.id: q}
+    return found
 
 
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.experiments.banks.bank_consistency import (
     BankError,
     NamedEntry,
@@ -36,9 +37,9 @@ def entry_of(identification: Identification) -> BankEntry:
     G_q, G_S = (None if channel is None else channel.first_order for channel in (found.G_q, found.G_S))
     if found.S_nominal is None or G_q is None or G_S is None:
         raise BankError(f"{name_of(identification)} kept no first-order models: evaluate its run again")
-    model = {"K_q": G_q.K, "T_q": G_q.T, "K_S": G_S.K, "T_S": G_S.T}
-    model["tension_N"] = identification.actuator_options.tension_N
-    return BankEntry(found.S_nominal, model, identification.id)
+    tension_N = identification.actuator_options.tension_N
+    model = EntryModel(K_q=G_q.K, T_q=G_q.T, K_S=G_S.K, T_S=G_S.T, tension_N=tension_N)
+    return BankEntry(found.S_nominal, ENTRY.write(model), identification.id)
 
 
 def build_bank(

@@ -9,6 +9,7 @@ from typing import Any
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.experiments.banks.default_choice import default_lam_motor
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
+from backend.storage.bank_entry import entry_name
 from backend.storage.banks import BankEntry
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import PointModel
@@ -40,7 +41,10 @@ class NamedEntry:
 
 def point_of(entry: BankEntry) -> PointModel:
     """Return the models of an entry."""
-    return PointModel(entry.S_nominal, **{name: entry.model[name] for name in MODEL_NAMES})
+    known = {name: getattr(entry.known, name) for name in MODEL_NAMES}
+    if missing := [name for name, value in known.items() if value is None]:
+        raise BankError(f"the entry {entry_name(entry.S_nominal, entry.known.tension_N)} has no {', '.join(missing)}")
+    return PointModel(entry.S_nominal, **known)
 
 
 def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]) -> tuple[BankEntry, ...]:
@@ -72,7 +76,7 @@ def require_same_parameters(parameters: PlantParameters, name: str, recorded: Ma
 
 
 def _require_positive(item: NamedEntry) -> None:
-    values = {"S_nominal": item.entry.S_nominal} | {name: item.entry.model.get(name) for name in MODEL_NAMES}
+    values = {"S_nominal": item.entry.S_nominal} | {name: getattr(item.entry.known, name) for name in MODEL_NAMES}
     for name, value in values.items():
         if not isinstance(value, int | float) or isinstance(value, bool) or not isfinite(value) or not value > 0.0:
             raise BankError(f"{item.name} has {name} = {value}: it must be a number above 0")
@@ -88,7 +92,7 @@ def _require_apart(below: NamedEntry, above: NamedEntry) -> None:
 
 
 def _require_tension_rises(below: NamedEntry, above: NamedEntry) -> None:
-    low, high = below.entry.model.get("tension_N"), above.entry.model.get("tension_N")
+    low, high = below.entry.known.tension_N, above.entry.known.tension_N
     if low is not None and high is not None and not low < high:
         raise BankError(
             f"{above.name} is stiffer than {below.name} ({above.entry.S_nominal:.2f} and {below.entry.S_nominal:.2f} "

@@ -57,7 +57,7 @@ def figures_of(parameters: PlantParameters, lambdas: Lambdas, entry: BankEntry) 
     q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
     return EntryFigures(
         S_nominal=point.S_nominal,
-        tension_N=entry.model.get("tension_N"),
+        tension_N=entry.known.tension_N,
         estimate=entry.identification_id,
         position=_loop(point.K_q, point.T_q, q, OuterProcess(model[0, 0])),
         stiffness=_loop(point.K_S, point.T_S, S, OuterProcess(model[1, 1])),

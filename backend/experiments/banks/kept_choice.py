@@ -4,8 +4,10 @@ import hashlib
 import json
 from dataclasses import dataclass
 
+from backend.documents.kept_tuning import KEPT, KeptTuning
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.storage import Database, Session, settings
+from backend.storage.settings import StoredSetting
 from plant.parameters import PlantParameters
 
 NAME = "tuning in force"
@@ -27,27 +29,37 @@ class KeptChoice:
 def put(database: Database, choice: TuningChoice, parameters: PlantParameters, who: str) -> None:
     """Keep a choice that has come into force."""
     with database.session() as session:
-        settings.put(session, NAME, {**choice.document(), "parameters": digest(parameters)}, who)
+        document = KEPT.write(KeptTuning(**choice.document(), parameters=digest(parameters)))
+        settings.put(session, NAME, document, who)
 
 
 def newest(database: Database, parameters: PlantParameters) -> KeptChoice | None:
-    """Return what was in force last, None on a new data folder. Raises SettingError, OutOfRangeError."""
+    """Return what was in force last, None on a new data folder.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
     with database.reading() as session:
         kept = settings.newest(session, NAME)
     if kept is None:
         return None
-    lacks = tuple(name for name in TuningChoice().document() if name not in kept.value)
-    return KeptChoice(TuningChoice.of(kept.value), kept.who, kept.value["parameters"] == digest(parameters), lacks)
+    tuning = _read(kept)
+    lacks = tuple(name for name in TuningChoice().document() if getattr(tuning, name) is None)
+    return KeptChoice(TuningChoice.of(tuning.known()), kept.who, tuning.parameters == digest(parameters), lacks)
 
 
 def earlier(session: Session, choice: TuningChoice, parameters: PlantParameters) -> TuningChoice | None:
     """Return the newest kept choice for this plant other than ``choice``; None where there is none.
 
-    Raises SettingError, OutOfRangeError.
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
     """
     mine = digest(parameters)
-    kept = (TuningChoice.of(one.value) for one in settings.history(session, NAME) if one.value["parameters"] == mine)
+    read = (_read(one) for one in settings.history(session, NAME))
+    kept = (TuningChoice.of(one.known()) for one in read if one.parameters == mine)
     return next((one for one in kept if one != choice), None)
+
+
+def _read(kept: StoredSetting) -> KeptTuning:
+    return KEPT.read(kept.value, f"the data folder, left by {kept.who}")
 
 
 def digest(parameters: PlantParameters) -> str:

@@ -1,0 +1,86 @@
+"""Banks and tunings of earlier versions are read; one that cannot be read gives way, and says why."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.documents.edge import UnreadableDocumentError
+from backend.documents.kept_tuning import KEPT, SAVED
+from backend.experiments.banks import kept_choice
+from backend.experiments.banks.bank_consistency import BankError, point_of
+from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
+from backend.operating.kept_tuning import KeptTuning
+from backend.storage import Database, banks, open_database, settings
+from backend.storage.bank_entry import name_of_entry
+from backend.storage.banks import BankEntry
+from plant.parameters import load_parameters
+
+LAB = load_parameters("lab")
+OTHER = TuningChoice(lam_q=0.6, b=0.25)
+BEFORE: dict[str, Any] = {**OTHER.document(), "parameters": kept_choice.digest(LAB)}
+MODEL = {"K_q": 0.05, "T_q": 0.35, "K_S": 0.72, "T_S": 0.34, "tension_N": 20.0}
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    with closing(open_database(tmp_path)) as opened:
+        yield opened
+
+
+def left(database: Database, document: Any) -> None:
+    with database.session() as session:
+        settings.put(session, kept_choice.NAME, document, "Ana")
+
+
+def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> None:
+    left(database, BEFORE)
+    kept = kept_choice.newest(database, LAB)
+    assert kept is not None
+    assert (kept.choice, kept.same_plant, kept.lacks) == (OTHER, True, ())
+    assert KEPT.write(KEPT.read(BEFORE, "it")) == {**BEFORE, "version": 1}
+    parts = {name: part for name, part in OTHER.document().items() if name != "bank"}
+    assert SAVED.write(SAVED.read(parts, "it")) == {**parts, "version": 1}
+
+
+def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
+    kept_choice.put(database, OTHER, LAB, "Ana")
+    with database.reading() as session:
+        stored = settings.newest(session, kept_choice.NAME)
+    assert stored is not None
+    assert stored.value == {**BEFORE, "version": 1}
+    assert set(NAMES) <= set(stored.value)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({**BEFORE, "version": 2}, "left by Ana: the tuning in force is of version 2"),
+        ({**BEFORE, "b": "half"}, "the tuning in force cannot be read, field b"),
+        (OTHER.document(), "the tuning in force cannot be read, field parameters: it is missing"),
+    ],
+)
+def test_a_kept_tuning_that_cannot_be_read_gives_way_to_the_defaults(
+    database: Database, document: Any, said: str
+) -> None:
+    left(database, document)
+    tuning, told = KeptTuning(database).restore(LAB)
+    assert told.startswith("defaults in force: ")
+    assert said in told
+    assert tuning.choice != OTHER
+
+
+def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> None:
+    with database.session() as session:
+        bank = banks.add(session, "earlier", [BankEntry(10.5, MODEL), BankEntry(8.0, {"K_q": 0.05})], "Ana")
+    weak, stiff = bank.entries
+    assert ENTRY.write(stiff.known) == {**MODEL, "version": 1}
+    assert (name_of_entry(stiff), point_of(stiff).K_S) == ("20 N", 0.72)
+    assert weak.known == EntryModel(K_q=0.05)
+    with pytest.raises(BankError, match="has no T_q, K_S, T_S"):
+        point_of(weak)
+    with pytest.raises(UnreadableDocumentError, match=r"the entry at 9\.00 N·m/rad of a bank: its models .* field K_S"):
+        assert BankEntry(9.0, {**MODEL, "K_S": "much"}).known
