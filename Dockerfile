@@ -4,9 +4,13 @@ FROM python:3.11-slim-bookworm AS build
 
 WORKDIR /source
 COPY . .
+# What the locks name, each file as its hash says; then the wheel, that brings nothing along.
 RUN python -m venv /opt/sinew \
-    && python -m pip wheel --no-cache-dir --no-deps --wheel-dir /wheel . \
-    && /opt/sinew/bin/python -m pip install --no-cache-dir "$(ls /wheel/sinew-*.whl)[postgres]"
+    && python -m pip install --no-cache-dir --require-hashes --requirement .ci/locks/build.lock \
+    && python -m pip wheel --no-cache-dir --no-build-isolation --no-deps --wheel-dir /wheel . \
+    && /opt/sinew/bin/python -m pip install --no-cache-dir --require-hashes \
+        --requirement .ci/locks/run.lock --requirement .ci/locks/postgres.lock \
+    && /opt/sinew/bin/python -m pip install --no-cache-dir --no-deps --no-index "$(ls /wheel/sinew-*.whl)"
 
 FROM python:3.11-slim-bookworm
 

@@ -2,12 +2,11 @@
 # make test   installs what the tests need (a browser too) and runs all of them, in lanes: tests/lanes.py
 # Further: check, format, test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
 # mutate (whether the tests notice when something is computed wrongly; an hour),
-# screenshots. Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
+# screenshots, lock (the newest packages that pyproject.toml allows, with their hashes). Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest, the soak or the mutants; EXTRAS=rig or postgres adds what these need, from the first install on.
 
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
@@ -15,7 +14,7 @@ EXTRAS ?=
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-newest fuzz check format bench soak mutate screenshots install install-dev install-newest frontend
+.PHONY: run test test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -33,6 +32,7 @@ fuzz: install-dev frontend
 	FUZZ_EXAMPLES=$(EXAMPLES) FUZZ_SEED=$(SEED) $(BIN)/python -m pytest tests/fuzz $(ARGS)
 
 check: install-dev
+	$(BIN)/python .ci/lock.py --check
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
 	$(BIN)/mypy
@@ -68,18 +68,20 @@ install-dev: $(VENV)/.installed-dev
 install-newest: install-dev frontend
 	$(MAKE) --no-print-directory VENV=.venv-newest install-dev
 
-$(VENV)/.installed: pyproject.toml | $(BIN)/pip
-	@echo "Installing Sinew into $(VENV); the first time this takes a minute or two"
-	$(BIN)/python -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['build-system']['requires'], sep='\n')" \
-		> $(VENV)/build-requirements.txt
-	$(PIP) install --requirement $(VENV)/build-requirements.txt
-	$(PIP) install --no-build-isolation --editable '.$(if $(EXTRAS),[$(EXTRAS)])'
+LOCKS := $(wildcard .ci/locks/*.lock)
+
+$(VENV)/.installed: pyproject.toml .ci/install.py $(LOCKS) | $(BIN)/pip
+	@echo "Installing Sinew into $(VENV); the first time this takes half a minute"
+	$(BIN)/python .ci/install.py $(EXTRAS)
 	@touch $@
 
-$(VENV)/.installed-dev: pyproject.toml $(VENV)/.installed
+$(VENV)/.installed-dev: $(VENV)/.installed
 	@echo "Installing what the tests and checks need"
-	$(PIP) install --no-build-isolation --editable '.[dev,rig,postgres]'
+	$(BIN)/python .ci/install.py dev,rig,postgres
 	@touch $@
+
+lock: install
+	$(BIN)/python .ci/lock.py
 
 .venv/bin/pip:
 	.ci/provide venv

@@ -1,7 +1,13 @@
 """What ``pip install .`` brings along: code, front end, parameters, migrations, report templates."""
 
+import re
+import signal
 import subprocess
 import sys
+import sysconfig
+import tomllib
+import urllib.request
+import venv
 import zipfile
 from pathlib import Path
 
@@ -11,13 +17,19 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
-    """Names in a wheel built from this tree, with the build hook that builds the front end."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel built from this tree, with the build hook that builds the front end."""
     target = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(target)]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert built.returncode == 0, built.stdout + built.stderr
-    (wheel,) = target.glob("sinew-*.whl")
+    (built_wheel,) = target.glob("sinew-*.whl")
+    return built_wheel
+
+
+@pytest.fixture(scope="module")
+def shipped(wheel: Path) -> set[str]:
+    """Names in the wheel."""
     return set(zipfile.ZipFile(wheel).namelist())
 
 
@@ -40,3 +52,63 @@ def test_every_tracked_file_of_the_packages_is_in_the_wheel(shipped: set[str]) -
 def test_nothing_else_is_in_the_wheel(shipped: set[str]) -> None:
     assert {name.split("/")[0].split("-")[0] for name in shipped} == {"plant", "backend", "migrations", "sinew"}
     assert not [name for name in shipped if "__pycache__" in name or name.endswith(".db")]
+
+
+@pytest.mark.live
+def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Path) -> None:
+    """The libraries are those of this environment, found by their folder alone: nothing of this tree is."""
+    venv.create(tmp_path / "own", symlinks=True)
+    python = tmp_path / "own/bin/python"
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python), "install"]
+    subprocess.run([*command, "--quiet", "--no-deps", "--no-index", str(wheel)], check=True, cwd=tmp_path)
+    (packages,) = (tmp_path / "own/lib").glob("python*/site-packages")
+    (packages / "libraries.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    code = "import backend, plant, migrations; print(backend.__file__, plant.__file__, migrations.__file__)"
+    found = subprocess.run([python, "-c", code], cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert all(str(packages) in place for place in found.stdout.split())
+    serving = subprocess.Popen(
+        [tmp_path / "own/bin/sinew", "serve", "--port", "0", "--data", str(tmp_path / "data"), "--show-link"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert serving.stdout is not None
+        link = re.search(r"(http://\S+)/\?token=\S+", serving.stdout.readline())
+        assert link is not None
+        with urllib.request.urlopen(link[1], timeout=60.0) as answer:
+            page = answer.read().decode()
+        assert page == (packages / "backend/static/index.html").read_text(encoding="utf-8")
+        for script in re.findall(r'src="(/[^"]+\.js)"', page):
+            assert urllib.request.urlopen(link[1] + script, timeout=60.0).status == 200
+        serving.send_signal(signal.SIGTERM)
+        serving.wait(60.0)
+    finally:
+        serving.kill()
+        serving.wait()
+
+
+def locked(name: str) -> dict[str, list[str]]:
+    """Hashes by package and version of one of the locks."""
+    text = (ROOT / f".ci/locks/{name}.lock").read_text(encoding="utf-8")
+    entries = re.findall(r"^([a-z0-9-]+==[^\s;]+)[^\n]*((?:\n    --hash=\S+(?: \\)?)*)", text, re.MULTILINE)
+    return {package: re.findall(r"--hash=sha256:([0-9a-f]{64})", hashes) for package, hashes in entries}
+
+
+def test_the_locks_are_those_of_the_project_and_name_hashes_but_no_host() -> None:
+    checked = subprocess.run([sys.executable, ".ci/lock.py", "--check"], cwd=ROOT, capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stderr
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    names = ["uv", "build", "run", *project["optional-dependencies"]]
+    assert {file.stem for file in (ROOT / ".ci/locks").iterdir()} == set(names)
+    for name in names:
+        assert "://" not in (ROOT / f".ci/locks/{name}.lock").read_text(encoding="utf-8")
+        assert locked(name)
+        assert all(locked(name).values())
+
+
+def test_each_requirement_is_in_its_lock() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for name, needed in {"run": project["dependencies"], **project["optional-dependencies"]}.items():
+        there = {package.partition("==")[0] for package in (*locked(name), *locked("run"))}
+        assert {re.split(r"[\s\[~=]", requirement)[0] for requirement in needed} <= there

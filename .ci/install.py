@@ -1,0 +1,114 @@
+"""Installs what the locks name, with uv: ``python .ci/install.py [EXTRA,EXTRA...]``, run by the environment's Python.
+
+uv comes by pip, with a hash like all else. The locks name no host: where packages come from is what pip has been told
+on this machine, handed on to uv for this run. The page is built while the packages come and the laws are compiled.
+"""
+
+import os
+import shlex
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LOCKS = ROOT / ".ci" / "locks"
+
+
+def pip(*arguments: str) -> str:
+    """Run pip and return what it prints. Raises CalledProcessError."""
+    command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments]
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def as_pip_was_told() -> dict[str, str]:
+    """Return the environment for uv: what pip reads from its files and variables, unless uv was told something else."""
+    told: dict[str, list[str]] = {}
+    for line in pip("config", "list").splitlines():
+        place, _, value = line.partition("=")
+        name = place.rpartition(".")[2]
+        told[name] = shlex.split(shlex.split(value)[0]) if value else []  # the last, of the environment, counts
+    environment = {"UV_INDEX_STRATEGY": "unsafe-best-match"}  # all indexes are equal, as for pip
+    for option, variable, separator in (
+        ("index-url", "UV_DEFAULT_INDEX", " "),
+        ("extra-index-url", "UV_INDEX", " "),
+        ("find-links", "UV_FIND_LINKS", ","),
+        ("trusted-host", "UV_INSECURE_HOST", " "),
+        ("no-index", "UV_NO_INDEX", " "),
+        ("cert", "SSL_CERT_FILE", " "),
+        ("timeout", "UV_HTTP_TIMEOUT", " "),
+        ("default-timeout", "UV_HTTP_TIMEOUT", " "),
+    ):
+        if told.get(option):
+            environment[variable] = separator.join(told[option])
+    # What is imported here for the first time is compiled to bytecode for all starts, whatever is set for this shell.
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    return {**environment, **own}
+
+
+def bring_uv() -> None:
+    """Install the locked uv, if it is not there."""
+    pip("install", "--quiet", "--require-hashes", "--requirement", str(LOCKS / "uv.lock"))
+
+
+def run(environment: dict[str, str], *command: str) -> None:
+    """Run a module of the environment's Python. Raises CalledProcessError."""
+    subprocess.run([sys.executable, *command], cwd=ROOT, env=environment, check=True)
+
+
+def install(environment: dict[str, str], *what: str) -> None:
+    """Install with uv into the environment of this Python. Raises CalledProcessError."""
+    run(environment, "-m", "uv", "pip", "install", "--quiet", "--python", sys.executable, *what)
+
+
+def install_locked(environment: dict[str, str], *names: str) -> None:
+    """Install what these locks name, each file as its hash says."""
+    install(environment, "--require-hashes", *(f"--requirement={LOCKS / f'{name}.lock'}" for name in names))
+
+
+def beside_each_other(*works: Callable[[], None]) -> None:
+    """Do all of this at the same time; raise the first error once all are over."""
+    errors: list[BaseException] = []
+
+    def done(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except BaseException as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=done, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    if errors:
+        raise errors[0]
+
+
+def main(extras: list[str]) -> None:
+    """Install Sinew and these extras for work on its sources."""
+    unknown = [extra for extra in extras if not (LOCKS / f"{extra}.lock").exists()]
+    if unknown:
+        sys.exit(f"there is no extra {', '.join(unknown)}: rig, postgres and dev are those of pyproject.toml")
+    environment = as_pip_was_told()
+    bring_uv()
+
+    def page() -> None:
+        install_locked(environment, "build")
+        run(environment, "frontend/build.py", "build")
+
+    def program() -> None:
+        install_locked(environment, "run", *extras)
+        run(environment, "-m", "backend.compile_ahead")
+
+    beside_each_other(page, program)
+    named = f".[{','.join(extras)}]" if extras else "."
+    install(environment, "--no-build-isolation", "--no-deps", "--editable", named)
+
+
+if __name__ == "__main__":
+    try:
+        main([extra for argument in sys.argv[1:] for extra in argument.split(",") if extra])
+    except subprocess.CalledProcessError as failed:
+        sys.exit(failed.returncode)

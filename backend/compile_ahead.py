@@ -1,0 +1,30 @@
+"""``python -m backend.compile_ahead``: compiles and computes at the installation what a first start would wait for."""
+
+from backend import assembly, main
+from backend.api import app
+from backend.cli import serve
+from backend.loop import heartbeat
+from backend.loop.rehearsal import rehearse
+from backend.operating.kept_figures import KeptFigures
+from backend.operating.tuning_in_use import by_default
+from backend.web_server import server
+from plant.parameters import load_parameters
+
+PARAMETERS = "lab"
+STARTED = (assembly, app, main, serve, server)
+"""What a start imports: it is bytecode from now on."""
+
+
+def compile_ahead() -> None:
+    """Go through what the loop, the service and a tuning compile, and keep what they compute."""
+    parameters = load_parameters(PARAMETERS)
+    figures = KeptFigures()
+    figures.restore()
+    tuning, _ = by_default(parameters)
+    figures.keep()
+    rehearse(parameters, tuning.command())
+    heartbeat.prepare()
+
+
+if __name__ == "__main__":
+    compile_ahead()
