@@ -47,10 +47,10 @@ PAGE = "e2e"
 
 BESIDE = {
     "api": (
-        "auth bodies chain faults invalid journal live names observation operate pace places security sign_in stream "
-        "system tokens tuning turns units waits"
+        "announced auth bad_input bodies chain faults hangup history invalid journal live names observation operate "
+        "pace places push queue scene security sign_in stream system tokens tuning turns units waits"
     ),
-    PAGE: "absent accessibility charts layout map",
+    PAGE: "absent accessibility charts homing in_sight layout map people refusals two_pages units viewer",
 }
 """Live modules that were tried, and are green, on cores that had other work too. All others are taken to want the
 machine for themselves, until they have been tried."""
