@@ -77,7 +77,11 @@ def renew() -> None:
     pip("install", "--quiet", "--upgrade", UV)
     sets = wanted()
     oldest = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
-    environment, oldest = as_pip_was_told(), oldest.removeprefix(">=").strip()
+    oldest = oldest.removeprefix(">=").strip()
+    # From the index alone: of what else lies about on this machine there is one file for one Python, at most.
+    environment = {
+        name: value for name, value in as_pip_was_told().items() if name not in ("UV_FIND_LINKS", "UV_INDEX")
+    }
     with tempfile.TemporaryDirectory() as folder:
         together = Path(folder) / "all.lock"
         everything = sorted({requirement for requirements in sets.values() for requirement in requirements})
