@@ -19,7 +19,13 @@ _R = TypeVar("_R")
 _Arguments = TypeVarTuple("_Arguments")
 
 _ROOT = Path(__file__).resolve().parents[1]
-_COMPILED_SOURCES = ("plant/*.py", "backend/controllers/*.py", "backend/tuning/closed_loop.py")
+_COMPILED_SOURCES = (
+    "plant/*.py",
+    "backend/controllers/*.py",
+    "backend/identification/friction.py",
+    "backend/loop/heartbeat.py",
+    "backend/tuning/closed_loop.py",
+)
 
 
 def _cache_folder() -> Path:

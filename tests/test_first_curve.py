@@ -106,9 +106,14 @@ def test_figures_of_another_form_are_computed_anew(
     assert remembered.remembered(("question",), 2, lambda: (3.0, 4.0)) == (3.0, 4.0)
 
 
-def test_the_oldest_figures_are_forgotten_first(nothing_known: dict[str, tuple[float, ...]]) -> None:
+def test_figures_that_were_asked_for_least_lately_are_forgotten_first(
+    nothing_known: dict[str, tuple[float, ...]],
+) -> None:
+    """The first ones are those of the tuning in force: they are asked for again and again."""
     for number in range(remembered.MOST + 1):
-        remembered.remembered((number,), 1, partial(lambda value: (value,), float(number)))
+        for asked in (0, number):
+            remembered.remembered((asked,), 1, partial(lambda value: (value,), float(asked)))
     assert len(nothing_known) == remembered.MOST
-    assert (0.0,) not in nothing_known.values()
-    assert (1.0,) in nothing_known.values()
+    assert (0.0,) in nothing_known.values()
+    assert (1.0,) not in nothing_known.values()
+    assert (2.0,) in nothing_known.values()

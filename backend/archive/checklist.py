@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from backend.documents.edge import UnreadableDocumentError
 from backend.messages.history import ChecklistState, ChecklistStep
 from backend.storage import Session, banks, identifications, results, runs
 from backend.storage.bank_entry import name_of_entry
@@ -96,7 +97,10 @@ def _bank(
 def _replaces(one: Identification, source: Identification) -> bool:
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
-    a, b = one.early_model.S_nominal, source.early_model.S_nominal
+    try:
+        a, b = one.early_model.S_nominal, source.early_model.S_nominal
+    except UnreadableDocumentError:
+        return False
     return a is not None and b is not None and abs(a - b) < NEAR
 
 

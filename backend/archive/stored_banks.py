@@ -2,10 +2,11 @@
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Protocol
 
 from backend.archive import views
+from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks import bank_building, bank_files
 from backend.experiments.banks.bank_consistency import MODEL_NAMES
 from backend.experiments.banks.bank_difference import difference, figures_of_all, with_entries
@@ -125,7 +126,14 @@ class StoredBanks:
             runs_of = identifications.runs_of(session)
             found = banks.find(session)
             positions = identifications.joint_positions(session, _estimates(*found))
-            return [views.bank_view(bank, runs_of, positions, self._in_use()) for bank in found]
+            return [self._listed(bank, runs_of, positions) for bank in found]
+
+    def _listed(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
+        """Return a bank as the list shows it: one that cannot be read says so, and the others are there."""
+        try:
+            return views.bank_view(bank, runs_of, positions, self._in_use())
+        except UnreadableDocumentError as error:
+            return views.bank_view(replace(bank, entries=(), note=str(error)), runs_of, positions, self._in_use())
 
     def _bank(self, bank_id: int) -> Bank:
         with self._database.reading() as session:

@@ -1,6 +1,7 @@
 """Stored identifications as the page shows them: those of runs, and springs from tables measured elsewhere."""
 
 import asyncio
+import logging
 from collections.abc import Callable
 
 from backend import __version__
@@ -14,6 +15,8 @@ from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import Run, RunKind
+
+_log = logging.getLogger(__name__)
 
 IDENTIFICATIONS = (
     RunKind.ACTUATOR_IDENTIFICATION,
@@ -93,7 +96,13 @@ class StoredIdentifications:
     def _spring_tables(self) -> list[SpringTableView]:
         with self._database.reading() as session:
             found = identifications.find(session, kind="spring")
-        return [identification_views.spring_table_view(table) for table in found if table.run_id is None]
+        shown = []
+        for table in found:
+            try:
+                shown += [identification_views.spring_table_view(table)] if table.run_id is None else []
+            except UnreadableDocumentError as error:  # the others are there
+                _log.warning("a spring is left out of the list of tables: %s", error)
+        return shown
 
     def _spring_table(self, number: int) -> Identification:
         with self._database.reading() as session:

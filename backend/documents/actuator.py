@@ -107,7 +107,7 @@ class FailedCandidate:
     """A structure that gave no model, and why."""
 
     structure: str
-    problem: str
+    problem: Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +127,7 @@ class ArxEstimate:
 class NoArx:
     """Why the paper's method gives nothing."""
 
-    problem: str
+    problem: Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True, kw_only=True)

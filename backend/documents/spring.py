@@ -5,7 +5,7 @@ Elongations in m, forces in N.
 
 from dataclasses import dataclass, field
 
-from backend.documents.edge import ABSENT, Edge
+from backend.documents.edge import ABSENT, Edge, UnreadableDocumentError
 
 VERSION = 1
 
@@ -93,7 +93,11 @@ QUALITIES: Edge[SpringQualities] = Edge(SpringQualities, "the quality of its mod
 TABLE: Edge[TableRecord] = Edge(TableRecord, "what is told of its file", VERSION)
 
 
-def springs_found(models: SpringModels, qualities: SpringQualities) -> dict[str, SpringFound]:
-    """Return the springs by name: "A" and "B", or "table"."""
+def springs_found(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringFound]:
+    """Return the springs of ``of`` by name: "A" and "B", or "table". Raises UnreadableDocumentError."""
     both = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
-    return {name: SpringFound(model, quality) for name, model, quality in both if model and quality}
+    there = [(name, model, quality) for name, model, quality in both if model or quality]
+    missing = next((name for name, model, quality in there if not (model and quality)), "" if there else "A")
+    if missing:
+        raise UnreadableDocumentError(f"{of}: its model cannot be read, field {missing}: it is missing")
+    return {name: SpringFound(model, quality) for name, model, quality in there}

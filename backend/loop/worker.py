@@ -202,7 +202,7 @@ def main() -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     ring = Ring.attach(int(sys.argv[1]))
     channel = Channel(socket.socket(fileno=int(sys.argv[2])))
-    with suppress(ParameterError):  # it is told when it is needed
+    with suppress(Exception):  # what is wrong with it is told when it is needed, if it is
         Simulator(load_parameters(sys.argv[4]))  # loads what is compiled, while the service is not there yet
     try:
         _work(ring, channel, Card(int(sys.argv[3])))

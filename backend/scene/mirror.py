@@ -4,6 +4,7 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,10 @@ from backend.supervision import Part
 from plant.parameters import PlantParameters
 
 RATE_HZ = 30.0
+UP_WITHIN_S = 5.0
+"""Whoever wants to look waits so long for a scene that is being put up [s], and is sent away then."""
+
+_LOOK_S = 0.05
 PART = Part("A 3D view", "It stood still meanwhile.")
 
 
@@ -41,9 +46,14 @@ class SceneMirror:
         return self._scene[0]
 
     async def show(self, send: Send) -> None:
-        """Hand the scene to ``send`` until cancelled, from when it is up; see ``PortlessServer.show``."""
-        if not self._up.is_set():
-            await asyncio.to_thread(self._up.wait)
+        """Hand the scene to ``send`` until cancelled, from when it is up; see ``PortlessServer.show``.
+
+        Raises SceneEndedError where it does not come up within UP_WITHIN_S.
+        """
+        with suppress(TimeoutError):
+            async with asyncio.timeout(UP_WITHIN_S):
+                while not self._up.is_set():
+                    await asyncio.sleep(_LOOK_S)
         await self.server.show(send)
 
     def close(self) -> None:

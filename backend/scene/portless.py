@@ -25,7 +25,7 @@ PROTOCOL = f"viser-v{viser.__version__}"
 
 Send: TypeAlias = Callable[[bytes], Awaitable[None]]
 _CLEAR_UP_S = 5.0
-_one_at_a_time = threading.Lock()
+_one_at_a_time = threading.RLock()
 
 
 class SceneEndedError(Exception):
@@ -40,7 +40,7 @@ class PortlessServer(viser.ViserServer):
 
     def __init__(self) -> None:
         self._road = road = _Road()
-        with _one_at_a_time, _without_a_word():
+        with _without_a_word():
             vars(_infra)["websockets"] = SimpleNamespace(
                 asyncio=SimpleNamespace(server=SimpleNamespace(serve=road.serve)),
                 datastructures=websockets.datastructures,
@@ -99,12 +99,13 @@ class PortlessServer(viser.ViserServer):
 @contextmanager
 def _without_a_word() -> Iterator[None]:
     """Let viser not print an address, as there is none; what others print meanwhile is heard."""
-    said = rich.print
-    vars(rich)["print"] = lambda *_words, **_how: None
-    try:
-        yield
-    finally:
-        vars(rich)["print"] = said
+    with _one_at_a_time:
+        said = rich.print
+        vars(rich)["print"] = lambda *_words, **_how: None
+        try:
+            yield
+        finally:
+            vars(rich)["print"] = said
 
 
 class _Road:

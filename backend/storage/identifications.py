@@ -81,7 +81,7 @@ class Identification(NewIdentification):
     def springs(self) -> dict[str, of_spring.SpringFound]:
         """What was found of the springs, by name: "A" and "B", or "table"."""
         return of_spring.springs_found(
-            of_spring.MODELS.read(self.model, self._of), of_spring.QUALITIES.read(self.quality, self._of)
+            of_spring.MODELS.read(self.model, self._of), of_spring.QUALITIES.read(self.quality, self._of), self._of
         )
 
     @cached_property

@@ -6,12 +6,14 @@ then neither loads the library nor waits for it.
 
 import hashlib
 import math
+import threading
 from collections.abc import Callable
 
 FIGURES: dict[str, tuple[float, ...]] = {}
-"""What has been computed, by the digest of what was asked; the oldest go first."""
+"""What has been computed, by the digest of what was asked; those that were asked for least lately go first."""
 
 MOST = 400
+_lock = threading.Lock()
 
 
 def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
@@ -23,7 +25,10 @@ def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tupl
     key = hashlib.sha256(repr(asked).encode()).hexdigest()
     known = FIGURES.get(key, ())
     if len(known) != count or not all(map(math.isfinite, known)):
-        known = FIGURES[key] = compute()
+        known = compute()
+    with _lock:
+        FIGURES.pop(key, None)
+        FIGURES[key] = known
         while len(FIGURES) > MOST:
-            FIGURES.pop(next(iter(FIGURES)), None)
+            del FIGURES[next(iter(FIGURES))]
     return known

@@ -103,6 +103,15 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
             {"quality": {**earlier.ACTUATOR["quality"], "G_S": {**earlier.QUALITY, "grade": "fine"}}},
             "run 3: the quality of its model cannot be read, field G_S.grade",
         ),
+        (
+            {
+                "quality": {
+                    **earlier.ACTUATOR["quality"],
+                    "G_S": {**earlier.QUALITY, "candidates": [{"structure": "first", "grade": "usable", "BIC": 1.0}]},
+                }
+            },
+            "run 3: the quality of its model cannot be read, field G_S.candidates.0",
+        ),
     ],
 )
 def test_what_cannot_be_read_is_refused_by_run_and_field(tmp_path: Path, changed: Any, said: str) -> None:
@@ -115,3 +124,12 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(tmp_path: Path, changed
         assert [(view.id, view.G_q) for view in views] == [(3, None), (2, None)]
         assert said in views[0].message
         assert [one.name for one in views[1].springs] == ["A", "B"]
+
+
+@pytest.mark.parametrize("part", ["model", "quality"])
+def test_half_a_spring_is_refused(tmp_path: Path, part: str) -> None:
+    document = {name: kept for name, kept in earlier.SPRINGS[part].items() if name != "B"}
+    with closing(open_database(tmp_path)) as database:
+        put_identification(database, 2, "spring", earlier.SPRINGS | {part: document})
+        with pytest.raises(UnreadableDocumentError, match="run 2: its model cannot be read, field B: it is missing"):
+            asyncio.run(stored(database).identification(2))

@@ -1,5 +1,6 @@
 """Banks and tunings of earlier versions are read; one that cannot be read gives way, and says why."""
 
+import asyncio
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -7,12 +8,14 @@ from typing import Any
 
 import pytest
 
+from backend.archive.stored_banks import StoredBanks
 from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.kept_tuning import KEPT, SAVED
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.bank_consistency import BankError, point_of
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
+from backend.offload import Offload
 from backend.operating.kept_tuning import KeptTuning
 from backend.storage import Database, banks, open_database, settings
 from backend.storage.bank_entry import name_of_entry
@@ -84,3 +87,15 @@ def test_entries_of_earlier_banks_are_read_as_they_were(database: Database) -> N
         point_of(weak)
     with pytest.raises(UnreadableDocumentError, match=r"the entry at 9\.00 N·m/rad of a bank: its models .* field K_S"):
         assert BankEntry(9.0, {**MODEL, "K_S": "much"}).known
+
+
+def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there(database: Database) -> None:
+    with database.session() as session:
+        banks.add(session, "good", [BankEntry(10.5, MODEL)], "Ana")
+        banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
+    tuning, _ = KeptTuning(database).restore(LAB)
+    with closing(Offload(lambda _cause: None)) as offload:
+        newer, good = asyncio.run(StoredBanks(database, offload, lambda: tuning).banks())
+    assert (good.name, len(good.entries), good.note) == ("good", 1, "")
+    assert (newer.name, newer.entries) == ("newer", [])
+    assert "is of version 2" in newer.note

@@ -173,6 +173,24 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
     run(session)
 
 
+def test_a_scene_that_is_never_put_up_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Viewers are sent away, and the threads that all others share stay free."""
+
+    async def session() -> None:
+        mirror = SceneMirror(load_parameters("ideal"), swinging)
+        left = [asyncio.create_task(mirror.show(Viewer().take)) for _ in range(100)]
+        await asyncio.sleep(0.0)
+        for task in left[:50]:
+            task.cancel()
+        assert await asyncio.wait_for(asyncio.to_thread(lambda: True), TIMEOUT_S)
+        ended = await asyncio.gather(*left, return_exceptions=True)
+        assert {type(error) for error in ended[:50]} == {asyncio.CancelledError}
+        assert {type(error) for error in ended[50:]} == {SceneEndedError}
+
+    monkeypatch.setattr("backend.scene.mirror.UP_WITHIN_S", 0.2)
+    run(session)
+
+
 def test_nothing_that_a_browser_could_ask_for_has_a_handler(scene: SceneMirror) -> None:
     server = scene.server
     assert server._websock_server._incoming_handlers == {}
