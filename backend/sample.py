@@ -71,3 +71,5 @@ ROW = Struct(f"{len(FIELDS)}d")
 INDEX: dict[str, int] = {name: position for position, name in enumerate(NAMES)}
 STORED: tuple[Field, ...] = tuple(field for field in FIELDS if not field.derived)
 STORED_NAMES: tuple[str, ...] = tuple(field.name for field in STORED)
+STORED_COLUMNS: list[int] = [INDEX[name] for name in STORED_NAMES]
+"""Where the stored fields stand in a row; a list, because numpy takes a tuple for one place in several dimensions."""

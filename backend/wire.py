@@ -17,12 +17,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.sample import FIELDS, STORED
+from backend.sample import STORED, STORED_COLUMNS
 
 _HEADER = struct.Struct("<QII")
 _CURVES_HEADER = struct.Struct("<dQII")
 HEADER_BYTES = _HEADER.size
-_STORED_COLUMNS = [position for position, field in enumerate(FIELDS) if not field.derived]
 
 
 class Frame(NamedTuple):
@@ -35,7 +34,7 @@ class Frame(NamedTuple):
 
 def pack(first_tick: int, rows: NDArray[np.float64], missed: int = 0) -> bytes:
     """Return the frame of ``rows``, shape (count, len(FIELDS)), one row per tick from ``first_tick`` on."""
-    columns = rows[:, _STORED_COLUMNS].T.astype("<f4", order="C")
+    columns = rows[:, STORED_COLUMNS].T.astype("<f4", order="C")
     return _HEADER.pack(first_tick, len(rows), min(missed, 0xFFFFFFFF)) + columns.tobytes()
 
 

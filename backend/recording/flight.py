@@ -19,7 +19,7 @@ from backend.loop.commands import Event, Stopped
 from backend.loop.ring import Ring
 from backend.recording.codec import pack, unpack
 from backend.recording.columns import Columns
-from backend.sample import INDEX, STORED_NAMES
+from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, StorageError, events, flights, runs
 from backend.storage.flights import NewFlight
 from backend.storage.records import UnknownRecordError
@@ -36,7 +36,6 @@ DIED = "loop_died"
 
 PART = Part("The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds.")
 
-_STORED = [INDEX[name] for name in STORED_NAMES]
 _LOG = logging.getLogger(__name__)
 
 
@@ -172,7 +171,7 @@ class FlightRecorder:
             except UnknownRecordError:
                 known = None
             event = events.add(session, TRIP_EVENT, trip.told, run_id=known, tick=trip.tick, at=trip.at)
-            samples = pack(rows[:, _STORED].astype(np.float32))
+            samples = pack(rows[:, STORED_COLUMNS].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
             gone = flights.give_way(session, self._quota.records, self._quota.size_bytes)

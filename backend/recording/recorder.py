@@ -17,7 +17,7 @@ from backend.loop.access import LoopDied
 from backend.loop.commands import Event, ProgramEnded
 from backend.loop.ring import Ring
 from backend.recording.codec import pack, summarise
-from backend.sample import INDEX, STORED_NAMES
+from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError
@@ -30,7 +30,6 @@ DRAIN_PERIOD_S = 0.25
 
 PART = Part("The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time.")
 
-_STORED = [INDEX[name] for name in STORED_NAMES]
 _TICK, _RUN, _FAULT = INDEX["tick"], INDEX["run"], INDEX["fault"]
 _LOG = logging.getLogger(__name__)
 
@@ -185,7 +184,7 @@ class Recorder:
             self._run, self._next_tick = run, tick
 
     def _store(self, rows: Rows) -> None:
-        table = rows[:, _STORED].astype(np.float32)
+        table = rows[:, STORED_COLUMNS].astype(np.float32)
         tick = int(rows[0, _TICK])
         again, self._storing = self._storing == tick, tick
         with self._database.session() as session:
