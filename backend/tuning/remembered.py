@@ -6,14 +6,12 @@ then neither loads the library nor waits for it.
 
 import hashlib
 import math
-import threading
 from collections.abc import Callable
 
 FIGURES: dict[str, tuple[float, ...]] = {}
 """What has been computed, by the digest of what was asked; those that were asked for least lately go first."""
 
 MOST = 400
-_lock = threading.Lock()
 
 
 def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
@@ -26,9 +24,8 @@ def remembered(asked: tuple[object, ...], count: int, compute: Callable[[], tupl
     known = FIGURES.get(key, ())
     if len(known) != count or not all(map(math.isfinite, known)):
         known = compute()
-    with _lock:
-        FIGURES.pop(key, None)
-        FIGURES[key] = known
-        while len(FIGURES) > MOST:
-            del FIGURES[next(iter(FIGURES))]
+    FIGURES.pop(key, None)
+    FIGURES[key] = known
+    for oldest in list(FIGURES)[:-MOST]:  # a copy: other threads remember, too
+        FIGURES.pop(oldest, None)
     return known
