@@ -147,7 +147,7 @@ class Worker:
             case command:
                 self._loop.handle(sequence, command)
                 # The card's watchdog may have been tried, at zero volts, which takes its time.
-                self._paused = self._paused or isinstance(command, SwitchDrives)
+                self._paused = self._paused or (isinstance(command, SwitchDrives) and command.on)
 
     def _keep(self, sequence: int, segments: tuple[Segment, ...]) -> None:
         if sequence != self._ahead_of:  # the rest of another one never came

@@ -206,8 +206,8 @@ class Recorder:
         if fault is Fault.NONE:
             return EndState.COMPLETED, ""
         if fault is Fault.SERVICE_ENDED:
-            return EndState.STOPPED, self.ended_by
-        return _END_STATES.get(fault, EndState.TRIPPED), fault.value
+            return runs.end_state_of(fault), self.ended_by
+        return runs.end_state_of(fault), fault.value
 
     def _note_gap(self, session: Session, tick: int) -> None:
         missed = tick - self._next_tick
@@ -220,10 +220,3 @@ def _stretch(rows: Rows) -> int:
     """Count the leading rows of one run without a gap."""
     breaks = np.flatnonzero((np.diff(rows[:, _RUN]) != 0) | (np.diff(rows[:, _TICK]) != 1))
     return int(breaks[0]) + 1 if len(breaks) else len(rows)
-
-
-_END_STATES = {
-    Fault.STOP_PRESSED: EndState.STOPPED,
-    Fault.OPERATOR_LOST: EndState.LINK_LOST,
-    Fault.SERVICE_LOST: EndState.SERVICE_DIED,
-}

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import SETTINGS, RunSettings
+from backend.faults import Fault
 from backend.storage.records import require, to_record
 from backend.storage.schema import Document, RunRow
 
@@ -37,6 +38,19 @@ class EndState(StrEnum):
     TRIPPED = "tripped"
     LINK_LOST = "link_lost"
     SERVICE_DIED = "service_died"
+
+
+_OF_A_FAULT = {
+    Fault.STOP_PRESSED: EndState.STOPPED,
+    Fault.SERVICE_ENDED: EndState.STOPPED,
+    Fault.OPERATOR_LOST: EndState.LINK_LOST,
+    Fault.SERVICE_LOST: EndState.SERVICE_DIED,
+}
+
+
+def end_state_of(fault: Fault) -> EndState:
+    """Return how a run ends that this fault has stopped."""
+    return _OF_A_FAULT.get(fault, EndState.TRIPPED)
 
 
 @dataclass(frozen=True)

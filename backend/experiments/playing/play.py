@@ -20,7 +20,7 @@ from backend.loop.commands import (
 from backend.loop.mode import MODES, Mode
 from backend.loop.program import Program, mode_of_law, starts_from
 from backend.sample import INDEX
-from backend.storage.runs import EndState
+from backend.storage.runs import EndState, end_state_of
 from plant.interface import T_s
 
 PRETENSION_TIMEOUT_S = 120.0
@@ -29,12 +29,6 @@ TRAVEL_ALLOWANCE_S = 60.0
 
 SLICE_S = 0.1
 """How often progress is told [s of loop time]."""
-
-_END_STATES = {
-    Fault.STOP_PRESSED: EndState.STOPPED,
-    Fault.OPERATOR_LOST: EndState.LINK_LOST,
-    Fault.SERVICE_LOST: EndState.SERVICE_DIED,
-}
 
 
 class NotReadyError(Exception):
@@ -162,6 +156,6 @@ class _Watch:
         if self._stopped is not None:
             fault, detail = self._stopped.fault, self._stopped.detail
             if fault is Fault.SERVICE_ENDED:
-                return Ending(EndState.STOPPED, detail)
-            return Ending(_END_STATES.get(fault, EndState.TRIPPED), f"{fault}: {detail}" if detail else fault)
+                return Ending(end_state_of(fault), detail)
+            return Ending(end_state_of(fault), f"{fault}: {detail}" if detail else fault)
         return Ending(EndState.STOPPED, reason or self._cause or "")
