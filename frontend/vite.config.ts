@@ -1,5 +1,5 @@
 import react from "@vitejs/plugin-react";
-import { defineConfig } from "vitest/config";
+import { defineConfig } from "vite";
 
 const SERVICE = "http://127.0.0.1:8000";
 
@@ -17,11 +17,5 @@ export default defineConfig({
       "/api": { target: SERVICE, ws: true },
       "/scene": { target: SERVICE, ws: true },
     },
-  },
-  test: {
-    include: ["src/**/*.test.{ts,tsx}"],
-    restoreMocks: true,
-    setupFiles: ["src/testSetup.ts"],
-    testTimeout: 60_000,
   },
 });

@@ -1,14 +1,8 @@
 /** What can be done with the stretch in sight: measure, figures, spectrum, picture, data. */
 
 import { ActionIcon, Button, Tooltip } from "@mantine/core";
-import {
-  IconCameraDown,
-  IconChartHistogram,
-  IconFileTypeCsv,
-  IconRulerMeasure,
-  IconSum,
-} from "@tabler/icons-react";
 import type { ReactNode } from "react";
+import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
 
 interface ChartToolsProps {
   readonly measuring: boolean;
@@ -27,22 +21,22 @@ export function ChartTools(props: ChartToolsProps) {
       <Button
         variant={measuring ? "light" : "default"}
         aria-pressed={measuring}
-        leftSection={<IconRulerMeasure size={14} />}
+        leftSection={<TbRulerMeasure size={14} />}
         onClick={onMeasure}
       >
         Measure
       </Button>
       <Tool name="Statistics" hint="Min, max, mean of what is in sight" pressed={figures} onClick={onFigures}>
-        <IconSum size={16} />
+        <TbSum size={16} />
       </Tool>
       <Tool name="Spectrum" hint="Spectrum of what is in sight, or between the cursors" onClick={onSpectrum}>
-        <IconChartHistogram size={16} />
+        <TbChartHistogram size={16} />
       </Tool>
       <Tool name="Save picture" hint="Picture of the charts (PNG)" onClick={onPicture}>
-        <IconCameraDown size={16} />
+        <TbCameraDown size={16} />
       </Tool>
       <Tool name="Save data" hint="Data of what is in sight (CSV, SI)" onClick={onData}>
-        <IconFileTypeCsv size={16} />
+        <TbFileTypeCsv size={16} />
       </Tool>
     </>
   );

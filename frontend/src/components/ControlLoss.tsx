@@ -1,9 +1,9 @@
 /** Says that this page has lost control, until it has control again or a person has read it. */
 
 import { Button } from "@mantine/core";
-import { IconAlertTriangle } from "@tabler/icons-react";
 import { useMutation } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
+import { TbAlertTriangle } from "react-icons/tb";
 import { useLive } from "../live/react";
 import { afterTold, lossSentence, NO_CONTROL } from "../service/controlLoss";
 import { useStanding } from "../service/useStanding";
@@ -24,7 +24,7 @@ export function ControlLoss() {
   const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");
   return (
     <div className={styles.loss} role="alert" aria-label="Control lost">
-      <IconAlertTriangle size={18} aria-hidden="true" />
+      <TbAlertTriangle size={18} aria-hidden="true" />
       <span className={styles.message}>
         <strong>{at}</strong> {lossSentence(kept.lost)} {refused?.message}
       </span>

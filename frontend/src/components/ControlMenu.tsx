@@ -1,9 +1,9 @@
 /** Who holds control, and taking it; who is connected; the own name, and signing out. */
 
 import { Button, Menu } from "@mantine/core";
-import { IconDeviceGamepad2 } from "@tabler/icons-react";
 import { useMutation, useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
+import { TbDeviceGamepad2 } from "react-icons/tb";
 import { useLive } from "../live/react";
 import { counted } from "../samples/words";
 import { useSignOut } from "../service/commands";
@@ -35,7 +35,7 @@ export function ControlMenu({ onName }: { onName: () => void }) {
           size="compact-sm"
           variant={mine ? "light" : "subtle"}
           color={mine ? undefined : "gray"}
-          leftSection={<IconDeviceGamepad2 size={16} aria-hidden="true" />}
+          leftSection={<TbDeviceGamepad2 size={16} aria-hidden="true" />}
           title={
             refusal ??
             `Control: ${name}${holder?.lost ? ", not heard" : ""}. Here is also who is connected, and Sign out`

@@ -1,7 +1,7 @@
 /** What can be taken home from a run. */
 
 import { Button } from "@mantine/core";
-import { IconDownload, IconExternalLink } from "@tabler/icons-react";
+import { TbDownload, TbExternalLink } from "react-icons/tb";
 
 const DATA = [
   { format: "csv", label: "Data (CSV)" },
@@ -20,7 +20,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
             target="_blank"
             rel="noreferrer"
             variant="default"
-            leftSection={<IconExternalLink size={14} />}
+            leftSection={<TbExternalLink size={14} />}
           >
             Report (HTML)
           </Button>
@@ -29,7 +29,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
             href={`./api/runs/${run}/report.pdf`}
             download
             variant="default"
-            leftSection={<IconDownload size={14} />}
+            leftSection={<TbDownload size={14} />}
           >
             Report (PDF)
           </Button>
@@ -42,7 +42,7 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
           href={`./api/runs/${run}/data.${format}`}
           download
           variant="default"
-          leftSection={<IconDownload size={14} />}
+          leftSection={<TbDownload size={14} />}
         >
           {label}
         </Button>

@@ -1,7 +1,7 @@
 /** What has to be in sight on every page: which plant, which mode, how the loop and the link do, and STOP. */
 
 import { ActionIcon, type MantineColorScheme, Menu, Tooltip, useMantineColorScheme } from "@mantine/core";
-import { IconDeviceDesktop, IconKeyboard, IconMoon, IconSun } from "@tabler/icons-react";
+import { TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "react-icons/tb";
 import { health } from "../live/link";
 import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
@@ -74,7 +74,7 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">
           <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>
-            <IconKeyboard size={18} />
+            <TbKeyboard size={18} />
           </ActionIcon>
         </Tooltip>
       </div>
@@ -90,7 +90,7 @@ function SchemeMenu() {
     setColorScheme(scheme);
     change({ scheme });
   }
-  const icons = { light: IconSun, dark: IconMoon, auto: IconDeviceDesktop };
+  const icons = { light: TbSun, dark: TbMoon, auto: TbDeviceDesktop };
   const Current = icons[colorScheme];
   return (
     <Menu position="bottom-end" width={140}>
@@ -100,13 +100,13 @@ function SchemeMenu() {
         </ActionIcon>
       </Menu.Target>
       <Menu.Dropdown>
-        <Menu.Item leftSection={<IconSun size={16} />} onClick={() => choose("light")}>
+        <Menu.Item leftSection={<TbSun size={16} />} onClick={() => choose("light")}>
           Light
         </Menu.Item>
-        <Menu.Item leftSection={<IconMoon size={16} />} onClick={() => choose("dark")}>
+        <Menu.Item leftSection={<TbMoon size={16} />} onClick={() => choose("dark")}>
           Dark
         </Menu.Item>
-        <Menu.Item leftSection={<IconDeviceDesktop size={16} />} onClick={() => choose("auto")}>
+        <Menu.Item leftSection={<TbDeviceDesktop size={16} />} onClick={() => choose("auto")}>
           System
         </Menu.Item>
       </Menu.Dropdown>

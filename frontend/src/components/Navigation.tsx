@@ -1,15 +1,16 @@
 /** The pages: those that there are for what is driven. */
 
+import type { IconType } from "react-icons";
 import {
-  IconActivityHeartbeat,
-  IconAdjustmentsHorizontal,
-  IconDatabase,
-  IconFlask,
-  IconListCheck,
-  IconPlugConnected,
-  IconServerCog,
-  IconWaveSine,
-} from "@tabler/icons-react";
+  TbActivityHeartbeat,
+  TbAdjustmentsHorizontal,
+  TbDatabase,
+  TbFlask,
+  TbListCheck,
+  TbPlugConnected,
+  TbServerCog,
+  TbWaveSine,
+} from "react-icons/tb";
 import { Link, useLocation } from "wouter";
 import { useLive } from "../live/react";
 import type { PlantView } from "../wire/types";
@@ -19,19 +20,19 @@ interface PageEntry {
   readonly path: string;
   readonly name: string;
   readonly key: string;
-  readonly Icon: typeof IconFlask;
+  readonly Icon: IconType;
   /** What is driven where there is something to do on it; on everything where left out. */
   readonly only?: readonly PlantView["kind"][];
 }
 
 const PAGES: readonly PageEntry[] = [
-  { path: "/operate", name: "Operate", key: "o", Icon: IconActivityHeartbeat },
-  { path: "/bring-up", name: "Bring-up", key: "u", Icon: IconPlugConnected, only: ["rig", "virtual_card"] },
-  { path: "/identify", name: "Identify", key: "i", Icon: IconWaveSine },
-  { path: "/banks", name: "Banks", key: "b", Icon: IconAdjustmentsHorizontal },
-  { path: "/experiments", name: "Experiments", key: "e", Icon: IconFlask },
-  { path: "/runs", name: "Runs", key: "r", Icon: IconDatabase },
-  { path: "/system", name: "System", key: "s", Icon: IconServerCog },
+  { path: "/operate", name: "Operate", key: "o", Icon: TbActivityHeartbeat },
+  { path: "/bring-up", name: "Bring-up", key: "u", Icon: TbPlugConnected, only: ["rig", "virtual_card"] },
+  { path: "/identify", name: "Identify", key: "i", Icon: TbWaveSine },
+  { path: "/banks", name: "Banks", key: "b", Icon: TbAdjustmentsHorizontal },
+  { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
+  { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
+  { path: "/system", name: "System", key: "s", Icon: TbServerCog },
 ];
 
 /** The pages to be offered now. */
@@ -49,7 +50,7 @@ export function Navigation({ onSetup }: { onSetup: () => void }) {
         const here = location === path || location.startsWith(`${path}/`);
         return (
           <Link key={path} href={path} className={styles.link} aria-current={here ? "page" : undefined}>
-            <Icon size={22} stroke={1.6} aria-hidden="true" />
+            <Icon size={22} strokeWidth={1.6} aria-hidden="true" />
             {name}
           </Link>
         );
@@ -60,7 +61,7 @@ export function Navigation({ onSetup }: { onSetup: () => void }) {
         aria-label="Set-up"
         onClick={onSetup}
       >
-        <IconListCheck size={22} stroke={1.6} aria-hidden="true" />
+        <TbListCheck size={22} strokeWidth={1.6} aria-hidden="true" />
         Set-up
       </button>
     </nav>

@@ -1,26 +1,20 @@
 /** How a run ended, in words and with an icon. */
 
-import {
-  IconCheck,
-  IconHandStop,
-  IconPlayerRecord,
-  IconPlugConnectedX,
-  IconSkull,
-  IconUrgent,
-} from "@tabler/icons-react";
+import type { IconType } from "react-icons";
+import { TbCheck, TbHandStop, TbPlayerRecord, TbPlugConnectedX, TbSkull, TbUrgent } from "react-icons/tb";
 import { inWords } from "../samples/quantity";
 import { heading } from "../samples/words";
 import { useAngles } from "../service/angles";
 import type { Run } from "../wire/types";
 import styles from "./RunState.module.css";
 
-const STATES: Record<string, { Icon: typeof IconCheck; abnormal: boolean }> = {
-  running: { Icon: IconPlayerRecord, abnormal: false },
-  completed: { Icon: IconCheck, abnormal: false },
-  stopped: { Icon: IconHandStop, abnormal: false },
-  tripped: { Icon: IconUrgent, abnormal: true },
-  link_lost: { Icon: IconPlugConnectedX, abnormal: true },
-  service_died: { Icon: IconSkull, abnormal: true },
+const STATES: Record<string, { Icon: IconType; abnormal: boolean }> = {
+  running: { Icon: TbPlayerRecord, abnormal: false },
+  completed: { Icon: TbCheck, abnormal: false },
+  stopped: { Icon: TbHandStop, abnormal: false },
+  tripped: { Icon: TbUrgent, abnormal: true },
+  link_lost: { Icon: TbPlugConnectedX, abnormal: true },
+  service_died: { Icon: TbSkull, abnormal: true },
 };
 
 /** `unevaluated` says why a run has no result; undefined where it has one, or is to have none. */
@@ -36,7 +30,7 @@ export function RunState({
   const angles = useAngles();
   const known = STATES[state];
   const lacksResult = unevaluated !== undefined;
-  const Icon = lacksResult ? IconUrgent : (known?.Icon ?? IconUrgent);
+  const Icon = lacksResult ? TbUrgent : (known?.Icon ?? TbUrgent);
   return (
     <span
       className={styles.state}

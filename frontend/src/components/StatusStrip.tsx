@@ -1,7 +1,7 @@
 /** A line under the header that is always there, so that nothing moves when it has something to say. */
 
 import { Button, Progress } from "@mantine/core";
-import { IconAlertTriangle, IconCircleX, IconInfoCircle, IconPlayerPlay } from "@tabler/icons-react";
+import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-icons/tb";
 import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
@@ -15,11 +15,11 @@ import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
 import { currentStatus, type Status, type Tone, taskProgress } from "./status";
 
-const ICONS: Record<Tone, typeof IconInfoCircle> = {
-  calm: IconInfoCircle,
-  busy: IconPlayerPlay,
-  warn: IconAlertTriangle,
-  fault: IconCircleX,
+const ICONS: Record<Tone, typeof TbInfoCircle> = {
+  calm: TbInfoCircle,
+  busy: TbPlayerPlay,
+  warn: TbAlertTriangle,
+  fault: TbCircleX,
 };
 
 export function StatusStrip() {

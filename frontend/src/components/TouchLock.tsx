@@ -1,7 +1,7 @@
 /** A slider that does not take hold of a finger that only scrolls by: on touch screens it is unlocked by a tap first. */
 
-import { IconLock } from "@tabler/icons-react";
 import { type ReactNode, useEffect, useState } from "react";
+import { TbLock } from "react-icons/tb";
 import styles from "./TouchLock.module.css";
 
 /** Locked again after so long without a touch. */
@@ -28,7 +28,7 @@ export function TouchLock({ name, children }: { name: string; children: ReactNod
           aria-label={`Unlock ${name}`}
           onClick={() => setTouched(performance.now())}
         >
-          <IconLock size={14} aria-hidden="true" />
+          <TbLock size={14} aria-hidden="true" />
         </button>
       )}
     </div>

@@ -1,13 +1,13 @@
 /** Good or not, with icon and words, never by colour alone. */
 
-import { IconAlertTriangle, IconCheck } from "@tabler/icons-react";
 import type { ReactNode } from "react";
+import { TbAlertTriangle, TbCheck } from "react-icons/tb";
 import type { Experiment } from "../wire/types";
 import { Told } from "./Told";
 import styles from "./Verdict.module.css";
 
 export function Verdict({ good, children }: { good: boolean; children: ReactNode }) {
-  const Icon = good ? IconCheck : IconAlertTriangle;
+  const Icon = good ? TbCheck : TbAlertTriangle;
   return (
     <span className={styles.verdict} data-good={good}>
       <Icon size={16} aria-hidden="true" />

@@ -1,8 +1,9 @@
 /** The way from slack tendons to a report, with what is done, missing and out of date. */
 
 import { Drawer } from "@mantine/core";
-import { IconAlertTriangle, IconCircle, IconCircleCheck, IconCircleX } from "@tabler/icons-react";
 import { useQuery } from "@tanstack/react-query";
+import type { IconType } from "react-icons";
+import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX } from "react-icons/tb";
 import { Link } from "wouter";
 import { dateTime } from "../../samples/format";
 import { checklistQuery } from "../../service/queries";
@@ -11,11 +12,11 @@ import styles from "./SetupDrawer.module.css";
 
 type StepState = ChecklistStep["state"];
 
-const STATES: Record<StepState, { word: string; Icon: typeof IconCircle }> = {
-  missing: { word: "to do", Icon: IconCircle },
-  done: { word: "done", Icon: IconCircleCheck },
-  outdated: { word: "out of date", Icon: IconAlertTriangle },
-  unusable: { word: "not usable", Icon: IconCircleX },
+const STATES: Record<StepState, { word: string; Icon: IconType }> = {
+  missing: { word: "to do", Icon: TbCircle },
+  done: { word: "done", Icon: TbCircleCheck },
+  outdated: { word: "out of date", Icon: TbAlertTriangle },
+  unusable: { word: "not usable", Icon: TbCircleX },
 };
 
 const STEPS: Record<string, { title: string; path: string; action: string }> = {

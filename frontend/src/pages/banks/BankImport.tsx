@@ -1,8 +1,8 @@
 /** Brings a bank in from a file that was exported here or elsewhere. */
 
 import { Button, FileButton } from "@mantine/core";
-import { IconUpload } from "@tabler/icons-react";
 import { useState } from "react";
+import { TbUpload } from "react-icons/tb";
 import { useLocation } from "wouter";
 import { Refusal } from "../../components/Refusal";
 import { useImportBank } from "../../service/commands";
@@ -61,7 +61,7 @@ function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
           style={refused ? { borderColor: "var(--warn-text)", color: "var(--warn-text)" } : undefined}
           data-refused={refused}
           size="compact-sm"
-          leftSection={<IconUpload size={14} />}
+          leftSection={<TbUpload size={14} />}
           loading={reading}
         >
           Import bank

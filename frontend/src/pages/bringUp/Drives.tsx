@@ -1,7 +1,7 @@
 /** Whether the drives are on, and their switch: after hands were at the rig they stay off until somebody says otherwise. */
 
 import { Button } from "@mantine/core";
-import { IconHandStop, IconPlugConnected } from "@tabler/icons-react";
+import { TbHandStop, TbPlugConnected } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
@@ -23,7 +23,7 @@ interface DrivesProps {
 export function Drives({ on, locked, left, stepUnderWay }: DrivesProps) {
   const command = useStepCommand();
   const switchOn = locked && !on;
-  const Icon = on ? IconPlugConnected : IconHandStop;
+  const Icon = on ? TbPlugConnected : TbHandStop;
   return (
     <section className={styles.drives} aria-label="Drives" data-on={on}>
       <Icon size={19} aria-hidden="true" />

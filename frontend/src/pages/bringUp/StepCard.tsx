@@ -1,14 +1,9 @@
 /** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
 
 import { Button, Loader } from "@mantine/core";
-import {
-  IconAlertTriangle,
-  IconCircle,
-  IconCircleCheck,
-  IconCircleX,
-  IconPlayerPlay,
-} from "@tabler/icons-react";
 import { type FormEvent, useState } from "react";
+import type { IconType } from "react-icons";
+import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX, TbPlayerPlay } from "react-icons/tb";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { NumberField } from "../../components/NumberField";
@@ -29,12 +24,12 @@ import { StepReadings } from "./StepReadings";
 
 type Standing = BringUpStep["state"] | "running";
 
-const STANDING: Record<Standing, { word: string; Icon: typeof IconCircle }> = {
-  never: { word: "to do", Icon: IconCircle },
-  current: { word: "done", Icon: IconCircleCheck },
-  out_of_date: { word: "out of date", Icon: IconAlertTriangle },
-  failed: { word: "failed", Icon: IconCircleX },
-  running: { word: "under way", Icon: IconPlayerPlay },
+const STANDING: Record<Standing, { word: string; Icon: IconType }> = {
+  never: { word: "to do", Icon: TbCircle },
+  current: { word: "done", Icon: TbCircleCheck },
+  out_of_date: { word: "out of date", Icon: TbAlertTriangle },
+  failed: { word: "failed", Icon: TbCircleX },
+  running: { word: "under way", Icon: TbPlayerPlay },
 };
 
 /** What was typed into the boxes of a step, by name; text where it is no number. */

@@ -1,6 +1,6 @@
 /** What the sensors say now of what matters in a step, large enough to be read from beside the machine. */
 
-import { IconArrowDownRight, IconArrowUpRight } from "@tabler/icons-react";
+import { TbArrowDownRight, TbArrowUpRight } from "react-icons/tb";
 import { Shown } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
 import { useLive, useLiveStore, useNow, useSampleAge } from "../../live/react";
@@ -47,8 +47,8 @@ export function StepReadings({ step }: { step: BringUpStep["id"] }) {
                 <small>{readingOf(unit, angles).unit}</small>
               </dd>
               <dd className={styles.movement}>
-                {going === "rising" && <IconArrowUpRight size={15} aria-hidden="true" />}
-                {going === "falling" && <IconArrowDownRight size={15} aria-hidden="true" />}
+                {going === "rising" && <TbArrowUpRight size={15} aria-hidden="true" />}
+                {going === "falling" && <TbArrowDownRight size={15} aria-hidden="true" />}
                 {WORDS[going]}
               </dd>
             </div>

@@ -1,8 +1,8 @@
 /** Experiments that wait for their turn. */
 
 import { ActionIcon, Button } from "@mantine/core";
-import { IconX } from "@tabler/icons-react";
 import { useQuery } from "@tanstack/react-query";
+import { TbX } from "react-icons/tb";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -46,7 +46,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                       aria-label={`Remove experiment ${item.id} from the queue`}
                       onClick={() => command.mutate({ do: "remove", id: item.id })}
                     >
-                      <IconX size={14} />
+                      <TbX size={14} />
                     </ActionIcon>
                   </OperatorsOnly>
                 </div>

@@ -1,8 +1,8 @@
 /** Own sequence of references, one row per segment. */
 
 import { ActionIcon, Button } from "@mantine/core";
-import { IconPlus, IconX } from "@tabler/icons-react";
 import { Fragment } from "react";
+import { TbPlus, TbX } from "react-icons/tb";
 import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
@@ -81,7 +81,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
               disabled={segments.length === 1}
               onClick={() => send(segments.toSpliced(index, 1))}
             >
-              <IconX size={14} />
+              <TbX size={14} />
             </ActionIcon>
           </div>
           <RowRefusal index={index} problem={segmentProblem(segment)} />
@@ -90,7 +90,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
       <Button
         variant="default"
         size="compact-xs"
-        leftSection={<IconPlus size={13} />}
+        leftSection={<TbPlus size={13} />}
         onClick={() => send([...segments, further(segments)])}
       >
         Add segment

@@ -1,8 +1,8 @@
 /** One λ: slider with its safe range, box, − / + / reset, and the preview of the loop at the value in hand. */
 
 import { ActionIcon, Slider } from "@mantine/core";
-import { IconMinus, IconPlus, IconRestore } from "@tabler/icons-react";
 import { type ReactNode, useEffect, useState } from "react";
+import { TbMinus, TbPlus, TbRestore } from "react-icons/tb";
 import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
 import { TargetKeys } from "../../components/TargetKeys";
@@ -71,7 +71,7 @@ export function LambdaControl(props: LambdaControlProps) {
         </span>
         <span className={styles.bounds} />
         <Small name={`Decrease ${symbol}`} onClick={() => nudge(-STEP_S)}>
-          <IconMinus size={14} />
+          <TbMinus size={14} />
         </Small>
         <ValueBox
           label={`${symbol} value [s]`}
@@ -86,14 +86,14 @@ export function LambdaControl(props: LambdaControlProps) {
           refused={refused}
         />
         <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
-          <IconPlus size={14} />
+          <TbPlus size={14} />
         </Small>
         <Small
           name={`Reset ${symbol}`}
           title={`Back to the default, ${DEFAULTS[name]} s`}
           onClick={() => sent.commit(Math.max(DEFAULTS[name], min))}
         >
-          <IconRestore size={14} />
+          <TbRestore size={14} />
         </Small>
       </div>
       <TouchLock name={symbol}>

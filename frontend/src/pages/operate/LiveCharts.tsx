@@ -2,8 +2,8 @@
 
 import { Button, NativeSelect } from "@mantine/core";
 import { useHotkeys } from "@mantine/hooks";
-import { IconPlayerPause, IconPlayerPlay } from "@tabler/icons-react";
 import { useEffect, useMemo } from "react";
+import { TbPlayerPause, TbPlayerPlay } from "react-icons/tb";
 import { Charts } from "../../charts/Charts";
 import type { PlacedMark } from "../../charts/decorations";
 import { LiveSource } from "../../charts/liveSource";
@@ -86,7 +86,7 @@ export function LiveCharts() {
       </Button>
       <Button
         variant="default"
-        leftSection={isLive ? <IconPlayerPause size={14} /> : <IconPlayerPlay size={14} />}
+        leftSection={isLive ? <TbPlayerPause size={14} /> : <TbPlayerPlay size={14} />}
         onClick={pause}
         w={96}
       >

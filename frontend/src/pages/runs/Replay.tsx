@@ -1,8 +1,8 @@
 /** Plays a recording back: the actuator stands where it stood at the cursor of the charts. */
 
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
-import { IconPlayerPauseFilled, IconPlayerPlayFilled } from "@tabler/icons-react";
 import { useCallback, useEffect, useState } from "react";
+import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
 import { type Playhead, usePlayhead } from "../../charts/playhead";
 import type { PlotSource } from "../../charts/source";
 import { CameraChoice } from "../../components/CameraChoice";
@@ -72,7 +72,7 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
       </div>
       <div className={styles.controls}>
         <ActionIcon variant="default" size={30} aria-label={playing ? "Pause" : "Play"} onClick={toggle}>
-          {playing ? <IconPlayerPauseFilled size={14} /> : <IconPlayerPlayFilled size={14} />}
+          {playing ? <TbPlayerPauseFilled size={14} /> : <TbPlayerPlayFilled size={14} />}
         </ActionIcon>
         <output aria-label="Replay time">{clockTime(at_s, 0.01)}</output>
         <NativeSelect

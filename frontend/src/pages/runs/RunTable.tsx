@@ -2,9 +2,9 @@
 
 import { Button, NativeSelect, Table, TextInput } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
-import { IconSearch } from "@tabler/icons-react";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
+import { TbSearch } from "react-icons/tb";
 import { Link } from "wouter";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
@@ -57,7 +57,7 @@ export function RunTable() {
               type="search"
               aria-label="Search runs"
               placeholder="Search notes, persons, kinds"
-              leftSection={<IconSearch size={14} />}
+              leftSection={<TbSearch size={14} />}
               value={search}
               w={240}
               onChange={(event) => {
