@@ -5,12 +5,13 @@ import re
 from functools import partial
 
 import pytest
-from playwright.sync_api import Browser, Locator, WebSocketRoute, expect
+from playwright.sync_api import Browser, Locator, Route, WebSocketRoute, expect
 
 from backend.tuning.gains import motor_loops
 from backend.tuning.models import motor_model
 from backend.tuning.motor_loop import motor_robustness
 from plant.parameters import load_parameters
+from tests.api.conftest import client_with, until
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.service import Service
@@ -25,13 +26,29 @@ COUNT_LOSSES = """() => {
 }"""
 
 
+FIGURES = re.compile(r"/api/tuning/(motor|preview)\?")
+
+
 @pytest.fixture
 def tuning(operator: Operator) -> Operator:
-    """The Operate page with its tuning."""
+    """The Operate page with its tuning, as saved whatever the test before has left in force."""
+    put_back(operator.service)
     operator.sign_in()
     operator.go("Operate")
     expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     return operator
+
+
+def put_back(service: Service) -> None:
+    """End a trial and put the saved tuning back in force."""
+    with client_with(service, "token") as script:
+        until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # pages before are gone
+        if script.get("/api/state").raise_for_status().json()["trial"] is not None:
+            script.delete("/api/tuning/trial").raise_for_status()
+        saved = script.get("/api/tuning/saved").raise_for_status().json()
+        parts = {name: saved[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "interpolate")}
+        script.put("/api/tuning", json=parts).raise_for_status()
+        script.delete("/api/control").raise_for_status()
 
 
 def table(operator: Operator) -> Locator:
@@ -68,6 +85,45 @@ def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Op
     page.get_by_role("switch", name="Stage changes").uncheck()
     page.get_by_role("button", name="Revert to saved", exact=True).click()
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.500", "–"])
+
+
+def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning: Operator) -> None:
+    page, held, asked = tuning.page, list[Route](), set[str]()
+    margins = page.get_by_role("status", name="Motor loop")
+    preview = page.get_by_role("group", name="Preview of λ_q", exact=True)
+    expect(preview).to_contain_text("maximum of the sensitivity")
+    expect(margins).to_contain_text("phase margin")
+
+    def hold(route: Route) -> None:
+        found = FIGURES.search(route.request.url)
+        assert found is not None
+        held.append(route)
+        asked.add(found[1])
+
+    page.route(FIGURES, hold)
+    page.reload()
+    switch = page.get_by_role("switch", name="Stage changes")
+    switch.check()
+    tuning.wait(lambda: asked == {"motor", "preview"})
+    before = switch.bounding_box()
+    page.route(FIGURES, lambda route: route.continue_())
+    for one in held:
+        one.continue_()
+    expect(preview).to_contain_text("maximum of the sensitivity")
+    expect(margins).to_contain_text("phase margin")
+    assert switch.bounding_box() == before
+    tuning.enter("λ_q value [s]", 0.7)
+    tuning.wait(lambda: cells(tuning, "λq")[2] == "0.700")
+    of_motors: list[str] = []
+    page.on("request", lambda request: of_motors.append(request.url) if "/tuning/motor" in request.url else None)
+    apply = page.get_by_role("button", name="Apply", exact=True)
+    apply.scroll_into_view_if_needed()
+    before = switch.bounding_box()
+    with page.expect_request(FIGURES):
+        apply.click()
+    tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.700", "–"])
+    assert of_motors == []  # their margins are those of another λ: they stand
+    assert switch.bounding_box() == before
 
 
 def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:

@@ -6,13 +6,13 @@ import { marginsText } from "./motorMargins";
 
 interface MotorMarginsProps {
   readonly lam_motor: number;
-  /** The rest of the tuning in force: another bank may have other motors. */
-  readonly tuning: string;
+  /** In force; null for gains from geometry. */
+  readonly bank: number | null;
   readonly className?: string | undefined;
 }
 
-export function MotorMargins({ lam_motor, tuning, className }: MotorMarginsProps) {
-  const { data, error } = useQuery(motorMarginsQuery(lam_motor, tuning));
+export function MotorMargins({ lam_motor, bank, className }: MotorMarginsProps) {
+  const { data, error } = useQuery(motorMarginsQuery(lam_motor, bank));
   const words = error?.message ?? (data === undefined ? "…" : marginsText(data));
   return (
     <output className={className} aria-label="Motor loop">

@@ -34,10 +34,10 @@ export function previewQuery(lam_q: number, lam_S: number, tuning: string) {
   });
 }
 
-/** M_s and margins of the motor loops at a λ_motor; `tuning` as for the preview. */
-export function motorMarginsQuery(lam_motor: number, tuning: string) {
+/** M_s and margins of the motor loops at a λ_motor; `bank` is the one in force, for another may have other motors. */
+export function motorMarginsQuery(lam_motor: number, bank: number | null) {
   return queryOptions({
-    queryKey: ["tuning", "motor", lam_motor, tuning],
+    queryKey: ["tuning", "motor", lam_motor, bank],
     queryFn: () => answered(api.GET("/api/tuning/motor", { params: { query: { lam_motor } } })),
     staleTime: 60_000,
     retry: false,

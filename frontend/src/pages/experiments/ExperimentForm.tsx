@@ -12,7 +12,7 @@ import { useLive } from "../../live/react";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
-import { banksQuery, tuningKey } from "../../service/queries";
+import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
 import { useMayCommand } from "../../service/useMayCommand";
@@ -77,7 +77,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
               <MotorMargins
                 className={page.dim}
                 lam_motor={values.lam_motor}
-                tuning={tuningKey(state.tuning)}
+                bank={state.tuning.bank?.id ?? null}
               />
             )}
             <span className={page.dim}>After the experiment the tuning in force before it is back.</span>

@@ -73,7 +73,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         />
       ))}
       <StepForecast preview={preview.data} missing={missing} u_max={u_max} />
-      <MotorMargins className={styles.forecast} lam_motor={tuning.lam_motor} tuning={tuningKey(tuning)} />
+      <MotorMargins className={styles.margins} lam_motor={tuning.lam_motor} bank={tuning.bank?.id ?? null} />
       <Checkbox
         size="xs"
         label="Compare with the printed formula (E1)"
