@@ -174,3 +174,13 @@ def test_the_bank_switches_by_itself_without_a_bump() -> None:
     for tick in switches:
         assert 500 < tick < 3000
         assert bends[tick - 2] < 1e-3 + 2.0 * np.max(bends[[tick - 6, tick - 5, tick + 5, tick + 6]])
+
+
+def test_a_trajectory_begins_at_rest_under_its_first_references() -> None:
+    """Those of later ticks have not been heard of yet."""
+    parameters = load_parameters("ideal")
+    q_ref, S_ref = np.full(20, 0.5), np.full(20, 12.0)
+    q_ref[0], S_ref[0] = 0.1, 9.0
+    trajectory = run(parameters, cascade_tuning(parameters, Lambdas()), q_ref, S_ref)
+    assert trajectory.q[0] == pytest.approx(0.1, abs=COUNT)
+    assert trajectory.S[0] == pytest.approx(9.0, abs=0.02)

@@ -217,3 +217,11 @@ def test_a_stop_on_the_way_is_zero_volts_at_once(tuning: SetTuning, command: Set
     bench.loop.close()
     assert (rows[:, INDEX["mode"]] == MODE_CODE[mode]).all()
     assert not rows[:, [INDEX["u_A"], INDEX["u_B"]]].any()
+
+
+def test_what_takes_too_long_is_given_up_at_its_time(tuning: SetTuning, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("backend.loop.homing.TIME_MAX_S", 0.5)
+    bench = Bench(tuning, 0.1, AT, AT)
+    way = bench.homed(0.4)
+    assert bench.ends == [HomingEnd.TOO_LONG]
+    assert len(way) == 500

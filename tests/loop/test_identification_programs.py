@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from backend.controllers import motors
 from backend.loop.commands import Inject, ProgramEnded, Refused, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
-from backend.loop.program import Law, Program, TensionLeg, VoltageStep
+from backend.loop.motion import NO_REFERENCE, Carry
+from backend.loop.motor_steps import MotorSteps
+from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
 from plant.breakage import Breakage, Broken, Sensor
+from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.loop.bench_top import BenchTop
 
@@ -19,6 +25,7 @@ STEPS = Program(
     steps=(VoltageStep(-8.0, 3.0, 2.0, travel_rad=5.0), VoltageStep(-3.0, -3.0, 0.4, travel_rad=9.0)),
 )
 SWEEP = Program(Law.TENSION_SWEEP, tension_N=4.0, settle_s=1.0, legs=(TensionLeg(40.0, 3.0), TensionLeg(4.0, 3.0)))
+STILL = Measurement(*[0.0] * len(Measurement._fields))
 
 
 def identify(bench: BenchTop, program: Program) -> np.ndarray:
@@ -132,3 +139,21 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
         assert isinstance(answer, Refused)
         assert said in answer.reason
         assert bench.loop.mode is Mode.PRETENSION
+
+
+def test_a_program_takes_as_long_as_its_parts() -> None:
+    assert SWEEP.duration_s == pytest.approx(1.0 + 3.0 + 3.0)
+    around_each = 1.2 + ZERO_VOLTS_S + BRAKE_S
+    assert STEPS.duration_s == pytest.approx(2.0 * around_each + 2.0 + 0.4)
+
+
+def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -> None:
+    """Twice, at the joint's centre and where the step starts: here the same place, to which no way leads."""
+    program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
+    tuning = cascade_tuning(load_parameters("ideal"), Lambdas())
+    carry = Carry(motors.at_rest(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
+    at_zero = MotorSteps(carry, NO_REFERENCE, program, (0.0, 0.0), F_slack=1.0, theta_max=9.0)
+    decided = [at_zero.step(tuning, STILL) for _ in range(60)]
+    assert [decision.theta_A_ref for decision in decided[:40]] == [0.0] * 40
+    assert {decision.bank_entry for decision in decided[:40]} == {0.0}  # no bank: its first entry, in no sample another
+    assert np.isnan(decided[40].theta_A_ref)

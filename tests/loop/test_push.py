@@ -9,6 +9,7 @@ from backend.loop.commands import Accepted, Push, PushReleased, Refused, RunProg
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
 from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
 from tests.loop.bench_top import BenchTop
 
 R_J = 0.075
@@ -129,3 +130,29 @@ def test_a_compliance_program_starts_from_pretension_only(ideal: PlantParameters
     assert isinstance(refused, Refused)
     assert "pretension" in refused.reason
     assert bench.loop.mode is Mode.RUN
+
+
+class Pushed(Simulator):
+    """A simulator that tells what it is pushed with [N]."""
+
+    force = 0.0
+
+    def push(self, F_push: float) -> None:
+        self.force = F_push
+        super().push(F_push)
+
+
+def test_the_plant_is_pushed_from_the_first_tick_of_a_segment_on_and_the_sample_says_so(ideal: PlantParameters) -> None:
+    plant = Pushed(ideal)
+    bench = BenchTop(ideal, plant=plant)
+    bench.wind_up()
+    forces = (0.0, 3.0, 3.0, -2.0, 0.0)
+    program = Program(Law.CASCADE, tuple(Segment(0.004, 0.0, S_REF, F_push=F) for F in forces))
+    assert isinstance(bench.send(RunProgram(program)), Accepted)
+    said, done = [], []
+    while bench.loop.mode is Mode.EXPERIMENT:
+        bench.advance(0.001)
+        said.append(bench.column("F_push", last=1)[0])
+        done.append(plant.force)
+    assert done == [*np.repeat(forces, 4), 0.0]
+    assert said[1:] == done[:-1]  # a sample says what acted on the period that it ends

@@ -36,6 +36,14 @@ def test_skipped_deadlines_lower_the_rate() -> None:
     ring.close()
 
 
+def test_a_deadline_missed_right_after_the_first_sample_in_sight_counts() -> None:
+    ring = Ring.create(16)
+    for overruns in (5, 6, 6, 6, 6):
+        write(ring, 0.0, overruns)
+    assert timing(ring).rate_Hz == pytest.approx(1000.0 * 4 / 5)
+    ring.close()
+
+
 def test_before_the_first_samples_there_is_no_rate() -> None:
     ring = Ring.create(16)
     write(ring, 0.0, 0)

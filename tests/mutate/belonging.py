@@ -4,7 +4,7 @@ import ast
 from collections.abc import Iterator
 from functools import cache
 
-from tests.conftest import ONLY_COMPUTES
+from tests.conftest import ONLY_COMPUTES, PAGE
 from tests.mutate.trees import ROOT
 
 ROOMS = {
@@ -37,6 +37,17 @@ def belonging_to(path: str, steps: dict[str, int]) -> dict[str, int]:
     rooms = tuple(f"{folder}/" for folder in ROOMS[path.rpartition("/")[0]])
     away = {test: min((steps[m] for m in _imported(test) if m in steps), default=None) for test in files_of_tests()}
     return {test: n for test, n in away.items() if n is not None and (n == 0 or test.startswith(rooms))}
+
+
+def live_tests_of(path: str) -> list[str]:
+    """Return the files of tests, but those with a browser, that import a source file themselves: few, as they are slow.
+
+    Some of what a loop owes to a clock or a process is seen in no other.
+    """
+    module = path.removesuffix(".py").replace("/", ".")
+    files = [file for file in sorted((ROOT / "tests").glob("**/test_*.py")) if PAGE not in file.parts]
+    names = [str(file.relative_to(ROOT)) for file in files]
+    return [name for name in names if module in set(_imports(name))]
 
 
 @cache

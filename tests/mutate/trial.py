@@ -8,12 +8,12 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.mutate.belonging import belonging_to
+from tests.mutate.belonging import belonging_to, live_tests_of
 from tests.mutate.mutants import Mutant
 from tests.mutate.trees import ROOT, Imports, Tree
 
-PYTEST = ["-x", "-q", "-rfE", "--tb=no", "-m", "not live"]
-PYTEST += ["-p", "no:schemathesis", "-p", "no:cacheprovider"]
+PYTEST = ["-x", "-q", "-rfE", "--tb=no", "-p", "no:schemathesis", "-p", "no:cacheprovider"]
+PURE, LIVE = ("-m", "not live"), ("-m", "live and not page")
 NO_TESTS = 5
 FIRST = 3
 """Files of tests that most mutants do not outlive: to load the others takes longer."""
@@ -58,13 +58,13 @@ class Trials:
         away = {test: n for test, n in belonging_to(mutant.path, steps).items() if n <= self._most_steps}
         tests = sorted(away, key=lambda test: (away[test], self._seconds(test)))
         with tree.changed(mutant.path, mutant.of(text)):
-            for some in (tests[:FIRST], tests[FIRST:]):
-                if some and (killed_by := self._killed_by(some, tree, self._imports.touched_by(mutant.path))):
+            for some, lane in ((tests[:FIRST], PURE), (tests[FIRST:], PURE), (live_tests_of(mutant.path), LIVE)):
+                if some and (killed_by := self._killed_by(some, lane, tree, self._imports.touched_by(mutant.path))):
                     return killed_by
         return SURVIVED
 
-    def _killed_by(self, tests: list[str], tree: Tree, touched: set[str]) -> str:
-        code, said = tree.test([*PYTEST, *tests], self._limit_s, self._base, touched)
+    def _killed_by(self, tests: list[str], lane: tuple[str, ...], tree: Tree, touched: set[str]) -> str:
+        code, said = tree.test([*PYTEST, *lane, *tests], self._limit_s, self._base, touched)
         if code is None:
             return f"{HUNG} for {self._limit_s:.0f} s"
         if code in (0, NO_TESTS):
@@ -72,14 +72,14 @@ class Trials:
         failed = re.search(r"^(?:FAILED|ERROR) (([^\s:]+)\S*)", said, re.MULTILINE)
         if failed is None:
             return f"exit code {code}: {said[-300:]}"
-        self._require_green(failed[2])
+        self._require_green(failed[2], lane)
         return failed[1]
 
-    def _require_green(self, test: str) -> None:
+    def _require_green(self, test: str, lane: tuple[str, ...]) -> None:
         with self._lock:
             if self._memory.get(self._key(test)) is None:
                 begun = time.monotonic()
-                code, said = self._base.test([*PYTEST, test], self._limit_s)
+                code, said = self._base.test([*PYTEST, *lane, test], self._limit_s)
                 if code not in (0, NO_TESTS):
                     raise ValueError(f"{test} fails with nothing changed:\n{said}")
                 self._memory.put(self._key(test), time.monotonic() - begun)

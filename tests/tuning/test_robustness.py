@@ -7,7 +7,7 @@ import pytest
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
 from backend.tuning.linear_model import decoupled_model, stiffness_tension
-from backend.tuning.models import Lambdas, MotorModel, designed_point
+from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, designed_point
 from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
 from backend.tuning.robustness import OuterProcess, peak, safe_lambda
 from plant.interface import T_s
@@ -106,6 +106,17 @@ def test_safe_range_ends_where_M_s_is_1_7() -> None:
     assert lam_q == pytest.approx(0.355, abs=0.002)
     assert lam_S == pytest.approx(0.345, abs=0.002)
     assert q.robustness(position_gains(parameters, point, Lambdas(lam_q=lam_q))).M_s == pytest.approx(1.7, abs=1e-3)
+
+
+def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
+    """One λ in the middle may be it alone: then neither the one before nor one further on bounds the search."""
+    parameters = load_parameters("ideal")
+    point = designed_point(parameters)
+    model = decoupled_model(parameters, motor_loops(parameters, LAM), point.S_nominal)
+    lively, calm = (position_gains(parameters, point, Lambdas(lam_q=lam)) for lam in (0.2, 3.0))
+    at = np.geomspace(0.05, LAM_MAX, 60)[30]
+    found = safe_lambda(OuterProcess(model[0, 0]), lambda lam: lively if abs(lam / at - 1.0) < 0.01 else calm)
+    assert found == pytest.approx(1.01 * at, rel=1e-5)
 
 
 @pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
