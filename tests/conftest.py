@@ -46,14 +46,25 @@ PAGE = "e2e"
 """Tests with a browser, which takes most of a core."""
 
 BESIDE = {
+    ".": "data_folder first_curve supervision",
     "api": (
-        "announced auth bad_input bodies chain faults hangup history invalid journal live names observation operate "
-        "pace places push queue scene security sign_in stream system tokens tuning turns units waits"
+        "access announced auth background bad_input banks_and_springs bodies bounds bring_up bring_up_proof "
+        "card_faults chain contract control dry_run_places endings faults forms hangup history invalid journal "
+        "kept_tuning left_behind lent_tuning live names observation offload operate orders pace places push queue "
+        "queue_problem scene security sign_in stream system tokens tuning turns units waits walk_back"
     ),
+    "loop": "supervisor",
+    "packaging": "wheel",
     PAGE: "absent accessibility charts homing in_sight layout map people refusals two_pages units viewer",
+    "scene": "page portless pose shapes",
 }
-"""Live modules that were tried, and are green, on cores that had other work too. All others are taken to want the
-machine for themselves, until they have been tried."""
+"""Live modules by their folder that were tried, and are green, on cores that had other work too. All others are taken
+to want the machine for themselves, until they have been tried. These were, and stay alone:
+
+- api/door: a median of answers to STOP, which is promised within 0.3 s
+- loop/heartbeat, pacer, virtual_card; plant/network_rig, rig_watched: beats, ticks and watchdogs of tens of ms
+- api/workers: reports are made politely (nice), so they wait for whatever else is busy
+"""
 
 SESSION_LONG = {"api", "fuzz"}
 """Their one service stays up until the end: so they come last, and it is in nobody's way."""
@@ -77,9 +88,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: folder(item) in SESSION_LONG)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Let what a test has printed pass from one process to another, also where it printed half a character."""
+    report.sections = [(name, text.encode("utf-8", "backslashreplace").decode()) for name, text in report.sections]
+
+
 def folder(item: pytest.Item) -> str:
     return item.path.relative_to(TESTS).parts[0]
 
 
 def beside(item: pytest.Item) -> bool:
-    return item.path.stem.removeprefix("test_") in BESIDE.get(folder(item), "").split()
+    where = item.path.relative_to(TESTS).parent.as_posix()
+    return item.path.stem.removeprefix("test_") in BESIDE.get(where, "").split()

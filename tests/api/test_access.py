@@ -50,7 +50,7 @@ def modes(data: Path) -> dict[str, int]:
 async def watch(service: Service, headers: dict[str, str], ended: httpx.Client) -> int | None:
     """Open the live stream, sign out elsewhere, return the code with which the stream is closed."""
     url = service.url.replace("http", "ws") + "/api/live"
-    async with connect(url, additional_headers=headers, max_size=None) as socket:
+    async with connect(url, additional_headers=headers, max_size=None, close_timeout=0.1) as socket:
         await socket.recv()
         await asyncio.to_thread(ended.delete, "/api/session")
         async with asyncio.timeout(20.0):
@@ -148,10 +148,14 @@ def test_who_is_connected_is_told_apart(service: Service, operator: httpx.Client
     async def together() -> list[str]:
         url = service.url.replace("http", "ws") + "/api/live"
         first = signed_in(service, "Eva")
-        async with connect(url, additional_headers=carried(cookie_of(first), service), max_size=None) as socket:
+        async with connect(
+            url, additional_headers=carried(cookie_of(first), service), max_size=None, close_timeout=0.1
+        ) as socket:
             await socket.recv()
             second = await asyncio.to_thread(signed_in, service, "Eva")
-            async with connect(url, additional_headers=carried(cookie_of(second), service), max_size=None) as beside:
+            async with connect(
+                url, additional_headers=carried(cookie_of(second), service), max_size=None, close_timeout=0.1
+            ) as beside:
                 await beside.recv()
                 state = await asyncio.to_thread(operator.get, "/api/state")
                 return [one["name"] for one in json.loads(state.text)["people"] if one["name"].startswith("Eva")]

@@ -21,7 +21,8 @@ LONG = ("startExperiment", "start_experiment", "start_identification")
 SHUTS_OUT = ("rotate_tokens",)
 """What would shut out this client and all others that share the service."""
 
-schema = schemathesis.openapi.from_dict(openapi()).exclude(operation_id=[*LONG, *SHUTS_OUT])
+DESCRIBED = openapi()
+schema = schemathesis.openapi.from_dict(DESCRIBED).exclude(operation_id=[*LONG, *SHUTS_OUT])
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +55,9 @@ def test_answers_are_as_described(case: schemathesis.Case[Any], alone: Service) 
 
 @pytest.mark.parametrize("name", ["State", "LiveMessage", "Refusal"])
 def test_messages_are_described(name: str) -> None:
-    assert name in openapi()["components"]["schemas"]
+    assert name in DESCRIBED["components"]["schemas"]
 
 
 def test_each_schema_has_a_name_of_its_own() -> None:
     """Two of one name are called by their modules, which change."""
-    assert [name for name in openapi()["components"]["schemas"] if "__" in name] == []
+    assert [name for name in DESCRIBED["components"]["schemas"] if "__" in name] == []

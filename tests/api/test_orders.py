@@ -25,7 +25,7 @@ def finished(client: httpx.Client, path: str) -> dict[str, Any]:
 
 
 def test_an_identification_gives_models_and_a_bank_that_the_loop_uses(off: httpx.Client) -> None:
-    order = {"tension_N": 20.0, "bits": 6}
+    order = {"tension_N": 20.0, "bits": 6, "settle_s": 2.0}
     started = off.post("/api/identifications", json=order)
     assert started.status_code == 202
     run = started.json()["id"]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 LINK = re.compile(r"(http://127\.0\.0\.1:\d+)/\?token=[\w-]+")
 END_TIMEOUT_S = 30
@@ -47,8 +48,9 @@ def running_service(
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if descriptors is not None:
         resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))
+    assert process.stdout is not None
     try:
-        found = _read_until_link(process, log)
+        found = _read_until_link(process.stdout, log)
         yield Service(found[1], found[0], data, log, process.pid)
     finally:
         process.send_signal(signal.SIGINT)
@@ -59,20 +61,19 @@ def running_service(
             raise
 
 
-def _read_until_link(process: subprocess.Popen[str], log: Path) -> re.Match[str]:
-    """Return the sign-in link; a thread goes on copying what the service says into its log."""
-    assert process.stdout is not None
+def _read_until_link(said: IO[str], log: Path) -> re.Match[str]:
+    """Return the sign-in link; a thread goes on copying what the service says into its log until it has ended."""
     with log.open("a", encoding="utf-8") as kept:
-        for line in process.stdout:
+        for line in said:
             kept.write(line)
             if found := LINK.search(line):
-                threading.Thread(target=_copy, args=(process, log), daemon=True).start()
+                threading.Thread(target=_copy, args=(said, log), daemon=True).start()
                 return found
+    said.close()
     raise AssertionError(f"the service ended before it printed a sign-in link:\n{log.read_text(encoding='utf-8')}")
 
 
-def _copy(process: subprocess.Popen[str], log: Path) -> None:
-    assert process.stdout is not None
-    with log.open("a", encoding="utf-8") as kept:
-        for line in process.stdout:
+def _copy(said: IO[str], log: Path) -> None:
+    with said, log.open("a", encoding="utf-8") as kept:
+        for line in said:
             kept.write(line)

@@ -22,8 +22,10 @@ pytestmark = pytest.mark.live
 def ends() -> Iterator[tuple[Channel, Channel]]:
     service, loop = channel_pair()
     heartbeat.prepare()
-    yield service, Channel(loop)
+    other = Channel(loop)
+    yield service, other
     service.close()
+    other.close()
 
 
 def beats(channel: Channel) -> int:

@@ -208,6 +208,7 @@ def test_killed_service_leaves_a_stopped_loop_with_zero_volts() -> None:
     finally:
         service.kill()
         service.wait()
+        service.stdout.close()
     ended, _, _ = select.select([end_of_worker], [], [], TIMEOUT_S)
     os.close(end_of_worker)
     assert ended, "the loop process outlived its service"

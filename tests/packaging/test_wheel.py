@@ -72,8 +72,8 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
         stdout=subprocess.PIPE,
         text=True,
     )
+    assert serving.stdout is not None
     try:
-        assert serving.stdout is not None
         link = re.search(r"(http://\S+)/\?token=\S+", serving.stdout.readline())
         assert link is not None
         with urllib.request.urlopen(link[1], timeout=60.0) as answer:
@@ -86,6 +86,7 @@ def test_the_wheel_starts_in_an_environment_of_its_own(wheel: Path, tmp_path: Pa
     finally:
         serving.kill()
         serving.wait()
+        serving.stdout.close()
 
 
 def locked(name: str) -> dict[str, list[str]]:

@@ -106,3 +106,4 @@ def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() 
     with pytest.raises(PlantError, match=r"expired, but drive-enable \(port2/line4\) stayed on within 2\.5 s"):
         rig.open()
     assert not registers.state().drive_enabled
+    rig.close()
