@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import backend  # noqa: F401  # before any test loads numpy: BLAS takes one thread, as in the service
+
 settings.register_profile("sinew", deadline=None, derandomize=True, database=None)
 settings.load_profile("sinew")
 

@@ -1,10 +1,14 @@
-"""The command line in a process of its own: what it prints, what it refuses, how it ends."""
+"""The command line: what it prints, what it refuses, how it ends.
+
+A process of its own costs seconds of imports: there is one where the process matters, for what an experiment leaves,
+what is loaded for help, and what the doctor asks of the system. All else is called here, through the same ``main``.
+"""
 
 import json
 import math
-import os
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -21,9 +25,26 @@ from tests.recording.test_retention import recorded
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
 
-def sinew(*words: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def process(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "backend", *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | (env or {}))
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def sinew(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run a command in this process."""
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", ["sinew", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed = capsys.readouterr()
+        return subprocess.CompletedProcess(words, int(ended.value.code or 0), printed.out, printed.err)
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +52,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, o
     """A data folder with one tracking run, and what the command printed of it."""
     folder = tmp_path_factory.mktemp("cli")
     data, out = folder / "data", folder / "out"
-    ended = sinew(
+    ended = process(
         "experiment", "tracking", "--params", "ideal", "--data", str(data), "--out", str(out), "--json", *SHORT
     )
     assert ended.returncode == 0, ended.stderr
@@ -53,7 +74,7 @@ def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[
     assert metrics["settings"]["loop"]["seed"] == 3
 
 
-def test_an_experiment_starts_from_what_is_in_force_and_says_so(tmp_path: Path) -> None:
+def test_an_experiment_starts_from_what_is_in_force_and_says_so(sinew: Command, tmp_path: Path) -> None:
     parameters, order = load_parameters("ideal"), ["experiment", "sequence", "--params", "ideal", "--data"]
     with closing(open_database(tmp_path)) as database:
         kept_choice.put(database, TuningChoice(lam_q=0.7, b=0.5), parameters, "A. Operator")
@@ -73,7 +94,9 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(tmp_path: Path) 
     assert kept.choice == TuningChoice(lam_q=0.7, b=0.5)  # of an experiment nothing stays
 
 
-def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(tmp_path: Path) -> None:
+def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(
+    sinew: Command, tmp_path: Path
+) -> None:
     order = ["experiment", "sequence", "--params", str(weak_motors(tmp_path)), "--data", str(tmp_path)]
     ended = sinew(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
     assert ended.returncode == 0, ended.stderr
@@ -82,7 +105,7 @@ def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_f
     assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
 
 
-def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[str, object]]) -> None:
+def test_what_was_stored_is_listed_shown_and_exported(sinew: Command, tracked: tuple[Path, dict[str, object]]) -> None:
     folder, printed = tracked
     data = ["--data", str(folder / "data")]
     listed = json.loads(sinew("runs", "list", "--json", *data).stdout)
@@ -129,24 +152,15 @@ def test_what_was_stored_is_listed_shown_and_exported(tracked: tuple[Path, dict[
         (["serve", "--port", "70000"], "port"),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_a_status(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    words: list[str],
-    said: str,
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["sinew", *words, "--data", str(tmp_path)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    printed = capsys.readouterr()
-    assert ended.value.code in (1, 2)
-    assert said in printed.err
-    assert len(printed.err.strip().splitlines()) == 1
-    assert printed.out == ""
+def test_what_goes_wrong_is_one_line_and_a_status(sinew: Command, tmp_path: Path, words: list[str], said: str) -> None:
+    ended = sinew(*words, "--data", str(tmp_path))
+    assert ended.returncode in (1, 2)
+    assert said in ended.stderr
+    assert len(ended.stderr.strip().splitlines()) == 1
+    assert ended.stdout == ""
 
 
-def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:
+def test_a_service_that_cannot_start_says_why(sinew: Command, tmp_path: Path) -> None:
     ended = sinew("serve", "--params", "nowhere", "--port", "0", "--data", str(tmp_path))
     assert ended.returncode == 1
     assert "nowhere" in ended.stderr
@@ -154,20 +168,20 @@ def test_a_service_that_cannot_start_says_why(tmp_path: Path) -> None:
 
 
 def test_help_tells_units_and_needs_nothing_heavy() -> None:
-    assert "[rad]" in sinew("experiment", "--help").stdout
+    assert "[rad]" in process("experiment", "--help").stdout
     loaded = "import sys, backend.cli; print([m for m in ('numba', 'scipy', 'fastapi', 'viser') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
-    findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
+    findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     assert {"scheduling", "memory", "1 ms beat", "DAQ card"} <= {finding["what"] for finding in findings}
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
 
 
-def test_doctor_promises_no_rig_that_a_start_refuses(tmp_path: Path) -> None:
+def test_doctor_promises_no_rig_that_a_start_refuses(sinew: Command, tmp_path: Path) -> None:
     """No machine of these tests has a card: the doctor says what is missing in the words that a start is refused in."""
-    findings = json.loads(sinew("doctor", "--json", "--data", str(tmp_path)).stdout)
+    findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     card = next(finding for finding in findings if "DAQ" in finding["what"])
     ended = sinew("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
     assert ended.returncode == 1
@@ -176,17 +190,19 @@ def test_doctor_promises_no_rig_that_a_start_refuses(tmp_path: Path) -> None:
     assert "the simulator needs none" in card["remedy"]
 
 
-def test_recordings_beyond_the_limit_are_listed_and_go_when_named(tmp_path: Path) -> None:
+def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
+    sinew: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     database = open_database(tmp_path)
     run = recorded(database, days=90)
     database.close()
     words = ["db", "recordings", "--data", str(tmp_path)]
     assert "nothing has to go" in sinew(*words).stdout
-    tight = {"SINEW_RECORDINGS_GB": "0.00001"}
-    listed = sinew(*words, env=tight).stdout
+    monkeypatch.setenv("SINEW_RECORDINGS_GB", "0.00001")
+    listed = sinew(*words).stdout
     assert "the samples of 1 run older than 30 days" in " ".join(listed.split())
     assert f"sinew db recordings --delete {run}" in listed
-    assert json.loads(sinew(*words, "--json", env=tight).stdout)["may_go"][0]["run"] == run
-    refused = sinew(*words, "--delete", str(run + 1), env=tight)
+    assert json.loads(sinew(*words, "--json").stdout)["may_go"][0]["run"] == run
+    refused = sinew(*words, "--delete", str(run + 1))
     assert (refused.returncode, "may not go" in refused.stderr) == (2, True)
-    assert json.loads(sinew(*words, "--delete", str(run), "--json", env=tight).stdout)["total_bytes"] == 0
+    assert json.loads(sinew(*words, "--delete", str(run), "--json").stdout)["total_bytes"] == 0

@@ -193,7 +193,7 @@ def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: fl
 def test_what_no_plant_can_be_loaded_with_is_refused_before_anything_moves(
     ideal: PlantParameters, quantity: str, figure: float
 ) -> None:
-    bench = BenchTop(ideal, plant=Simulator(ideal))
+    bench = BenchTop(ideal)
     bench.run()
     loaded: dict[str, Any] = {quantity: figure}
     segments = (Segment(0.5, 0.0, 10.0), Segment(0.5, 0.0, 10.0, **loaded))
@@ -244,7 +244,7 @@ def test_a_rig_that_cannot_load_its_shafts_refuses_in_words_before_anything_move
 
 
 def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None:
-    bench = BenchTop(ideal, plant=Simulator(ideal))
+    bench = BenchTop(ideal)
     bench.run()
     assert isinstance(bench.send(RunProgram(PLAN.program(), 1)), Accepted)
     bench.advance(LEAD_IN_S + 0.2)

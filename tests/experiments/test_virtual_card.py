@@ -27,10 +27,11 @@ PARAMETERS = load_parameters("lab")
 ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.5, "1": 0.05, "rad/(V·s)": 0.01}
 """Two counts of the joint's encoder, two codes of a load cell and its noise, drawn two ticks later; what follows."""
 
+# Each second at the card takes about as long as three at the simulator: what more of the same would show is left out.
 PLANS: dict[str, Plan] = {
     "tracking": TrackingPlan(q_duration_s=2.0, S_duration_s=2.0),
-    "compliance": CompliancePlan(),
-    "motors": MotorIdentificationPlan(),
+    "compliance": CompliancePlan(pushes=3, hold_s=1.0),
+    "motors": MotorIdentificationPlan(levels=2),
     "springs": SpringIdentificationPlan(sweep_s=4.0, cycles=1),
 }
 
