@@ -57,7 +57,10 @@ BESIDE = {
     ),
     "loop": "supervisor",
     "packaging": "wheel",
-    PAGE: "absent accessibility charts homing in_sight layout map people refusals two_pages units viewer",
+    PAGE: (
+        "absent accessibility charts experiments_and_runs homing in_sight layout map other_plants people refusals "
+        "tuning two_pages units viewer"
+    ),
     "scene": "page portless pose shapes",
 }
 """Live modules by their folder that were tried, and are green, on cores that had other work too. All others are taken
