@@ -21,6 +21,7 @@ from backend.sample import STORED, STORED_COLUMNS
 
 _HEADER = struct.Struct("<QII")
 _CURVES_HEADER = struct.Struct("<dQII")
+CURVES_HEADER_BYTES = _CURVES_HEADER.size
 HEADER_BYTES = _HEADER.size
 
 

@@ -16,7 +16,7 @@ from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
 from backend.messages.live import LiveMessage, Ping
 from backend.sample import STORED
-from backend.wire import HEADER_BYTES
+from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
 
 _REFERENCES = "#/components/schemas/{model}"
@@ -52,6 +52,7 @@ def sample_typescript() -> str:
             "",
             f"export const PERIOD_S = {T_s};",
             f"export const HEADER_BYTES = {HEADER_BYTES};",
+            f"export const CURVES_HEADER_BYTES = {CURVES_HEADER_BYTES};",
             "",
             f"export const MODES = {_literal([str(mode) for mode in MODES])} as const;",
             f"export const FAULTS = {_literal([str(fault) for fault in FAULTS])} as const;",

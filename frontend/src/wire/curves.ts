@@ -1,8 +1,8 @@
 /** Curves of a recording as the service packs them: a header, then one or two float32 columns per signal asked for. */
 
 import type { components } from "./api.gen";
+import { CURVES_HEADER_BYTES as HEADER_BYTES } from "./sample.gen";
 
-const HEADER_BYTES = 24;
 const FLOAT_BYTES = 4;
 
 /** Samples, or smallest and largest value per bucket, in SI; NaN where samples are missing. */

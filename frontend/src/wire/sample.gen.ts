@@ -193,6 +193,7 @@ export type SignalName = (typeof FIELDS)[number]["name"];
 
 export const PERIOD_S = 0.001;
 export const HEADER_BYTES = 16;
+export const CURVES_HEADER_BYTES = 24;
 
 export const MODES = [
   "off",
