@@ -7,8 +7,7 @@ from backend.loop.causes import Cause
 from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
-from backend.loop.mode_machine import ModeMachine
-from backend.loop.module_trial import ModuleTrial
+from backend.loop.mode_machine import ModeMachine, Now
 from backend.loop.motion import NO_REFERENCE
 from backend.loop.motor_trial import MotorTrial
 from backend.refusal import require_within
@@ -21,7 +20,7 @@ SHORTEST_RAD = 0.1
 Asked = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | ByHand
 
 
-def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
+def carry_out(command: Asked, machine: ModeMachine, plant: Plant, now: Now) -> None:
     """Carry out a command. Raises RefusedError, and PlantError where the plant has no such thing."""
     match command:
         case Zero():
@@ -31,20 +30,18 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             _require_free(machine, "a motor is tried")
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=False)  # until the step has come to its end
-            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, machine.m, motor), Cause.MOTOR_TRIAL)
+            machine.try_out(lambda carry: MotorTrial(carry, NO_REFERENCE, now.m, motor), Cause.MOTOR_TRIAL, now)
         case Home(position):
-            _home(position, machine, plant)
+            _home(position, machine, plant, now)
         case TryModule():
-            if not machine.pretension_done or machine.motion is None:
-                raise RefusedError("the safety module is tried once both tendons hold the pretension")
-            machine.motion = ModuleTrial(machine.motion.carry(), NO_REFERENCE, machine.m)
+            machine.try_module(now)
         case ProveDirections(proven):
             if proven:
                 _require_off(machine, "directions are proven")
             if isinstance(plant, Proven):
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
-            _switch_drives(machine, plant, on=on)
+            _switch_drives(machine, plant, now, on=on)
         case ByHand(hand):
             if not isinstance(plant, Handled):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")
@@ -53,33 +50,33 @@ def carry_out(command: Asked, machine: ModeMachine, plant: Plant) -> None:
             assert_never(command)
 
 
-def _switch_drives(machine: ModeMachine, plant: Plant, *, on: bool) -> None:
+def _switch_drives(machine: ModeMachine, plant: Plant, now: Now, *, on: bool) -> None:
     """Off in any mode, and with it zero volts; on in off only. What the card does not obey leaves the loop locked."""
     if not isinstance(plant, Switched):
         raise PlantError("this plant has no drives that could be switched off")
     if on:
         _require_off(machine, "drives are switched on")
     elif machine.mode not in (Mode.OFF, Mode.TRIPPED):
-        machine.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off")
-    machine.drives_off = True  # until the card has obeyed
+        machine.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off", now)
+    machine.lock_drives()  # until the card has obeyed
     plant.switch_drives(on=on)
-    machine.drives_off = not on
+    if on:
+        machine.free_drives()
 
 
 def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
     """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
     plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
-    machine.offset_A = machine.offset_B = machine.middle = 0.0
-    machine.zeroed = False  # the encoders count from elsewhere: pretension finds the motors' zeros anew
+    machine.zeros.begin_anew()  # pretension finds the motors' zeros
 
 
-def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
+def _home(position: float, machine: ModeMachine, plant: Plant, now: Now) -> None:
     _require_free(machine, "the joint is driven to its end switch")
     if not isinstance(plant, EndSwitched):
         raise PlantError("this plant has no end switch that its joint could be driven to")
     if plant.unproven:
         raise RefusedError(plant.unproven)
-    bounds, m = machine.bounds, machine.m
+    bounds, m = machine.bounds, now.m
     require_within("position", abs(position), SHORTEST_RAD, bounds.q_trip, "rad", words="way to the end switch")
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise RefusedError(
@@ -87,8 +84,8 @@ def _home(position: float, machine: ModeMachine, plant: Plant) -> None:
         )
     ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
-        machine.middle = m.q  # that is what the person who started it has said
-    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING)
+        machine.zeros.say_middle(m.q)  # that is what the person who started it has said
+    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING, now)
 
 
 def _require_off(machine: ModeMachine, what: str) -> None:

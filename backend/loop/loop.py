@@ -3,7 +3,6 @@
 The same class runs live in the loop process and headless for the command line; what differs is who calls ``tick``.
 """
 
-import time
 from typing import Protocol, assert_never
 
 import numpy as np
@@ -30,13 +29,12 @@ from backend.loop.commands import (
     SetTuning,
     Shutdown,
     Stop,
-    Stopped,
     Zero,
 )
 from backend.loop.hand_push import HandPush
 from backend.loop.homing import Homing
 from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
-from backend.loop.mode_machine import ModeMachine
+from backend.loop.mode_machine import ModeMachine, Now
 from backend.loop.motion import AT_REST, Decision
 from backend.loop.plant_watch import PlantWatch
 from backend.loop.tuned import tuning_of
@@ -45,7 +43,7 @@ from backend.sample import FIELDS, ROW
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.compiled import Specialised
-from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantError, T_s
+from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError, T_s
 from plant.parameters import PlantParameters
 
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
@@ -72,14 +70,15 @@ class Loop:
         self._checks = Checks(parameters, plant.unattended_max_s)
         self._plant_watch = PlantWatch()
         self._row = np.zeros(len(FIELDS))
-        self._tick = 0
+        self._tick = self._newest_tick = 0
         self._overruns = 0
         self._hand = HandPush(plant)
+        self._events: list[Event] = []
         gains = tuning_of(tuning, self._decoupler, self.bounds)
         try:
             plant.open()
-            self._raw = m = plant.read()
-            self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), m)
+            self._raw = self._m = m = plant.read()
+            self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events)
             self._velocity = JointVelocity(m.q)
         except BaseException:  # the drives may be on already, and nobody else has this plant to close
             self.close()
@@ -107,13 +106,13 @@ class Loop:
 
     def drain_events(self) -> list[Event]:
         """Events since the last call, oldest first."""
-        events = list(self._machine.events)
-        self._machine.events.clear()
+        events = list(self._events)
+        self._events.clear()
         return events
 
     def handle(self, sequence: int, command: Command) -> None:
         """Carry out a command between two ticks, or refuse it whole; the answer is queued as an event."""
-        events, tick = self._machine.events, self._tick
+        events, tick = self._events, self._tick
         try:
             self._carry_out(command)
         except RefusedError as refused:
@@ -125,24 +124,27 @@ class Loop:
         else:
             events.append(Accepted(sequence, tick))
 
+    def _now(self) -> Now:
+        return Now(self._newest_tick, self._m)
+
     def _carry_out(self, command: Command) -> None:
         if isinstance(command, bring_up.Asked):
-            bring_up.carry_out(command, self._machine, self._plant)
+            bring_up.carry_out(command, self._machine, self._plant, self._now())
             if isinstance(command, Zero):
                 self._velocity.stands_at(command.q)
             return
         match command:
             case Stop():
-                self._machine.begin_stop(command, command.detail)
+                self._machine.begin_stop(command, command.detail, self._now())
             case SetMode():
-                self._machine.set_mode(command)
+                self._machine.set_mode(command, self._now())
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
                 gains = tuning_of(command, self._decoupler, self.bounds)
                 self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
             case RunProgram():
-                self._machine.run_program(command)
+                self._machine.run_program(command, self._now())
             case Push():
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
@@ -160,62 +162,61 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
-        fault, seen = self._checks.standing(machine.heard(), self._plant.raw)
+        fault, seen = self._checks.standing(machine.heard(self._m), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise RefusedError(f"the cause is still there: {seen}")
-        machine.reset()
+        machine.reset(self._now())
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
         """One period: read, estimate, decide, limit, write, append. Zero volts on any way out by an error."""
         machine = self._machine
-        machine.tick = self._tick
+        self._newest_tick = self._tick
         self._plant_watch.begin()
         released = self._hand.step(self._tick, machine.mode)
         if released is not None:
-            machine.events.append(released)
+            self._events.append(released)
         command, decision = ZERO_VOLTS, AT_REST
         try:
             self._read()
-            self._check(machine.heard(), overruns - self._overruns)
-            decision = self._decide(machine.m)
+            self._check(overruns - self._overruns)
+            decision = self._decide()
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
                 command = MotorCommand(decision.u_A, decision.u_B)
         except PlantError as error:
             self._plant_failed(error)
         finally:
             self._write(command)
-        machine.events += self._plant_watch.end(self._tick)
+        self._events += self._plant_watch.end(self._tick)
         self._overruns = overruns
         self._append(decision, lateness_s)
         self._tick += 1
 
     def _read(self) -> None:
-        machine = self._machine
-        q, theta_A, theta_B, *others = self._raw = self._plant.read()
-        machine.m = m = Measurement(q, theta_A + machine.offset_A, theta_B + machine.offset_B, *others)
-        self._velocity.step(m.q)
+        self._raw = self._plant.read()
+        self._m = self._machine.zeros.counted(self._raw)
+        self._velocity.step(self._m.q)
 
-    def _check(self, m: Measurement, missed: int) -> None:
+    def _check(self, missed: int) -> None:
         machine = self._machine
-        fault, seen = self._checks.step(self._raw, m, machine.zeroed, machine.keeps_taut, missed, self._plant.raw)
+        heard, known = machine.heard(self._m), machine.zeros.motors_known
+        fault, seen = self._checks.step(self._raw, heard, known, machine.keeps_taut, missed, self._plant.raw)
         at_risk = machine.motion is not None or fault in _AT_REST_TOO
         if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
-            machine.begin_stop(Stop(fault), seen)
+            machine.begin_stop(Stop(fault), seen, self._now())
 
-    def _decide(self, m: Measurement) -> Decision:
-        machine = self._machine
-        if machine.motion is None:
+    def _decide(self) -> Decision:
+        machine, m = self._machine, self._m
+        decision = machine.decide(m)
+        if decision is None:
             return AT_REST
-        decision = machine.motion.step(machine.tuning, m)
-        if decision.pushes:
-            machine.act_on_joint(decision.target.F_push, decision.target.load)
-        if machine.motion.done:
-            if isinstance(machine.motion, Homing) and machine.motion.end is HomingEnd.HOMED:
-                found = Zero(machine.motion.position_of(m.q), 0.0, 0.0)
+        motion = machine.motion
+        if motion is not None and motion.done:
+            if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
+                found = Zero(motion.position_of(m.q), 0.0, 0.0)
                 bring_up.set_zero(found, machine, self._plant)
                 self._velocity.stands_at(found.q)
-            machine.end_motion()
+            self._m = machine.end_motion(self._now())
         return decision
 
     def _write(self, command: MotorCommand) -> None:
@@ -228,27 +229,20 @@ class Loop:
             self._checks.command = ZERO_VOLTS
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
-                machine.begin_stop(Stop(fault), str(error))
+                machine.begin_stop(Stop(fault), str(error), self._now())
         except PlantError as error:
             self._plant_failed(error)
             return
-        pending = machine.pending_stop
-        if pending is not None and machine.mode is Mode.TRIPPED:
-            elapsed_ms = 1e3 * (time.perf_counter() - pending.clock_s)
-            stop = pending.stop
-            machine.events.append(
-                Stopped(stop.fault, stop.hard, pending.arrived_tick, self._tick, elapsed_ms, pending.detail)
-            )
-            machine.pending_stop = None
+        machine.tell_stopped(self._tick)
 
     def _plant_failed(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)
         if self._machine.mode is not Mode.TRIPPED:
-            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error))
+            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), self._now())
 
     def _append(self, y: Decision, lateness_s: float) -> None:
         machine = self._machine
-        m, raw, put = machine.m, self._plant.raw, self._checks.command
+        m, raw, put = self._m, self._plant.raw, self._checks.command
         ROW.pack_into(
             self._row.data,
             0,

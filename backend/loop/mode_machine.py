@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from typing import NamedTuple
 
 from backend.controllers import motors
 from backend.controllers.cascade import Tuning
@@ -19,17 +20,28 @@ from backend.loop.commands import (
     SetMode,
     SetReferences,
     Stop,
+    Stopped,
 )
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.module_trial import ModuleTrial
-from backend.loop.motion import NO_REFERENCE, PRETENSION_N, Braking, Carry, ForceHold, Motion, Travel, Trial, Winding
+from backend.loop.motion import (
+    NO_REFERENCE,
+    PRETENSION_N,
+    Braking,
+    Carry,
+    Decision,
+    Motion,
+    Travel,
+    Trial,
+    Winding,
+)
 from backend.loop.motor_steps import MotorSteps
 from backend.loop.pending_stop import PendingStop
 from backend.loop.player import Target
-from backend.loop.program import IDENTIFYING, Law, Program, Segment, mode_of_law, require_able, require_few, starts_from
-from backend.loop.tension_sweep import TensionSweep
-from backend.loop.tracking import BASELINES, Baseline, Tracking
-from backend.refusal import require_within
+from backend.loop.program import IDENTIFYING, Program, mode_of_law, starts_from
+from backend.loop.program_motions import ProgramMotions
+from backend.loop.tracking import Baseline, Tracking
+from backend.loop.zeros import Zeros
 from backend.tuning.models import Lambdas
 from plant.interface import NO_LOAD, Measurement, Plant, PlantError, Proven, ShaftLoad
 from plant.parameters import PlantParameters
@@ -39,35 +51,40 @@ _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
 
 
-class ModeMachine:
-    """Mode, motion and latched fault of one loop. The loop sets ``m`` and ``tick`` before it asks for anything.
+class Now(NamedTuple):
+    """The newest tick, and what was measured in it."""
 
-    ``zeroed`` tells that the zeros of the motor encoders are known, ``drives_off`` that hands may be at the rig,
-    ``middle`` [rad] where the joint reads that is said to be in its middle.
+    tick: int
+    m: Measurement
+
+
+class ModeMachine:
+    """Mode, motion and latched fault of one loop; what happens to them is told to ``events``.
+
+    ``drives_off`` tells that hands may be at the rig, ``zeros`` where joint and motors count from.
     """
 
     def __init__(
-        self, plant: Plant, parameters: PlantParameters, tuning: Tuning, lambdas: Lambdas, m: Measurement
+        self, plant: Plant, parameters: PlantParameters, tuning: Tuning, lambdas: Lambdas, events: list[Event]
     ) -> None:
         self.mode = Mode.OFF
         self.fault = Fault.NONE
         self.motion: Motion | None = None
-        self.run = self.tick = 0
-        self.m = m
+        self.run = 0
         self.tuning = tuning
         self.lambdas = lambdas
         self.bounds = bounds_for(parameters)
-        self.pending_stop: PendingStop | None = None
-        self.events: list[Event] = []
-        self.offset_A = self.offset_B = self.middle = 0.0
+        self.zeros = Zeros()
+        self.drives_off = False
+        self._pending_stop: PendingStop | None = None
+        self._events = events
         self._plant = plant
-        self._parameters = parameters
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self._programs = ProgramMotions(plant, parameters)
         self._geometry = decoupler_for(parameters)
         self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
         self._program: Program | None = None
-        self.zeroed = self.drives_off = False
-        self.F_push, self.load = 0.0, NO_LOAD
+        self._F_push, self._load = 0.0, NO_LOAD
         self._reached_told = False
 
     @property
@@ -88,15 +105,23 @@ class ModeMachine:
         """
         on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
         slack_wanted = isinstance(self.motion, MotorSteps | Trial)
-        closed = self.motion is not None and self.zeroed and self.mode is not Mode.STOPPING
+        closed = self.motion is not None and self.zeros.motors_known and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
-    def heard(self) -> Measurement:
+    def heard(self, m: Measurement) -> Measurement:
         """Return what the checks are told: the joint from its middle, also where its encoder counts from elsewhere."""
-        m = self.motion.heard(self.m) if isinstance(self.motion, ModuleTrial) else self.m
-        return m._replace(q=m.q - self.middle) if self.middle else m
+        return self.zeros.from_middle(self.motion.heard(m) if isinstance(self.motion, ModuleTrial) else m)
 
-    def set_mode(self, command: SetMode) -> None:
+    def decide(self, m: Measurement) -> Decision | None:
+        """One step of the motion, if there is one; the joint is pushed as its program says. Raises PlantError."""
+        if self.motion is None:
+            return None
+        decision = self.motion.step(self.tuning, m)
+        if decision.pushes:
+            self._act_on_joint(decision.target.F_push, decision.target.load)
+        return decision
+
+    def set_mode(self, command: SetMode, now: Now) -> None:
         """Carry out an operator's move. Raises RefusedError."""
         mode = command.mode
         self._require_legal(mode)
@@ -105,19 +130,19 @@ class ModeMachine:
         if mode is Mode.PRETENSION:
             if self.unready:
                 raise RefusedError(self.unready)
-            self._enter_pretension(Cause.ASKED_FOR)
+            self._enter_pretension(now, Cause.ASKED_FOR)
         elif mode is Mode.OFF:
-            self._enter(Mode.OFF, None, Cause.ASKED_FOR)
+            self._enter(now, Mode.OFF, None, Cause.ASKED_FOR)
         elif mode is Mode.STOPPING:
-            self._brake(Cause.ASKED_FOR)
+            self._brake(now, Cause.ASKED_FOR)
         elif mode in (Mode.RUN, Mode.COMPLIANCE):
             self._require_taut(mode)
-            motion = Tracking(self.tuning, self._carried(), self.m, self.bounds, mode is Mode.RUN)
-            self._enter(mode, motion, Cause.ASKED_FOR, command.run)
+            motion = Tracking(self.tuning, self._carried(now.m), now.m, self.bounds, mode is Mode.RUN)
+            self._enter(now, mode, motion, Cause.ASKED_FOR, command.run)
         else:
             raise RefusedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
 
-    def run_program(self, command: RunProgram) -> None:
+    def run_program(self, command: RunProgram, now: Now) -> None:
         """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
         program = command.program
         mode = mode_of_law(program.law)
@@ -126,30 +151,27 @@ class ModeMachine:
         if not starts_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise RefusedError(reason, LEGAL[self.mode])
-        motion: Motion
-        if program.law is Law.FORCE_HOLD:
-            # Motor B stays at zero: what motor A winds stretches both springs.
-            theta_A = sum(self._wound(program.tension_N))
-            motion = ForceHold(self._carried(), NO_REFERENCE, program, theta_A)
-        elif program.law is Law.MOTOR_STEPS:
-            motion = self._motor_steps(program)
-        elif program.law is Law.TENSION_SWEEP:
-            motion = self._tension_sweep(program)
-        else:
-            require_few(program.segments)
-            q_min, q_max, S_min, S_max = self.bounds.q_min, self.bounds.q_max, self.bounds.S_min, self.bounds.S_max
-            for segment in program.segments:
-                # Most are plain and good, and a thousand calls would take half a period.
-                good = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
-                if not good or segment.F_push or segment.load_A or segment.load_B:
-                    self._require_segment(segment)
-            motion = self._following(program)
-        self._enter(mode, motion, Cause.PROGRAM, command.run)
+        motion = self._programs.motion_for(program, self._carried(now.m), now.m, self.tuning, self.lambdas)
+        self._enter(now, mode, motion, Cause.PROGRAM, command.run)
         self._program = program
 
-    def try_out(self, made: Callable[[Carry], Motion], cause: Why) -> None:
+    def try_out(self, made: Callable[[Carry], Motion], cause: Why, now: Now) -> None:
         """Play what the bring-up asks for, from OFF."""
-        self._enter(Mode.IDENTIFY, made(self._carried()), cause)
+        self._enter(now, Mode.IDENTIFY, made(self._carried(now.m)), cause)
+
+    def try_module(self, now: Now) -> None:
+        """Provoke the safety module's trip at the pretension. Raises RefusedError."""
+        if not self.pretension_done or self.motion is None:
+            raise RefusedError("the safety module is tried once both tendons hold the pretension")
+        self.motion = ModuleTrial(self.motion.carry(), NO_REFERENCE, now.m)
+
+    def lock_drives(self) -> None:
+        """Start nothing from now on: hands may be at the rig."""
+        self.drives_off = True
+
+    def free_drives(self) -> None:
+        """Let be started again what needs drives."""
+        self.drives_off = False
 
     def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
@@ -161,51 +183,54 @@ class ModeMachine:
         """Move the operator's references. Raises RefusedError or OutOfRangeError."""
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
-        self._require_references(command.q_ref, command.S_ref)
+        self._programs.require_references(command.q_ref, command.S_ref)
         self.motion.target = Target(float(command.q_ref), float(command.S_ref), 0.0)
 
-    def reset(self) -> None:
+    def reset(self, now: Now) -> None:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
         self._plant.acknowledge()
         self.fault = Fault.NONE
-        self._enter(Mode.OFF, None, Cause.RESET)
+        self._enter(now, Mode.OFF, None, Cause.RESET)
 
-    def begin_stop(self, stop: Stop, detail: str) -> None:
+    def begin_stop(self, stop: Stop, detail: str, now: Now) -> None:
         """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
-        if self.pending_stop is None or stop.hard:
-            self.pending_stop = PendingStop(stop, self.tick, time.perf_counter(), detail)
+        if self._pending_stop is None or stop.hard:
+            self._pending_stop = PendingStop(stop, now.tick, time.perf_counter(), detail)
         if self.mode is Mode.TRIPPED:
             return
         self.fault = stop.fault
         if stop.fault in _DOUBTS_ZEROS:
-            self.zeroed = False
+            self.zeros.doubt()
         if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, Proven):
             self._plant.prove_directions(proven=False)
         if stop.hard or self.motion is None or isinstance(self.motion, Trial):
-            self._enter(Mode.TRIPPED, None, stop.fault)
+            self._enter(now, Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
-            self._brake(stop.fault)
+            self._brake(now, stop.fault)
 
-    def end_motion(self) -> None:
-        """Go on from a motion that has reached its end by itself."""
+    def tell_stopped(self, tick: int) -> None:
+        """Tell once of a stop that has come to zero volts; they have just been written."""
+        pending = self._pending_stop
+        if pending is None or self.mode is not Mode.TRIPPED:
+            return
+        stop, elapsed_ms = pending.stop, 1e3 * (time.perf_counter() - pending.clock_s)
+        self._events.append(Stopped(stop.fault, stop.hard, pending.arrived_tick, tick, elapsed_ms, pending.detail))
+        self._pending_stop = None
+
+    def end_motion(self, now: Now) -> Measurement:
+        """Go on from a motion that has reached its end by itself; return what is measured, from zeros just found."""
         if isinstance(self.motion, Winding):
-            self._take_zero(self.motion)
-        elif isinstance(self.motion, Trial):
-            self._enter(Mode.OFF, None, self.motion.cause)
+            return self._take_zero(self.motion, now.m)
+        if isinstance(self.motion, Trial):
+            self._enter(now, Mode.OFF, None, self.motion.cause)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-            self._enter_pretension(Cause.PROGRAM_ENDED, completed=True)
+            self._enter_pretension(now, Cause.PROGRAM_ENDED, completed=True)
         elif self.pretension_done and not self._reached_told:
             self._reached_told = True
-            self.events.append(PretensionReached(self.tick))
+            self._events.append(PretensionReached(now.tick))
         elif self.mode is Mode.STOPPING:
-            self._enter(Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
-
-    def _following(self, program: Program) -> Motion:
-        carry, m, bounds = self._carried(), self.m, self.bounds
-        if program.law in BASELINES:
-            parameters, lambdas = self._parameters, self.lambdas
-            return Baseline(program.law, parameters, lambdas, self.tuning, carry, m, bounds, program.segments)
-        return Tracking(self.tuning, carry, m, bounds, program.law is Law.CASCADE, program.segments)
+            self._enter(now, Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
+        return now.m
 
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]
@@ -217,84 +242,53 @@ class ModeMachine:
         if self.mode is Mode.PRETENSION and not self.pretension_done:
             raise RefusedError(f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode])
 
-    def _require_references(self, q_ref: float, S_ref: float) -> None:
-        require_within("q_ref", q_ref, self.bounds.q_min, self.bounds.q_max, "rad")
-        require_within("S_ref", S_ref, self.bounds.S_min, self.bounds.S_max, "N·m/rad")
-
-    def _require_segment(self, segment: Segment) -> None:
-        self._require_references(segment.q_ref, segment.S_ref)
-        require_able(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
-
-    def _motor_steps(self, program: Program) -> MotorSteps:
-        if not program.steps:
-            raise RefusedError("a program of voltage steps needs at least one step")
-        theta_max = self._geometry.r_j / self._geometry.r_m * self.bounds.q_trip  # what the joint's range winds up
-        for step in program.steps:
-            require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
-            require_within("u", step.u, -self.bounds.u_max, self.bounds.u_max, "V")
-        centre = self._wound(PRETENSION_N)
-        return MotorSteps(self._carried(), NO_REFERENCE, program, centre, self.bounds.F_slack, theta_max)
-
-    def _tension_sweep(self, program: Program) -> TensionSweep:
-        if not program.legs:
-            raise RefusedError("a sweep of the tension needs at least one leg")
-        tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
-        for tension_N in tensions:
-            require_within("tension_N", tension_N, self.bounds.F_slack, self.bounds.F_max, "N")
-        return TensionSweep(self._carried(), NO_REFERENCE, program, tuple(map(self._wound, tensions)))
-
-    def _carried(self) -> Carry:
+    def _carried(self, m: Measurement) -> Carry:
         if self.motion is not None:
             return self.motion.carry()
-        gains, m = self.tuning.motors, self.m
+        gains = self.tuning.motors
         return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
 
-    def _enter(self, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False) -> None:
+    def _enter(
+        self, now: Now, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
+    ) -> None:
         if self._program is not None:
-            self.events.append(ProgramEnded(self.tick, self.run, completed))
+            self._events.append(ProgramEnded(now.tick, self.run, completed))
             if self._program.law not in IDENTIFYING:
                 with suppress(PlantError):  # whoever pushes the plant has let go of it with it
-                    self.act_on_joint(0.0, NO_LOAD)
+                    self._act_on_joint(0.0, NO_LOAD)
             self._program = None
-        self.events.append(ModeChanged(self.tick, self.mode, mode, cause))
+        self._events.append(ModeChanged(now.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
         self._reached_told = False
 
-    def act_on_joint(self, F_push: float, load: ShaftLoad) -> None:
+    def _act_on_joint(self, F_push: float, load: ShaftLoad) -> None:
         """Push [N] and load the shafts; what can do neither is not asked to while the program does not. PlantError."""
-        (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
+        (F_before, load_before), (self._F_push, self._load) = (self._F_push, self._load), (F_push, load)
         if load != load_before:
             self._plant.load(load)
         if F_push != F_before:
             self._plant.push(F_push)
 
-    def _wound(self, F: float) -> tuple[float, float]:
-        """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
-        r_m = self._geometry.r_m
-        return elongation(self._spring_A, F) / r_m, elongation(self._spring_B, F) / r_m
-
-    def _enter_pretension(self, cause: Why, *, completed: bool = False) -> None:
-        carry, known, wound = self._carried(), self.zeroed, self._wound(PRETENSION_N)
+    def _enter_pretension(self, now: Now, cause: Why, *, completed: bool = False) -> None:
+        carry, known, wound = self._carried(now.m), self.zeros.motors_known, self._programs.wound(PRETENSION_N)
         motion: Motion = Travel(carry, NO_REFERENCE, *wound) if known else Winding(carry, NO_REFERENCE)
-        self._enter(Mode.PRETENSION, motion, cause, completed=completed)
+        self._enter(now, Mode.PRETENSION, motion, cause, completed=completed)
 
-    def _take_zero(self, winding: Winding) -> None:
+    def _take_zero(self, winding: Winding, m: Measurement) -> Measurement:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
         r_m, r_j = self._geometry.r_m, self._geometry.r_j
-        (F_A, F_B), m = winding.tensions, self.m
+        F_A, F_B = winding.tensions
         move_A = (elongation(self._spring_A, F_A) + r_j * m.q) / r_m - m.theta_A
         move_B = (elongation(self._spring_B, F_B) - r_j * m.q) / r_m - m.theta_B
-        self.offset_A += move_A
-        self.offset_B += move_B
-        self.m = m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
+        self.zeros.move(move_A, move_B)
         carry = winding.carry()
         state = motors.shift(carry.gains, carry.state, move_A, move_B)
         shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
-        self.zeroed = True
-        self.motion = Travel(shifted, NO_REFERENCE, *self._wound(PRETENSION_N))
+        self.motion = Travel(shifted, NO_REFERENCE, *self._programs.wound(PRETENSION_N))
+        return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
-    def _brake(self, cause: Why) -> None:
+    def _brake(self, now: Now, cause: Why) -> None:
         if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
-            self._enter(Mode.OFF, None, cause)
+            self._enter(now, Mode.OFF, None, cause)
             return
-        self._enter(Mode.STOPPING, Braking(self._carried(), NO_REFERENCE, self.m), cause)
+        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), NO_REFERENCE, now.m), cause)
