@@ -59,7 +59,7 @@ BESIDE = {
     "packaging": "wheel",
     PAGE: (
         "absent accessibility charts experiments_and_runs homing in_sight layout map other_plants people refusals "
-        "tuning two_pages units viewer"
+        "scene tuning two_pages units viewer"
     ),
     "scene": "page portless pose shapes",
 }
