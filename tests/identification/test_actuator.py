@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim, max_len_seq
 
-from backend.identification.actuator import ActuatorGeometry, identify_actuator
+from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimate import estimate
 from backend.identification.fit import Method
 from backend.identification.record import Record
@@ -33,8 +33,12 @@ def default_experiment(amplitude_rad: float = 1.0, chip: int = 80) -> dict[str, 
     return {"theta_A_ref": 8.0 + u, "q": q, "S": S}
 
 
-def test_default_experiment_gives_gains_lags_and_rest_point() -> None:
-    found = identify_actuator(default_experiment(), PERIOD_S, GEOMETRY, START)
+@pytest.fixture(scope="module")
+def found() -> ActuatorIdentification:
+    return identify_actuator(default_experiment(), PERIOD_S, GEOMETRY, START)
+
+
+def test_default_experiment_gives_gains_lags_and_rest_point(found: ActuatorIdentification) -> None:
     for reduced, gain in ((found.G_q.first_order, 0.05), (found.G_S.first_order, 0.721)):
         np.testing.assert_allclose((reduced.K, reduced.T), (gain, 4 * LAG_S), rtol=5e-3)
     assert found.S_nominal == pytest.approx(8.24, abs=1e-3)
@@ -42,9 +46,8 @@ def test_default_experiment_gives_gains_lags_and_rest_point() -> None:
     assert found.verdict.grade is Grade.USABLE
 
 
-def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives() -> None:
+def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: ActuatorIdentification) -> None:
     samples = default_experiment()
-    found = identify_actuator(samples, PERIOD_S, GEOMETRY, START)
     for by_arx, column in ((found.arx_q, "q"), (found.arx_S, "S")):
         assert isinstance(by_arx, Estimate)
         alone = estimate(Record(PERIOD_S, samples["theta_A_ref"][START:], samples[column][START:]), "first", Method.ARX)
