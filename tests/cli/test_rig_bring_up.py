@@ -184,7 +184,8 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
                 supervisor = at_rig.supervisor
                 await at_rig.play(StepId.ZERO, {})
                 playing = asyncio.create_task(at_rig.play(StepId.DIRECTION, {}))
-                await supervisor.advance_until(lambda: volts(supervisor) > 0.1, 30.0)
+                await supervisor.advance_until(lambda: playing.done() or volts(supervisor) > 0.1, 30.0)
+                assert not playing.done(), playing.result()
                 driven = volts(supervisor)
                 playing.cancel()
                 result = await playing
