@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from playwright.sync_api import Browser, ConsoleMessage, Error, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Response, ViewportSize, sync_playwright
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Pages are put together by the processor, as Chromium does it by itself where there is no graphics card; only WebGL
@@ -44,10 +44,20 @@ class Watched:
 
     page: Page
     complaints: list[str] = field(default_factory=list)
+    refused: list[Response] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self.page.on("response", self._answered)
         self.page.on("console", self._console)
         self.page.on("pageerror", self._error)
+
+    def refusals(self) -> str:
+        """In what words the service refused what the page asked for, for whoever reads of a test that failed."""
+        return "\n".join(f"{one.request.method} {one.url}: {_body(one)}" for one in self.refused) or "nothing"
+
+    def _answered(self, response: Response) -> None:
+        if response.status >= 400:
+            self.refused.append(response)
 
     def _console(self, message: ConsoleMessage) -> None:
         if message.type == "error":
@@ -59,3 +69,10 @@ class Watched:
     def _note(self, complaint: str) -> None:
         if not complaint.startswith(EXPECTED):
             self.complaints.append(complaint)
+
+
+def _body(response: Response) -> str:
+    try:
+        return response.text()
+    except Error as error:  # the page has gone on meanwhile, and its answers with it
+        return f"{response.status}, its words are gone ({error.message.splitlines()[0]})"

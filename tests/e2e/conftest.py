@@ -1,6 +1,9 @@
 """Fixtures of the browser tests: one browser, one service, a fresh page per test, screenshots of what failed."""
 
-from collections.abc import Generator, Iterator
+import sqlite3
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,18 +15,20 @@ from tests.e2e.browser import DESKTOP, Watched, chromium
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
 
+LAST_EVENTS = "SELECT at, kind, who, text FROM event ORDER BY id DESC LIMIT 30"
 FAILURES = Path(__file__).parents[2] / ".cache" / "e2e"
 expect.set_options(timeout=MOTION_TIMEOUT_MS)
 """Playwright's own patience of 5 s is that of a machine with nothing else to do."""
 
-REPORT = pytest.StashKey[pytest.TestReport]()
+WITNESS = pytest.StashKey[Callable[[], str]]()
+"""What tells of a page, while it is there, what a reader of a test that failed asks for."""
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     report = yield
-    if report.when == "call":
-        item.stash[REPORT] = report
+    if report.failed and (witness := item.stash.get(WITNESS, None)):  # also where it is a fixture that waited in vain
+        report.sections.append(("page and service", witness()))
     return report
 
 
@@ -67,12 +72,23 @@ def operator(browser: Browser, service: Service, request: pytest.FixtureRequest)
     """A person at a page of their own; the test fails when the page's console complained."""
     context = browser.new_context(viewport=DESKTOP, accept_downloads=True)
     watched = Watched(context.new_page())
+    request.node.stash[WITNESS] = partial(witnessed, watched, service, FAILURES / f"{request.node.name}.png")
     yield Operator(watched.page, service)
-    report = request.node.stash.get(REPORT, None)
-    if watched.complaints or (report is not None and report.failed):
-        FAILURES.mkdir(parents=True, exist_ok=True)
-        picture = FAILURES / f"{request.node.name}.png"
-        watched.page.screenshot(path=picture)
-        print(f"what the page showed: {picture}\nwhat the service said:\n{service.log.read_text(encoding='utf-8')}")
+    seen = request.node.stash[WITNESS]() if watched.complaints else ""
+    del request.node.stash[WITNESS]
     context.close()
-    assert watched.complaints == []
+    assert watched.complaints == [], seen
+
+
+def witnessed(watched: Watched, service: Service, picture: Path) -> str:
+    """Tell what page and service were like; a picture of the page is kept."""
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    watched.page.screenshot(path=picture)
+    with closing(sqlite3.connect(f"file:{service.data / 'sinew.db'}?mode=ro", uri=True)) as database:
+        events = ["  ".join(row) for row in database.execute(LAST_EVENTS)]
+    told = {
+        "the page was refused": watched.refusals(),
+        "the service said": service.log.read_text(encoding="utf-8"),
+        "its journal, newest first": "\n".join(events),
+    }
+    return "\n".join([f"what the page showed: {picture}", *(f"{what}:\n{told[what]}" for what in told)])
