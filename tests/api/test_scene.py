@@ -27,7 +27,10 @@ async def looking(
 ) -> AsyncIterator[ClientConnection]:
     headers = {"Authorization": client.headers["Authorization"], "Origin": service.url}
     address = service.url.replace("http", "ws") + path
-    async with connect(address, additional_headers=headers, subprotocols=[protocol], max_size=None) as socket:
+    # What waits to be read has no bound: behind messages that a test does not read a pong would wait for ever.
+    async with connect(
+        address, additional_headers=headers, subprotocols=[protocol], max_size=None, max_queue=None
+    ) as socket:
         yield socket
 
 
