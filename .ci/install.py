@@ -1,7 +1,8 @@
 """Installs what the locks name, with uv: ``python .ci/install.py [EXTRA,EXTRA...]``, run by the environment's Python.
 
 uv comes by pip, with a hash like all else. The locks name no host: where packages come from is what pip has been told
-on this machine, handed on to uv for this run. The page is built while the packages come and the laws are compiled.
+on this machine, handed on to uv for this run. The page is built, and Sinew itself put in, while the packages come and the
+laws are compiled.
 """
 
 import os
@@ -93,18 +94,18 @@ def main(extras: list[str]) -> None:
         sys.exit(f"there is no extra {', '.join(unknown)}: rig, postgres and dev are those of pyproject.toml")
     environment = as_pip_was_told()
     bring_uv()
+    named = f".[{','.join(extras)}]" if extras else "."
 
     def page() -> None:
         install_locked(environment, "build")
         run(environment, "frontend/build.py", "build")
+        install(environment, "--no-build-isolation", "--no-deps", "--editable", named)
 
     def program() -> None:
         install_locked(environment, "run", *extras)
         run(environment, "-m", "backend.compile_ahead")
 
     beside_each_other(page, program)
-    named = f".[{','.join(extras)}]" if extras else "."
-    install(environment, "--no-build-isolation", "--no-deps", "--editable", named)
 
 
 if __name__ == "__main__":
