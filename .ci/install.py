@@ -1,8 +1,8 @@
 """Installs what the locks name, with uv: ``python .ci/install.py [EXTRA,EXTRA...]``, run by the environment's Python.
 
 uv comes by pip, with a hash like all else. The locks name no host: where packages come from is what pip has been told
-on this machine, handed on to uv for this run. The page is built, and Sinew itself put in, while the packages come and the
-laws are compiled.
+on this machine, handed on to uv for this run. The page is built, and Sinew itself put in, while the packages come and
+the laws are compiled.
 """
 
 import os
