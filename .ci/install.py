@@ -92,8 +92,8 @@ def main(extras: list[str]) -> None:
     unknown = [extra for extra in extras if not (LOCKS / f"{extra}.lock").exists()]
     if unknown:
         sys.exit(f"there is no extra {', '.join(unknown)}: rig, postgres and dev are those of pyproject.toml")
-    environment = as_pip_was_told()
-    bring_uv()
+    environment: dict[str, str] = {}
+    beside_each_other(bring_uv, lambda: environment.update(as_pip_was_told()))
     named = f".[{','.join(extras)}]" if extras else "."
 
     def page() -> None:
