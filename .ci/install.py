@@ -103,7 +103,10 @@ def main(extras: list[str]) -> None:
 
     def program() -> None:
         install_locked(environment, "run", *extras)
-        run(environment, "-m", "backend.compile_ahead")
+        beside_each_other(
+            lambda: run(environment, "-m", "backend.compile_ahead"),
+            lambda: run(environment, "-m", "backend.loop.compile_ahead"),
+        )
 
     beside_each_other(page, program)
 

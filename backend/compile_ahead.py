@@ -1,10 +1,12 @@
-"""``python -m backend.compile_ahead``: compiles and computes at the installation what a first start would wait for."""
+"""``python -m backend.compile_ahead``: compiles and computes at the installation what a first start would wait for.
+
+That is the half of the service; the loop's is ``python -m backend.loop.compile_ahead``, and both run beside each other.
+"""
 
 from backend import assembly, main
 from backend.api import app
 from backend.cli import serve
 from backend.loop import heartbeat
-from backend.loop.rehearsal import rehearse
 from backend.operating.kept_figures import KeptFigures
 from backend.operating.tuning_in_use import by_default
 from backend.web_server import server
@@ -16,13 +18,11 @@ STARTED = (assembly, app, main, serve, server)
 
 
 def compile_ahead() -> None:
-    """Go through what the loop, the service and a tuning compile, and keep what they compute."""
-    parameters = load_parameters(PARAMETERS)
+    """Go through what the service and a tuning compile, and keep what they compute."""
     figures = KeptFigures()
     figures.restore()
-    tuning, _ = by_default(parameters)
+    by_default(load_parameters(PARAMETERS))
     figures.keep()
-    rehearse(parameters, tuning.command())
     heartbeat.prepare()
 
 

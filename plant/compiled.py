@@ -4,6 +4,7 @@ numba looks at the modification time of the one file a function stands in, not a
 files. The cache folder is therefore named after the content of all compiled sources: a change anywhere makes a new one.
 """
 
+import fcntl
 import hashlib
 import os
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ from typing import Any, Generic, TypeVar, TypeVarTuple, cast, get_args, get_type
 
 import numba
 import numpy as np
+from numba.core.caching import FunctionCache
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _R = TypeVar("_R")
@@ -41,7 +43,30 @@ numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]  # n
 
 
 # A dictionary, because numba's own types leave out "_nrt": its runtime that allocates arrays and counts references.
-_STRICT: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+_STRICT: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+
+
+class _InTurns(FunctionCache):
+    """Machine code on disk, written by one process at a time.
+
+    Two that compile a function for different arguments at the same time would be given one and the same file by numba,
+    and whoever starts next would run for its arguments what was compiled for others.
+    """
+
+    def save_overload(self, sig: object, data: object) -> None:
+        """Keep machine code under its signature."""
+        folder = Path(self.cache_path)
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / "turn.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]  # of numba
+
+
+def kept(function: _F) -> _F:
+    """Return what numba has decorated so that its machine code is kept on disk, by many processes at a time."""
+    dispatcher: Any = function
+    dispatcher._cache = cast(Any, _InTurns)(dispatcher.py_func)
+    return function
 
 
 def compiled(function: _F) -> _F:
@@ -50,7 +75,7 @@ def compiled(function: _F) -> _F:
     Without numba's reference counting: a function that allocates an array is refused when it is compiled, and passing
     a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
     """
-    return cast(_F, numba.njit(**_STRICT)(function))
+    return kept(cast(_F, numba.njit(**_STRICT)(function)))
 
 
 class Specialised(Generic[_R, *_Arguments]):
@@ -130,4 +155,4 @@ def compiled_run(function: _F) -> _F:
 
     Not for what the tick calls: giving up and taking back Python's lock would let another thread delay the tick.
     """
-    return cast(_F, numba.njit(nogil=True, **_STRICT)(function))
+    return kept(cast(_F, numba.njit(nogil=True, **_STRICT)(function)))

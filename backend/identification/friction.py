@@ -20,6 +20,7 @@ from backend.identification.record import Record, Signal
 from backend.identification.residuals import whiteness
 from backend.identification.result import DryFriction
 from backend.identification.uncertainty import sandwich
+from plant.compiled import kept
 
 SIGNIFICANT_STD = 4.0
 MOST_EXPLAINED = 0.8
@@ -126,7 +127,8 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
     return best if dead_time_s else best[:5]
 
 
-@numba.njit(cache=True)
+@kept
+@numba.njit()
 def moving(
     u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float, dead_time_s: float = 0.0
 ) -> Signal:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from backend.loop.channel import encode
 from backend.loop.channel_ends import Channel
 from backend.loop.commands import Heartbeat
+from plant.compiled import kept
 
 HEARTBEAT_S = 0.05
 """So often that the loop, which stops when it hears nothing for the worker's SILENCE_S, bears six that come late."""
@@ -42,7 +43,8 @@ _sleep: Any = ExternalFunction("clock_nanosleep", int32(int32, int32, intp, intp
 _now: Any = ExternalFunction("clock_gettime", int32(int32, intp))
 
 
-@numba.njit(nogil=True, cache=True)
+@kept
+@numba.njit(nogil=True)
 def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
     period = np.array([0, _PERIOD_NS])
     clock = np.zeros(2, np.int64)

@@ -1,0 +1,50 @@
+"""Machine code on disk: processes that compile at the same time neither lose nor mix up what the others have kept."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PROCESSES, EACH = 3, 12
+
+COMPILES = """
+import sys
+from plant.compiled import compiled
+
+@compiled
+def weighted(numbers):
+    return numbers[0] * len(numbers)
+
+print("ready", flush=True)
+sys.stdin.readline()
+for size in range(int(sys.argv[1]), int(sys.argv[2])):
+    assert weighted((2.5,) * size) == 2.5 * size
+print(sum(weighted.stats.cache_misses.values()))
+"""
+
+
+def test_what_many_processes_compile_at_once_is_all_there_for_the_next(tmp_path: Path) -> None:
+    (tmp_path / "compiles.py").write_text(COMPILES)
+    borders = range(1, 2 + PROCESSES * EACH, EACH)
+    assert compiled_by([started(tmp_path, low, low + EACH) for low in borders[:-1]]) == [EACH] * PROCESSES
+    assert compiled_by([started(tmp_path, borders[0], borders[-1])]) == [0]
+
+
+def started(folder: Path, low: int, high: int) -> subprocess.Popen[str]:
+    """A process that will call the function with tuples of so many numbers; the folder is that of its caches."""
+    command = [sys.executable, str(folder / "compiles.py"), str(low), str(high)]
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder), "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def compiled_by(processes: list[subprocess.Popen[str]]) -> list[int]:
+    """Let them begin once all are ready; how many times each had to compile."""
+    for process in processes:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+    for process in processes:
+        assert process.stdin is not None
+        process.stdin.write("go\n")
+        process.stdin.flush()
+    return [int(process.communicate()[0]) for process in processes]
