@@ -65,6 +65,17 @@ def test_it_beats_while_python_s_lock_is_kept(ends: tuple[Channel, Channel]) -> 
             sys.setswitchinterval(before)
 
 
+def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
+    """It sleeps between two beats at least as long: a machine that is busy makes fewer of them, never more."""
+    service, loop = ends
+    begun = time.monotonic()
+    with beating(Heart(service)):
+        wait_for_a_beat(loop)
+        time.sleep(10 * HEARTBEAT_S)
+        count, passed_s = beats(loop), time.monotonic() - begun
+    assert 1 <= count <= passed_s / HEARTBEAT_S
+
+
 def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
     with beating(Heart(service)) as heart:

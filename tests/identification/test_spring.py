@@ -1,0 +1,67 @@
+"""Polynomials through a load sweep: exact where the spring is one, of the order that its points call for."""
+
+import numpy as np
+import pytest
+
+from backend.identification.errors import RecordError
+from backend.identification.record import Signal
+from backend.identification.spring import identify_spring
+
+STEPS = np.linspace(0.0, 0.04, 25)
+TREMOR = 0.02 * np.sin(1e3 * np.arange(STEPS.size) ** 2)
+"""An error of measurement [N] that no polynomial follows."""
+
+
+def quadratic(x: Signal) -> Signal:
+    return np.asarray(100.0 * x + 15_000.0 * x**2)
+
+
+def cubic(x: Signal) -> Signal:
+    return np.asarray(200.0 * x + 500_000.0 * x**3)
+
+
+def test_a_quadratic_spring_is_found_as_it_is_and_kept_at_the_lowest_order() -> None:
+    found = identify_spring(STEPS, quadratic(STEPS))
+    assert found.best.k == pytest.approx((0.0, 100.0, 15_000.0), abs=1e-6)
+    assert (found.recommended, found.best.rising) == (2, True)
+    assert "decoupler analytic" in found.reason
+
+
+def test_a_cubic_spring_calls_for_the_order_that_predicts_its_points() -> None:
+    found = identify_spring(STEPS, cubic(STEPS) + TREMOR)
+    second, third, fifth = found.fits
+    assert found.recommended == 3
+    assert third.cross_validation_N < 0.8 * second.cross_validation_N
+    assert fifth.cross_validation_N > 0.8 * third.cross_validation_N
+    assert third.k[3] == pytest.approx(500_000.0, rel=0.05)
+
+
+def test_points_left_out_one_at_a_time_are_predicted_as_by_fits_without_them() -> None:
+    F = cubic(STEPS) + TREMOR
+    missed = []
+    for left_out in range(STEPS.size):
+        rest = np.arange(STEPS.size) != left_out
+        coefficients = np.polyfit(STEPS[rest], F[rest], 2)
+        missed.append(F[left_out] - np.polyval(coefficients, STEPS[left_out]))
+    assert identify_spring(STEPS, F).fits[0].cross_validation_N == pytest.approx(np.sqrt(np.mean(np.square(missed))))
+
+
+@pytest.mark.parametrize(("softest", "rises"), [(0.3, True), (-0.3, False)])
+def test_a_spring_rises_that_rises_however_little(softest: float, rises: bool) -> None:
+    """Slopes in N/m: the least is at the beginning."""
+    x = np.linspace(0.0, 1.0, 25)
+    assert identify_spring(x, 0.02 + softest * x + 2.0 * x**2).fits[0].rising is rises
+
+
+def test_a_higher_order_that_falls_is_not_recommended() -> None:
+    """Beyond its top a cubic would take a tighter tendon for a slacker one."""
+    x = np.linspace(0.0, 1.0, 25)
+    F = 3.0 * x - 2.0 * x**3
+    found = identify_spring(x, F)
+    assert found.fits[1].cross_validation_N < 0.1 * found.fits[0].cross_validation_N
+    assert (found.fits[1].rising, found.recommended) == (False, 2)
+
+
+def test_what_no_spring_of_a_tendon_can_have_is_refused() -> None:
+    with pytest.raises(RecordError, match="never pushes"):
+        identify_spring(STEPS, quadratic(STEPS) - 2.0)
