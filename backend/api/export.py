@@ -16,6 +16,7 @@ from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
 from backend.messages.live import LiveMessage, Ping
 from backend.sample import STORED
+from backend.tuning.models import LAM_MOTOR, LAM_Q, LAM_S
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
 
@@ -53,6 +54,9 @@ def sample_typescript() -> str:
             f"export const PERIOD_S = {T_s};",
             f"export const HEADER_BYTES = {HEADER_BYTES};",
             f"export const CURVES_HEADER_BYTES = {CURVES_HEADER_BYTES};",
+            "",
+            "/** Defaults of the method [s]. */",
+            f"export const LAMBDAS = {_literal({'lam_q': LAM_Q, 'lam_S': LAM_S, 'lam_motor': LAM_MOTOR})} as const;",
             "",
             f"export const MODES = {_literal([str(mode) for mode in MODES])} as const;",
             f"export const FAULTS = {_literal([str(fault) for fault in FAULTS])} as const;",

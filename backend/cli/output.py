@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from backend.experiments.playing.progress import Doing
 from backend.reading import Angles, in_words
 
 out = Console()
@@ -74,9 +75,9 @@ class Meter:
     progress: Progress
     task: Any
 
-    def __call__(self, phase: str, elapsed_s: float) -> None:
+    def __call__(self, doing: Doing, elapsed_s: float) -> None:
         """Show how far it is."""
-        self.progress.update(self.task, description=phase, completed=elapsed_s if phase == "program" else None)
+        self.progress.update(self.task, description=doing, completed=elapsed_s if doing is Doing.PROGRAM else None)
 
 
 @contextmanager
@@ -84,7 +85,7 @@ def meter(duration_s: float, *, hidden: bool) -> Iterator[Meter]:
     """Show progress on standard error while the block runs."""
     columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
-        yield Meter(progress, progress.add_task("starting", total=duration_s))
+        yield Meter(progress, progress.add_task(Doing.STARTING, total=duration_s))
 
 
 def _is_number(cell: str) -> bool:

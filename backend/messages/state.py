@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.messages.base import ANY_SIZE, Schema, quantity
@@ -115,7 +116,7 @@ class TaskView(Schema):
     run: int
     elapsed_s: float = quantity("s", "time since the task began")
     duration_s: float = quantity("s", "expected length of the task")
-    phase: str
+    phase: Doing
     following: int = Field(default=0, description="runs of the same order that follow this one")
 
 

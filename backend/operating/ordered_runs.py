@@ -12,7 +12,8 @@ from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
-from backend.experiments.playing.play import Notify, NotReadyError, require_ready
+from backend.experiments.playing.play import NotReadyError, require_ready
+from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.results.evaluation import Evaluation
 from backend.experiments.settings import SettingError
@@ -158,7 +159,7 @@ class OrderedRuns:
             raise
         self._problem, self._without_result = "", None
         progress = await self._progress(orders[0], run, len(orders) - 1)
-        progress("starting", 0.0)
+        progress(Doing.STARTING, 0.0)
         self._running = asyncio.create_task(self._perform(orders, run, progress))
         self._prepare_report()
         return run.id
@@ -183,7 +184,7 @@ class OrderedRuns:
                 if end_state is not EndState.COMPLETED:
                     break
             playing = False
-            show("evaluation", 0.0)
+            show(Doing.EVALUATION, 0.0)
             if await self._without_result_of_any():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
         except NotReadyError as error:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from backend.archive.stored_banks import StoredBanks
+from backend.experiments.playing.progress import Doing
 from backend.loop.commands import Accepted, SetMode
 from backend.loop.mode import Mode
 from backend.messages.identification import ActuatorRequest
@@ -43,7 +44,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             assert len({task.duration_s for task in shown}) == 1
             elapsed = [task.elapsed_s for task in shown]
             assert elapsed == sorted(elapsed)
-            played = [task for task in shown if task.phase == "program"]
+            played = [task for task in shown if task.phase is Doing.PROGRAM]
             assert played[-1].elapsed_s == pytest.approx(played[-1].duration_s, abs=0.3)
             view = await parts.identifications.identification(run)
             assert view.estimate is not None, view.message

@@ -14,6 +14,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.play import NotReadyError
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, Outcome, Station, create_run, run_experiment
 from backend.experiments.results.metrics import tracking_metrics
 from backend.faults import Fault
@@ -41,13 +42,13 @@ def station(parameters: str, tmp_path: Path) -> Iterator[Station]:
     database.close()
 
 
-def perform(station: Station, plan: Plan, during: Callable[[str, float], Awaitable[None]] | None = None) -> Outcome:
+def perform(station: Station, plan: Plan, during: Callable[[Doing, float], Awaitable[None]] | None = None) -> Outcome:
     async def work() -> Outcome:
         waiting: list[asyncio.Task[None]] = []
 
-        def notify(phase: str, elapsed_s: float) -> None:
+        def notify(doing: Doing, elapsed_s: float) -> None:
             if during is not None:
-                waiting.append(asyncio.ensure_future(during(phase, elapsed_s)))
+                waiting.append(asyncio.ensure_future(during(doing, elapsed_s)))
 
         outcome = await run_experiment(station, Order(plan, SETTINGS, "A. Operator", "a note"), notify)
         await asyncio.gather(*waiting)
@@ -127,9 +128,9 @@ def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
 ) -> None:
     sent = False
 
-    async def interfere(phase: str, elapsed_s: float) -> None:
+    async def interfere(doing: Doing, elapsed_s: float) -> None:
         nonlocal sent
-        if phase == "program" and elapsed_s >= 2.0 and not sent:
+        if doing is Doing.PROGRAM and elapsed_s >= 2.0 and not sent:
             sent = True
             await station.loop.send(command)
 
@@ -197,8 +198,8 @@ def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is
 
 def test_an_identification_that_ends_early_gives_no_model(station: Station) -> None:
 
-    async def stop(phase: str, elapsed_s: float) -> None:
-        if phase == "program" and elapsed_s >= 3.0:
+    async def stop(doing: Doing, elapsed_s: float) -> None:
+        if doing is Doing.PROGRAM and elapsed_s >= 3.0:
             await station.loop.send(Stop())
 
     outcome = perform(station, ActuatorIdentificationPlan(), stop)

@@ -10,6 +10,7 @@ from backend.experiments.forecasts.unloaded_prediction import predict_motor, pre
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.progress import Doing
 from backend.experiments.playing.runner import Order, Station, run_experiment
 from backend.experiments.results.motor_identification import identify, side_steps
 from backend.experiments.results.spring_identification import from_table
@@ -102,9 +103,9 @@ def test_a_run_that_ends_early_keeps_its_data_and_gives_no_model(station: Statio
         stopped = False
         waiting = []
 
-        def notify(phase: str, elapsed_s: float) -> None:
+        def notify(doing: Doing, elapsed_s: float) -> None:
             nonlocal stopped
-            if phase == "program" and elapsed_s > 1.0 and not stopped:
+            if doing is Doing.PROGRAM and elapsed_s > 1.0 and not stopped:
                 stopped = True
                 waiting.append(asyncio.ensure_future(station.loop.send(Stop(hard=False))))
 

@@ -1,8 +1,8 @@
 """Bring the loop up, play a program to its end, and say how it ended. The same for a live loop and a headless one."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
+from backend.experiments.playing.progress import Doing, Notify
 from backend.faults import Fault
 from backend.loop.access import LoopAccess, LoopDied, LoopDiedError
 from backend.loop.causes import Why
@@ -45,10 +45,6 @@ class Ending:
 
     end_state: EndState
     detail: str
-
-
-Notify = Callable[[str, float], None]
-"""Told a few times a second: what is going on ("pretension", "program") and for how long [s of loop time]."""
 
 
 def mode_of(loop: LoopAccess) -> Mode:
@@ -98,7 +94,7 @@ async def _start(loop: LoopAccess, program: Program, run: int, notify: Notify) -
             return None
         if mode not in answer.legal:  # refused for good, not only until both tendons are taut
             return answer.reason
-        notify("pretension", waited_s)
+        notify(Doing.PRETENSION, waited_s)
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
     return f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s"
@@ -109,7 +105,7 @@ async def _until_ended(loop: LoopAccess, program: Program, watch: "_Watch", noti
     longest_s = program.duration_s + TRAVEL_ALLOWANCE_S
     while not watch.over:
         elapsed_s = (loop.ring.count - start_tick) * T_s
-        notify("program", elapsed_s)
+        notify(Doing.PROGRAM, elapsed_s)
         if elapsed_s > longest_s and not watch.hung:
             watch.hung = True
             await loop.send(Stop(hard=False))

@@ -17,7 +17,8 @@ from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import IdentificationPlan, Plan
-from backend.experiments.playing.play import SLICE_S, Ending, Notify, play, require_ready
+from backend.experiments.playing.play import SLICE_S, Ending, play, require_ready
+from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
 from backend.loop.access import LoopAccess, LoopDiedError
@@ -106,7 +107,7 @@ async def perform(
 ) -> Outcome:
     """Play an order as ``run`` and evaluate it: ``played``, then ``evaluated``."""
     closed = await played(station, order, run, notify, over)
-    notify("evaluation", 0.0)
+    notify(Doing.EVALUATION, 0.0)
     return Outcome(closed, await evaluated(station, order.plan, closed))
 
 

@@ -19,7 +19,14 @@ function state(part: Partial<State>): State {
 }
 
 const FAULT = { code: "force_limit", message: "F_A = 51 N", remedy: "Unload the joint.", tick: 9 } as const;
-const TASK = { kind: "tracking", run: 12, elapsed_s: 6, duration_s: 24, phase: "both_at_once", following: 0 };
+const TASK = {
+  kind: "tracking",
+  run: 12,
+  elapsed_s: 6,
+  duration_s: 24,
+  phase: "program",
+  following: 0,
+} as const;
 
 describe("currentStatus", () => {
   it("puts a lost link before everything: what is shown is old", () => {
@@ -45,7 +52,7 @@ describe("currentStatus", () => {
   });
 
   it("names the task and how far it is", () => {
-    expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: both at once");
+    expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: program");
     expect(taskProgress(TASK)).toBe(0.25);
   });
 

@@ -2129,6 +2129,12 @@ export interface components {
             disk_free_bytes: number;
         };
         /**
+         * Doing
+         * @description What is being done for a run, in the order in which it is done.
+         * @enum {string}
+         */
+        Doing: "starting" | "pretension" | "program" | "evaluation";
+        /**
          * DrivesLeft
          * @description Who had the drives off, as hands were to be at the rig, and when.
          */
@@ -4413,8 +4419,7 @@ export interface components {
              * @description expected length of the task [s]
              */
             duration_s: number;
-            /** Phase */
-            phase: string;
+            phase: components["schemas"]["Doing"];
             /**
              * Following
              * @description runs of the same order that follow this one

@@ -195,6 +195,13 @@ export const PERIOD_S = 0.001;
 export const HEADER_BYTES = 16;
 export const CURVES_HEADER_BYTES = 24;
 
+/** Defaults of the method [s]. */
+export const LAMBDAS = {
+  "lam_q": 0.5,
+  "lam_S": 0.42,
+  "lam_motor": 0.0854
+} as const;
+
 export const MODES = [
   "off",
   "pretension",

@@ -11,6 +11,7 @@ import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
+import { LAMBDAS } from "../../wire/sample.gen";
 import type { LoopPreview, Tuning } from "../../wire/types";
 import styles from "./Operate.module.css";
 import { StepPreview } from "./StepPreview";
@@ -21,8 +22,6 @@ const DECIMALS = 3;
 const SCALE_FROM_S = 0.2;
 /** One step of the slider: the scale is logarithmic, for most of the work is done at its short end. */
 const SLIDER_STEP = 0.01;
-/** Defaults of the method [s]. */
-const DEFAULTS = { lam_q: 0.5, lam_S: 0.42 } as const;
 
 interface LambdaControlProps {
   readonly name: "lam_q" | "lam_S";
@@ -90,8 +89,8 @@ export function LambdaControl(props: LambdaControlProps) {
         </Small>
         <Small
           name={`Reset ${symbol}`}
-          title={`Back to the default, ${DEFAULTS[name]} s`}
-          onClick={() => sent.commit(Math.max(DEFAULTS[name], min))}
+          title={`Back to the default, ${LAMBDAS[name]} s`}
+          onClick={() => sent.commit(Math.max(LAMBDAS[name], min))}
         >
           <TbRestore size={14} />
         </Small>
