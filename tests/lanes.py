@@ -1,9 +1,9 @@
 """``python -m tests.lanes [PYTEST ARGUMENT ...]``: all tests, each in one of the lanes; told how long each lane took.
 
 Tests that only compute share the processor: as many processes as there are cores. After them the pages are tried in a
-browser and, beside it, two at a time, the live tests that a busy core does not disturb. Last, one at a time, come those
-that count on the machine for themselves, so that nothing but what is tested moves. `tests/conftest.py` says which is
-which. At the end the tests that were run are counted against those there are: a test that no lane runs is a failure.
+browser and, beside it, the live tests that a busy core does not disturb. Last, one at a time, come those that count on
+the machine for themselves, so that nothing but what is tested moves. `tests/conftest.py` says which is which. At the
+end the tests that were run are counted against those there are: a test that no lane runs is a failure.
 """
 
 import subprocess
@@ -24,12 +24,11 @@ from rich.table import Table
 ROOT = Path(__file__).parents[1]
 LANES = {
     "pure": ("-m", "not live", "-n", "auto", "--dist", "worksteal", "-p", "no:schemathesis"),
-    "live": ("-m", "live and not page and not alone", "-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"),
+    "live": ("-m", "live and not page and not alone", "-p", "no:xdist"),
     "page": ("-m", "page and not alone", "-p", "no:xdist", "-p", "no:schemathesis"),
     "alone": ("-m", "alone", "-p", "no:xdist"),
 }
-"""Worksteal leaves the tests of a file beside each other, in the process that has what they share; loadfile keeps them
-together, in the order of the folders: each process has one service for all that only looks at one. Schemathesis, which
+"""Worksteal leaves the tests of a file beside each other, in the process that has what they share. Schemathesis, which
 takes a process seconds to load, makes requests to a live service only."""
 
 BESIDE = (("pure",), ("live", "page"), ("alone",))
