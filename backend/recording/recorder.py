@@ -60,7 +60,7 @@ class Recorder:
         # the commit and the step after it.
         self._beginning = self._storing = -1
         self._refused_run = 0
-        self._ended_run = 0
+        self._ended: set[int] = set()
         self._cut_short: set[int] = set()
         self._notes: deque[_Note] = deque()
         self._closing = threading.Event()
@@ -126,12 +126,12 @@ class Recorder:
             self._notes.popleft()
         while self._store_next(partial=False):
             pass
-        if self._ended_run in self._cut_short:
+        for run in self._ended & self._cut_short:  # more than one where the database could not be written for a while
             with self._database.session() as session:
                 # Corrects what samples alone show as complete; a fault in them says more.
-                if runs.get(session, self._ended_run).end_state == EndState.COMPLETED:
-                    runs.end(session, self._ended_run, EndState.STOPPED, "the program was ended before its end")
-            self._cut_short.remove(self._ended_run)
+                if runs.get(session, run).end_state == EndState.COMPLETED:
+                    runs.end(session, run, EndState.STOPPED, "the program was ended before its end")
+            self._cut_short.remove(run)
 
     def _heed(self, note: _Note) -> None:
         match note:
@@ -198,7 +198,8 @@ class Recorder:
         with self._database.session() as session:
             self._note_gap(session, tick)
             runs.end(session, self._run, end_state, detail)
-        self._ended_run, self._run = self._run, 0
+        self._ended.add(self._run)
+        self._run = 0
 
     def _end_of(self, following: NDArray[np.float64]) -> tuple[EndState, str]:
         """Tell from the first sample after a run why it ended."""

@@ -96,6 +96,24 @@ def test_a_run_ended_with_the_service_says_by_what(database: Database, writer: W
     assert (ended.end_state, ended.end_detail) == (EndState.STOPPED, "service ended by SIGTERM")
 
 
+def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at_once(
+    database: Database, writer: Writer
+) -> None:
+    ended_early = [new_run(database), new_run(database)]
+    complete = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    for run in (*ended_early, complete):
+        writer.write(10, run.id)
+        recorder.hear(ProgramEnded(tick=10, run=run.id, completed=run is complete))
+    writer.write(1)
+    recorder.drain()
+    stopped = [stored_run(database, run.id) for run in ended_early]
+    assert [(run.end_state, run.end_detail) for run in stopped] == [
+        (EndState.STOPPED, "the program was ended before its end")
+    ] * 2
+    assert stored_run(database, complete.id).end_state == EndState.COMPLETED
+
+
 @pytest.mark.parametrize("told", ["before", "between", "after"])
 def test_a_program_ended_early_is_stopped_whenever_that_is_told(database: Database, writer: Writer, told: str) -> None:
     run = new_run(database)
