@@ -138,15 +138,11 @@ async def _join_loop(
     """Wait until the loop ticks and record it; both end before the other parts do."""
     from backend.recording.recorder import PART as RECORDER
 
-    async def stop() -> None:
-        recorder.ended_by = ending.cause
-        await supervisor.stop(ending.cause)
-
     await starting
     recorder.follow(supervisor.ring)
     stack.push_async_callback(asyncio.to_thread, recorder.close)
     stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
-    stack.push_async_callback(stop)
+    stack.push_async_callback(lambda: supervisor.stop(ending.cause))
 
 
 async def _abandon(starting: "asyncio.Task[Granted]", supervisor: "Supervisor") -> None:

@@ -249,12 +249,14 @@ class Stopped:
 
 
 @dataclass(frozen=True)
-class ProgramEnded:
-    """A program ended, by itself (``completed``) or before its end."""
+class RunEnded:
+    """A run or, with ``run`` 0, a program without one ended, after its last sample; ``completed`` if not cut short."""
 
     tick: int
     run: int
     completed: bool
+    why: Why
+    detail: str = ""
 
 
 @dataclass(frozen=True)
@@ -291,7 +293,7 @@ Event = (
     | PretensionReached
     | PushReleased
     | Stopped
-    | ProgramEnded
+    | RunEnded
     | PlantFailing
     | PlantAnswers
     | ReadinessChanged

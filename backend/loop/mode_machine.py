@@ -15,7 +15,7 @@ from backend.loop.commands import (
     Event,
     ModeChanged,
     PretensionReached,
-    ProgramEnded,
+    RunEnded,
     RunProgram,
     SetMode,
     SetReferences,
@@ -251,8 +251,11 @@ class ModeMachine:
     def _enter(
         self, now: Now, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
     ) -> None:
+        if self._program is not None or self.run not in (0, run):
+            whole = completed or (self._program is None and not isinstance(cause, Fault))
+            detail = self._pending_stop.detail if self._pending_stop is not None and isinstance(cause, Fault) else ""
+            self._events.append(RunEnded(now.tick, self.run, whole, cause, detail))
         if self._program is not None:
-            self._events.append(ProgramEnded(now.tick, self.run, completed))
             if self._program.law not in IDENTIFYING:
                 with suppress(PlantError):  # whoever pushes the plant has let go of it with it
                     self._act_on_joint(0.0, NO_LOAD)

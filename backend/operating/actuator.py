@@ -12,7 +12,7 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import Accepted, Command, Event, ProgramEnded, PushReleased, Refused, Stopped
+from backend.loop.commands import Accepted, Command, Event, PushReleased, Refused, RunEnded, Stopped
 from backend.loop.hand_push import PUSH_MAX_S
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.ring import Ring
@@ -285,7 +285,7 @@ class Actuator:
             for waiter in self._stop_waiters:
                 if not waiter.done():
                     waiter.set_result(event)
-        if not isinstance(event, Accepted | Refused | ProgramEnded):
+        if not isinstance(event, Accepted | Refused | RunEnded):
             self.changed()
 
 

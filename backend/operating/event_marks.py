@@ -11,10 +11,10 @@ from backend.loop.commands import (
     PlantAnswers,
     PlantFailing,
     PretensionReached,
-    ProgramEnded,
     PushReleased,
     ReadinessChanged,
     Refused,
+    RunEnded,
     Stopped,
 )
 from backend.messages.live import MarkKind
@@ -47,7 +47,7 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.FAULT, "the plant answers again", tick)
         case LoopDied(reason):
             return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
-        case Accepted() | Refused() | ProgramEnded() | ReadinessChanged():
+        case Accepted() | Refused() | RunEnded() | ReadinessChanged():
             return None
         case _:
             assert_never(event)

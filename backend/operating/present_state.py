@@ -14,10 +14,10 @@ from backend.loop.commands import (
     PlantAnswers,
     PlantFailing,
     PretensionReached,
-    ProgramEnded,
     PushReleased,
     ReadinessChanged,
     Refused,
+    RunEnded,
     Stopped,
 )
 from backend.loop.mode import LEGAL, Mode
@@ -153,7 +153,7 @@ class PresentState:
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case Accepted() | Refused() | ProgramEnded() | PushReleased():
+            case Accepted() | Refused() | RunEnded() | PushReleased():
                 pass
             case _:
                 assert_never(event)

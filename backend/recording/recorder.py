@@ -2,19 +2,23 @@
 
 A position in the ring advances only after its samples were committed. When the database cannot take them, the loop goes
 on, the ring keeps the last minute, and what is overwritten meanwhile is counted as missed.
+
+How a run ended is what the loop says of it, or that the loop is gone; its samples only tell where. It is written here
+and nowhere else, once the last of them is stored.
 """
 
 import logging
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.faults import FAULTS, Fault
+from backend.faults import Fault
 from backend.loop.access import LoopDied
-from backend.loop.commands import Event, ProgramEnded
+from backend.loop.commands import Event, RunEnded
 from backend.loop.ring import Ring
 from backend.recording.codec import pack, summarise
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
@@ -30,11 +34,11 @@ DRAIN_PERIOD_S = 0.25
 
 PART = Part("The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time.")
 
-_TICK, _RUN, _FAULT = INDEX["tick"], INDEX["run"], INDEX["fault"]
+_TICK, _RUN = INDEX["tick"], INDEX["run"]
 _LOG = logging.getLogger(__name__)
 
 Rows = NDArray[np.float64]
-_Note = LoopDied | ProgramEnded | Ring
+_Note = LoopDied | RunEnded | Ring
 
 
 class RecordingError(Exception):
@@ -44,13 +48,11 @@ class RecordingError(Exception):
 class Recorder:
     """Records the runs that a ring's samples name, either in a thread of its own or whenever ``drain`` is called.
 
-    ``problem`` says why nothing can be stored at present; it is empty while all is well. ``ended_by`` is what a run is
-    said to have ended by when the service ends.
+    ``problem`` says why nothing can be stored at present; it is empty while all is well.
     """
 
     def __init__(self, database: Database, ring: Ring) -> None:
         self.problem = ""
-        self.ended_by = "service ended"
         self._database = database
         self._ring = ring
         self._position = ring.count
@@ -60,8 +62,9 @@ class Recorder:
         # the commit and the step after it.
         self._beginning = self._storing = -1
         self._refused_run = 0
-        self._ended: set[int] = set()
-        self._cut_short: set[int] = set()
+        # Runs whose samples are all stored and whose end has not been told; ends that were told and are not written.
+        self._open: set[int] = set()
+        self._told: dict[int, RunEnded] = {}
         self._notes: deque[_Note] = deque()
         self._closing = threading.Event()
         self._one_at_a_time = threading.Lock()
@@ -73,7 +76,7 @@ class Recorder:
 
     def hear(self, event: Event | LoopDied) -> None:
         """Take note of what the samples cannot tell; a listener for ``LoopAccess.listen``."""
-        if isinstance(event, LoopDied | ProgramEnded):
+        if isinstance(event, LoopDied) or (isinstance(event, RunEnded) and event.run):
             self._notes.append(event)
 
     def follow(self, ring: Ring) -> None:
@@ -124,20 +127,14 @@ class Recorder:
         while self._notes:
             self._heed(self._notes[0])
             self._notes.popleft()
-        while self._store_next(partial=False):
+        while self._store_next(partial=self._run in self._told):  # a run is in the ring whole when its end is told
             pass
-        for run in self._ended & self._cut_short:  # more than one where the database could not be written for a while
-            with self._database.session() as session:
-                # Corrects what samples alone show as complete; a fault in them says more.
-                if runs.get(session, run).end_state == EndState.COMPLETED:
-                    runs.end(session, run, EndState.STOPPED, "the program was ended before its end")
-            self._cut_short.remove(run)
+        self._write_ends()
 
     def _heed(self, note: _Note) -> None:
         match note:
-            case ProgramEnded(run=run, completed=completed):
-                if not completed:
-                    self._cut_short.add(run)
+            case RunEnded():
+                self._told[note.run] = note
             case LoopDied(reason):
                 self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
             case Ring():
@@ -147,8 +144,22 @@ class Recorder:
     def _finish(self, end_state: EndState, detail: str) -> None:
         while self._store_next(partial=True):
             pass
-        if self._run:
-            self._end_run(end_state, detail, self._next_tick)
+        self._write_ends()
+        for run in (self._open | {self._run}) - {0}:
+            self._end(run, end_state, detail)
+
+    def _write_ends(self) -> None:
+        """Write the ends that were told: of these runs all samples there are have been stored."""
+        for run, told in list(self._told.items()):
+            self._end(run, *_end_of(told))
+            del self._told[run]
+
+    def _end(self, run: int, end_state: EndState, detail: str) -> None:
+        with suppress(UnknownRecordError), self._database.session() as session:  # samples of such a run were refused
+            runs.end(session, run, end_state, detail)
+        self._open.discard(run)
+        if run == self._run:
+            self._run = 0
 
     def _store_next(self, *, partial: bool) -> bool:
         """Store the next chunk, a short one only where a run or the ring (``partial``) ends; False if there is none."""
@@ -157,7 +168,7 @@ class Recorder:
             return False
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
         if self._run and run != self._run:
-            self._end_run(*self._end_of(rows[0]), tick)
+            self._leave_run(tick)
         if run not in (0, self._run, self._refused_run):
             self._begin_run(run, tick, missed)
         length = _stretch(rows)
@@ -194,27 +205,29 @@ class Recorder:
                 recordings.add_chunk(session, self._run, chunk)
         self._next_tick = tick + len(rows)
 
-    def _end_run(self, end_state: EndState, detail: str, tick: int) -> None:
-        with self._database.session() as session:
-            self._note_gap(session, tick)
-            runs.end(session, self._run, end_state, detail)
-        self._ended.add(self._run)
+    def _leave_run(self, tick: int) -> None:
+        """Go on from a run of which there are no more samples, the next tick being another's."""
+        if tick != self._next_tick:
+            with self._database.session() as session:
+                self._note_gap(session, tick)
+        self._open.add(self._run)
         self._run = 0
-
-    def _end_of(self, following: NDArray[np.float64]) -> tuple[EndState, str]:
-        """Tell from the first sample after a run why it ended."""
-        fault = FAULTS[int(following[_FAULT])]
-        if fault is Fault.NONE:
-            return EndState.COMPLETED, ""
-        if fault is Fault.SERVICE_ENDED:
-            return runs.end_state_of(fault), self.ended_by
-        return runs.end_state_of(fault), fault.value
 
     def _note_gap(self, session: Session, tick: int) -> None:
         missed = tick - self._next_tick
         if missed:
             text = f"{missed} samples from tick {self._next_tick} on were overwritten before they could be stored"
             recordings.add_gap(session, self._run, missed, text)
+
+
+def _end_of(told: RunEnded) -> tuple[EndState, str]:
+    if told.completed:
+        return EndState.COMPLETED, ""
+    if not isinstance(told.why, Fault):
+        return EndState.STOPPED, "the program was ended before its end"
+    if told.why is Fault.SERVICE_ENDED:  # its name is for the screen; who ended it stands in the detail
+        return runs.end_state_of(told.why), told.detail or "service ended"
+    return runs.end_state_of(told.why), f"{told.why}: {told.detail}" if told.detail else told.why.value
 
 
 def _stretch(rows: Rows) -> int:

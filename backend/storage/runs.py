@@ -188,12 +188,11 @@ def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
     """Close a run. The first reason stays, except one that was only inferred. Raises UnknownRecordError.
 
-    Samples alone show a program that somebody ended early as completed, and a second service that starts on the same
-    data takes runs of the first for interrupted ones: whoever witnessed the end corrects that.
+    A run that was given up, or that a second service on the same data took for interrupted, may have gone on: whoever
+    heard of its end corrects that.
     """
     row = require(session, RunRow, run_id, "run")
-    corrected = row.end_state == EndState.COMPLETED and end_state is EndState.STOPPED
-    if row.end_state in (EndState.RUNNING, EndState.SERVICE_DIED) or corrected:
+    if row.end_state in (EndState.RUNNING, EndState.SERVICE_DIED):
         row.end_state = end_state.value
         row.end_detail = detail
         row.ended_at = datetime.now(UTC)

@@ -11,9 +11,9 @@ from backend.loop.commands import (
     Accepted,
     ModeChanged,
     PretensionReached,
-    ProgramEnded,
     Refused,
     Reset,
+    RunEnded,
     RunProgram,
     SetMode,
     SetReferences,
@@ -73,11 +73,11 @@ def test_a_program_plays_to_its_end_and_its_samples_carry_its_run(make: Make) ->
         program = Program(Law.CASCADE, (Segment(0.3, q_ref=0.1, S_ref=10.0), Segment(0.2, q_ref=0.0, S_ref=10.0)))
         assert isinstance(await headless.send(RunProgram(program, run=8)), Accepted)
         start = headless.ring.count
-        await headless.advance_until(lambda: isinstance(events[-1], ProgramEnded | ModeChanged), timeout_s=1.0)
+        await headless.advance_until(lambda: isinstance(events[-1], RunEnded | ModeChanged), timeout_s=1.0)
         _, rows, missed = headless.ring.read(start, 10_000)
         assert missed == 0
         assert np.count_nonzero(rows[:, INDEX["run"]] == 8) == pytest.approx(500, abs=2)
-        assert any(isinstance(event, ProgramEnded) and event.completed and event.run == 8 for event in events)
+        assert any(isinstance(event, RunEnded) and event.completed and event.run == 8 for event in events)
         headless.close()
 
     asyncio.run(session())

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from backend.controllers import motors
-from backend.loop.commands import Inject, ProgramEnded, Refused, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.motion import NO_REFERENCE, Carry
 from backend.loop.motor_steps import MotorSteps
@@ -43,7 +43,7 @@ def test_voltage_steps_run_free_from_rest_and_stay_within_the_motors_range(name:
     bench = BenchTop(load_parameters(name))
     bench.wind_up()
     identified = identify(bench, STEPS)
-    assert [event.completed for event in bench.events if isinstance(event, ProgramEnded)] == [True]
+    assert [event.completed for event in bench.events if isinstance(event, RunEnded)] == [True]
     u, theta, F = (bench.column(column)[identified] for column in ("u_A", "theta_A", "F_A"))
     up, down = np.flatnonzero(u == 3.0), np.flatnonzero(u == -3.0)
     # The first step ends with the travel of the faster motor, the second with its time.
@@ -79,7 +79,7 @@ def test_a_step_ends_when_a_tendon_pulls(ideal: PlantParameters) -> None:
     identified = identify(bench, replace(STEPS, steps=(VoltageStep(-1.0, 5.0, 2.0, travel_rad=14.0),)))
     F = bench.column("F_A")[identified]
     assert 1.0 < F.max() < 20.0
-    assert [event.completed for event in bench.events if isinstance(event, ProgramEnded)] == [True]
+    assert [event.completed for event in bench.events if isinstance(event, RunEnded)] == [True]
 
 
 def test_slack_is_a_fault_again_after_the_steps(ideal: PlantParameters) -> None:

@@ -9,8 +9,8 @@ from scipy.signal import max_len_seq
 from backend.loop.commands import (
     EntryGains,
     ModeChanged,
-    ProgramEnded,
     Refused,
+    RunEnded,
     RunProgram,
     SetMode,
     SetReferences,
@@ -146,7 +146,7 @@ def test_force_hold_excites_one_motor_around_the_tension(ideal: PlantParameters)
     excitation = Excitation(0.5, 0.08, levels, 2)
     bench.send(RunProgram(Program(Law.FORCE_HOLD, tension_N=30.0, settle_s=6.0, excitation=excitation), run=3))
     bench.advance(16.0)
-    assert ProgramEnded in {type(event) for event in bench.events}
+    assert RunEnded in {type(event) for event in bench.events}
     identify = bench.column("mode") == MODE_CODE[Mode.IDENTIFY]
     theta_A_ref = bench.column("theta_A_ref")[identify]
     excited = theta_A_ref[-round(excitation.duration_s * 1000) :]
@@ -175,7 +175,7 @@ def test_program_plays_steps_ramps_and_sines(ideal: PlantParameters) -> None:
     assert q_ref[500:1500] == pytest.approx(0.2 + 0.2 * t)
     assert q_ref[1500:2500] == pytest.approx(0.4 + 0.1 * np.sin(4.0 * np.pi * t), abs=1e-12)
     assert q_ref[2500:2999] == pytest.approx(0.0)
-    ended = [event for event in bench.events if isinstance(event, ProgramEnded)]
+    ended = [event for event in bench.events if isinstance(event, RunEnded)]
     assert [event.completed for event in ended] == [True]
 
 

@@ -1,9 +1,15 @@
 """What the recorder stands between: a writer of samples in place of the loop, and stored runs."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.faults import FAULTS
+from backend.loop.causes import Cause
+from backend.loop.commands import RunEnded
 from backend.loop.ring import WIDTH, Ring
+from backend.recording.recorder import Recorder
 from backend.sample import INDEX
 from backend.storage import Database, runs
 from backend.storage.runs import NewRun, Run, RunKind
@@ -12,10 +18,12 @@ Rows = NDArray[np.float64]
 
 
 class Writer:
-    """Stands in for the loop: appends samples whose values follow from their tick."""
+    """Stands in for the loop: appends samples whose values follow from their tick, then tells which run has ended."""
 
     def __init__(self, ring: Ring) -> None:
         self.ring = ring
+        self.listeners: list[Callable[[RunEnded], None]] = []
+        self._run = 0
 
     def write(self, count: int, run: int = 0, fault: int = 0) -> Rows:
         """Append samples and return them [count, WIDTH]."""
@@ -28,7 +36,19 @@ class Writer:
         rows[:, INDEX["S_true"]] = np.nan
         for row in rows:
             self.ring.append(row)
+        if self._run not in (0, run):
+            why = FAULTS[fault] if fault else Cause.ASKED_FOR
+            for tell in self.listeners:
+                tell(RunEnded(int(ticks[0]), self._run, completed=not fault, why=why))
+        self._run = run
         return rows
+
+
+def recorder_of(writer: Writer, database: Database) -> Recorder:
+    """Return a recorder of what is written from now on."""
+    recorder = Recorder(database, writer.ring)
+    writer.listeners.append(recorder.hear)
+    return recorder
 
 
 def new_run(database: Database) -> Run:

@@ -3,15 +3,14 @@
 import numpy as np
 
 from backend.recording.columns import drawn_columns, recorded_columns
-from backend.recording.recorder import Recorder
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage import Database
-from tests.recording.stand_in import Writer, new_run
+from tests.recording.stand_in import Writer, new_run, recorder_of
 
 
 def test_columns_hold_every_sample_and_drawings_their_extremes(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     written = writer.write(6_000, run.id)
     writer.write(1)
     recorder.drain()

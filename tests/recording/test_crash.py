@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
+from backend.loop.commands import RunEnded
 from backend.loop.ring import Ring
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
 from backend.storage import Database, Session, open_database, recordings, runs
 from backend.storage.runs import EndState
-from tests.recording.stand_in import Writer, new_run
+from tests.recording.stand_in import Writer, new_run, recorder_of
 
 ROOT = Path(__file__).parents[2]
 STAND_IN = Path(__file__).with_name("recorder_stand_in.py")
@@ -95,7 +96,7 @@ def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
     database: Database, writer: Writer, commits: int
 ) -> None:
     run = new_run(database)
-    recorder = Recorder(DeadlyDatabase(database, commits), writer.ring)
+    recorder = recorder_of(writer, DeadlyDatabase(database, commits))
     written = writer.write(1500, run.id)
     writer.write(1)
     with pytest.raises(SystemExit):
@@ -114,11 +115,11 @@ def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
 def test_a_run_given_up_before_its_first_samples_were_read_ends_as_they_say(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
-    recorder.ended_by = "service ended by SIGTERM"
     with database.session() as session:
         runs.end(session, run.id, EndState.SERVICE_DIED, "given up: service ended by SIGTERM")
     writer.write(10, run.id)
     writer.write(1, fault=FAULT_CODE[Fault.SERVICE_ENDED])
+    recorder.hear(RunEnded(10, run.id, completed=False, why=Fault.SERVICE_ENDED, detail="service ended by SIGTERM"))
     recorder.close()
     with database.reading() as session:
         ended, stored = runs.get(session, run.id), read_samples(session, run.id)

@@ -26,12 +26,13 @@ def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> Non
         parameters = load_parameters("lab")
         recorders: list[Recorder] = []
 
-        def record(ring: Ring) -> None:
-            if not recorders:
-                recorders.append(Recorder(database, ring))
-            recorders[0].drain()
+        def record(_ring: Ring) -> None:
+            for recorder in recorders:
+                recorder.drain()
 
         headless = Headless(Simulator(parameters, seed=3), parameters, tuning_for(parameters, Lambdas()), record)
+        recorders.append(Recorder(database, headless.ring))
+        headless.listen(recorders[0].hear)
         reached: list[object] = []
         headless.listen(lambda event: reached.append(event) if isinstance(event, PretensionReached) else None)
         await headless.send(SetMode(Mode.PRETENSION))

@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 
 from backend.loop.ring import Ring
 from backend.recording.reader import Envelope, UnknownSignalError, read_envelope, read_samples
-from backend.recording.recorder import Recorder
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage import Database, open_database
 from backend.storage.records import UnknownRecordError
-from tests.recording.stand_in import Rows, Writer, new_run
+from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
 
 TICKS = 12_000
 
@@ -25,7 +24,7 @@ class Recorded:
         self.database = database
         self.run_id = new_run(database).id
         writer = Writer(Ring.create(TICKS + 100))
-        recorder = Recorder(database, writer.ring)
+        recorder = recorder_of(writer, database)
         writer.write(50)
         head = writer.write(3000, self.run_id)
         recorder.drain()

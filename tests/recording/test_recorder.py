@@ -13,11 +13,11 @@ from backend.loop.access import LoopDied
 from backend.loop.ring import Ring
 from backend.recording.codec import unpack
 from backend.recording.reader import read_samples
-from backend.recording.recorder import Recorder, RecordingError
+from backend.recording.recorder import RecordingError
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage import Database, events, recordings
 from backend.storage.runs import EndState
-from tests.recording.stand_in import Writer, new_run, stored_run
+from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 
 
 def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
@@ -32,7 +32,7 @@ def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, .
 @pytest.mark.parametrize("lengths", [(1,), (999,), (1000,), (1001,), (2500,), (300, 1700)])
 def test_all_samples_of_a_run_come_back(database: Database, writer: Writer, lengths: tuple[int, ...]) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(37)
     written = []
     for length in lengths:
@@ -50,7 +50,7 @@ def test_all_samples_of_a_run_come_back(database: Database, writer: Writer, leng
 
 def test_runs_that_follow_each_other_are_kept_apart(database: Database, writer: Writer) -> None:
     first, second = new_run(database), new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = [writer.write(450, first.id), writer.write(1200, second.id)]
     recorder.drain()
     assert stored_run(database, first.id).end_state == EndState.COMPLETED
@@ -63,7 +63,7 @@ def test_runs_that_follow_each_other_are_kept_apart(database: Database, writer: 
 
 def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     head = writer.write(1000, run.id)
     recorder.drain()
     writer.write(500, run.id)
@@ -80,7 +80,7 @@ def test_a_recorder_left_behind_tells_the_gap(database: Database, writer: Writer
 
 def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(20)
     recorder.drain()
     writer.write(100, run.id)
@@ -92,7 +92,7 @@ def test_a_run_whose_beginning_is_lost_says_so(database: Database, writer: Write
 
 def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = writer.write(1234, run.id)
     recorder.hear(LoopDied("killed by SIGKILL"))
     recorder.drain()
@@ -112,7 +112,7 @@ def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer:
 
 def test_closing_keeps_what_is_there_and_ends_the_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = writer.write(1500, run.id)
     recorder.close()
     assert_stored(database, run.id, rows)
@@ -120,7 +120,7 @@ def test_closing_keeps_what_is_there_and_ends_the_run(database: Database, writer
 
 
 def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Database, writer: Writer) -> None:
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(1500, run=99)
     known = new_run(database)
     rows = writer.write(10, known.id)
@@ -134,7 +134,7 @@ def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Datab
 
 def test_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     recording = threading.Thread(target=recorder.keep_recording)
     recording.start()
     rows = np.concatenate([writer.write(100, run.id) for _ in range(30)])
@@ -164,7 +164,7 @@ def test_a_database_that_takes_nothing_is_reported_and_tried_again(
     database: Database, writer: Writer, hinder: str, relieve: str, reason: str
 ) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     hindrance = Hindrance(database)
     hindrance.pragma = hinder
     rows = [writer.write(3000, run.id)]
@@ -187,7 +187,7 @@ def test_a_database_that_takes_nothing_is_reported_and_tried_again(
 
 def test_closing_on_a_database_that_takes_nothing_is_an_error(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(1500, run.id)
     Hindrance(database).pragma = "PRAGMA query_only=ON"
     with pytest.raises(RecordingError, match="readonly"):
@@ -197,7 +197,7 @@ def test_closing_on_a_database_that_takes_nothing_is_an_error(database: Database
 
 def test_locked_database_delays_nothing_but_the_storing(database: Database, writer: Writer, tmp_path: Path) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = [writer.write(1000, run.id)]
     other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None, check_same_thread=False)
     other.execute("BEGIN IMMEDIATE")
@@ -214,7 +214,7 @@ def test_locked_database_delays_nothing_but_the_storing(database: Database, writ
 
 def test_chunks_cover_the_run_without_overlap(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     for length in (1, 700, 1300, 999):
         writer.write(length, run.id)
         recorder.drain()

@@ -1,46 +1,88 @@
-"""How a run ended, as its samples and the loop's events say it."""
+"""How a run ended: as the loop says it, whatever is stored when, and as what is known where the loop says nothing."""
 
 import pytest
 
 from backend.faults import FAULT_CODE, Fault
-from backend.loop.commands import ProgramEnded
+from backend.loop.access import LoopDied
+from backend.loop.causes import Cause, Why
+from backend.loop.commands import RunEnded
+from backend.loop.ring import Ring
 from backend.recording.recorder import Recorder
 from backend.storage import Database
 from backend.storage.runs import EndState
 from tests.recording.stand_in import Writer, new_run, stored_run
 
+EARLY = "the program was ended before its end"
+
 
 @pytest.mark.parametrize(
-    ("fault", "end_state"),
+    ("why", "detail", "end_state", "kept"),
     [
-        (Fault.STOP_PRESSED, EndState.STOPPED),
-        (Fault.OPERATOR_LOST, EndState.LINK_LOST),
-        (Fault.SERVICE_LOST, EndState.SERVICE_DIED),
-        (Fault.FORCE_LIMIT, EndState.TRIPPED),
-        (Fault.SAFETY_MODULE, EndState.TRIPPED),
+        (Cause.ASKED_FOR, "", EndState.STOPPED, EARLY),
+        (Fault.STOP_PRESSED, "", EndState.STOPPED, "stop_pressed"),
+        (Fault.OPERATOR_LOST, "", EndState.LINK_LOST, "operator_lost"),
+        (Fault.SERVICE_LOST, "", EndState.SERVICE_DIED, "service_lost"),
+        (Fault.FORCE_LIMIT, "F_A = 161 N", EndState.TRIPPED, "force_limit: F_A = 161 N"),
+        (Fault.SERVICE_ENDED, "service ended by SIGTERM", EndState.STOPPED, "service ended by SIGTERM"),
     ],
 )
-def test_the_sample_after_a_run_says_why_it_ended(
-    database: Database, writer: Writer, fault: Fault, end_state: EndState
+@pytest.mark.parametrize("told", ["before its samples are stored", "between", "after them", "after the next began"])
+def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
+    database: Database, writer: Writer, told: str, why: Why, detail: str, end_state: EndState, kept: str
 ) -> None:
+    run, following = new_run(database), new_run(database)
+    recorder = Recorder(database, writer.ring)
+    end = RunEnded(tick=1010, run=run.id, completed=False, why=why, detail=detail)
+    writer.write(1010, run.id)
+    if told == "before its samples are stored":
+        recorder.hear(end)
+    recorder.drain()
+    if told == "between":
+        recorder.hear(end)
+    writer.write(1)
+    recorder.drain()
+    if told == "after them":
+        recorder.hear(end)
+    writer.write(1100, following.id)
+    recorder.drain()
+    if told == "after the next began":
+        assert stored_run(database, run.id).end_state == EndState.RUNNING
+        recorder.hear(end)
+    recorder.drain()
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (end_state, kept)
+    assert stored_run(database, following.id).end_state == EndState.RUNNING
+    recorder.close()
+
+
+def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = Recorder(database, writer.ring)
     writer.write(10, run.id)
-    writer.write(1, fault=FAULT_CODE[fault])
+    writer.write(1, fault=FAULT_CODE[Fault.SLACK])
+    recorder.drain()
+    assert stored_run(database, run.id).end_state == EndState.RUNNING
+    recorder.hear(LoopDied("killed by SIGKILL"))
     recorder.drain()
     ended = stored_run(database, run.id)
-    assert (ended.end_state, ended.end_detail) == (end_state, fault.value)
+    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the loop process died: killed by SIGKILL")
 
 
-def test_a_run_ended_with_the_service_says_by_what(database: Database, writer: Writer) -> None:
-    run = new_run(database)
+@pytest.mark.parametrize("sampled", [0, 10])
+def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writer, sampled: int) -> None:
+    """Also where the run was over before it had a sample."""
+    run, open_still = new_run(database), new_run(database)
     recorder = Recorder(database, writer.ring)
-    recorder.ended_by = "service ended by SIGTERM"
-    writer.write(10, run.id)
-    writer.write(1, fault=FAULT_CODE[Fault.SERVICE_ENDED])
+    if sampled:
+        writer.write(sampled, run.id)
+    recorder.hear(RunEnded(sampled, run.id, completed=False, why=Fault.STOP_PRESSED))
+    writer.write(10, open_still.id)
+    recorder.hear(LoopDied("killed by SIGKILL"))
+    recorder.follow(Ring.create(16))
     recorder.drain()
-    ended = stored_run(database, run.id)
-    assert (ended.end_state, ended.end_detail) == (EndState.STOPPED, "service ended by SIGTERM")
+    ended = [stored_run(database, one.id) for one in (run, open_still)]
+    assert [one.end_state for one in ended] == [EndState.STOPPED, EndState.LINK_LOST]
+    assert ended[0].end_detail == "stop_pressed"
 
 
 def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at_once(
@@ -51,46 +93,9 @@ def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at
     recorder = Recorder(database, writer.ring)
     for run in (*ended_early, complete):
         writer.write(10, run.id)
-        recorder.hear(ProgramEnded(tick=10, run=run.id, completed=run is complete))
+        recorder.hear(RunEnded(10, run.id, completed=run is complete, why=Cause.ASKED_FOR))
     writer.write(1)
     recorder.drain()
     stopped = [stored_run(database, run.id) for run in ended_early]
-    assert [(run.end_state, run.end_detail) for run in stopped] == [
-        (EndState.STOPPED, "the program was ended before its end")
-    ] * 2
+    assert [(run.end_state, run.end_detail) for run in stopped] == [(EndState.STOPPED, EARLY)] * 2
     assert stored_run(database, complete.id).end_state == EndState.COMPLETED
-
-
-@pytest.mark.parametrize("told", ["before", "between", "after"])
-def test_a_program_ended_early_is_stopped_whenever_that_is_told(database: Database, writer: Writer, told: str) -> None:
-    run = new_run(database)
-    recorder = Recorder(database, writer.ring)
-    ended_early = ProgramEnded(tick=10, run=run.id, completed=False)
-    if told == "before":
-        recorder.hear(ended_early)
-        recorder.drain()
-    writer.write(10, run.id)
-    recorder.drain()
-    if told == "between":
-        recorder.hear(ended_early)
-    writer.write(1)
-    recorder.drain()
-    if told == "after":
-        recorder.hear(ended_early)
-    recorder.drain()
-    assert stored_run(database, run.id).end_state == EndState.STOPPED
-
-
-@pytest.mark.parametrize(
-    ("fault", "end"), [(Fault.SLACK, EndState.TRIPPED), (Fault.SERVICE_LOST, EndState.SERVICE_DIED)]
-)
-def test_a_fault_stays_the_reason_although_its_program_ended_early(
-    database: Database, writer: Writer, fault: Fault, end: EndState
-) -> None:
-    run = new_run(database)
-    recorder = Recorder(database, writer.ring)
-    writer.write(10, run.id)
-    recorder.hear(ProgramEnded(tick=10, run=run.id, completed=False))
-    writer.write(1, fault=FAULT_CODE[fault])
-    recorder.drain()
-    assert stored_run(database, run.id).end_state == end

@@ -8,12 +8,12 @@ import pytest
 from sqlalchemy import event
 
 from backend.recording.reader import read_samples
-from backend.recording.recorder import Recorder, RecordingError
+from backend.recording.recorder import RecordingError
 from backend.sample import INDEX
 from backend.storage import Database, recordings
 from backend.storage.maintenance import check
 from backend.storage.runs import EndState
-from tests.recording.stand_in import Writer, new_run, stored_run
+from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 
 
 def fill(database: Database) -> None:
@@ -40,7 +40,7 @@ def test_samples_wait_in_the_ring_and_none_is_lost(
     database: Database, writer: Writer, breaks: Callable[[Database], None], words: str
 ) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = [writer.write(1500, run.id)]
     recorder.drain()
     breaks(database)
@@ -67,7 +67,7 @@ def test_samples_wait_in_the_ring_and_none_is_lost(
 
 def test_what_the_ring_could_not_keep_is_a_gap_of_the_run(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(1000, run.id)
     recorder.drain()
     fill(database)
@@ -86,7 +86,7 @@ def test_what_the_ring_could_not_keep_is_a_gap_of_the_run(database: Database, wr
 
 def test_a_recorder_that_ends_with_samples_unstored_says_so(database: Database, writer: Writer) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     writer.write(500, run.id)
     make_read_only(database)
     with pytest.raises(RecordingError, match="readonly"):
@@ -100,7 +100,7 @@ def test_a_run_whose_folder_is_gone_is_not_called_complete_and_goes_on_once_it_i
     database: Database, writer: Writer, tmp_path: Path
 ) -> None:
     run = new_run(database)
-    recorder = Recorder(database, writer.ring)
+    recorder = recorder_of(writer, database)
     rows = [writer.write(1000, run.id)]
     recorder.drain()
     aside = tmp_path.rename(tmp_path.with_name(f"{tmp_path.name}-aside"))

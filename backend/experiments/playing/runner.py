@@ -17,7 +17,7 @@ from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import IdentificationPlan, Plan
-from backend.experiments.playing.play import SLICE_S, Ending, play, require_ready
+from backend.experiments.playing.play import SLICE_S, NotPlayedError, play, require_ready
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
@@ -116,16 +116,19 @@ async def played(
 ) -> Run:
     """Play the order's program as ``run``, wait until it is stored, and return the run as it was closed.
 
-    ``over`` is awaited then: who lent the run something takes it back. Whatever stops it midway, the run is closed with
-    its end state.
+    ``over`` is awaited then: who lent the run something takes it back. The recorder writes how it ended; what it cannot
+    know of, a program that the loop never took and one that is given up here, is written by this.
     """
     try:
-        ending = await play(station.loop, order.plan.program(), run.id, notify)
-        await _stored(station, run.id)
+        await play(station.loop, order.plan.program(), run.id, notify)
+        closed = await _recorded(station, run.id)
+    except NotPlayedError as refused:
+        closed = _close(station, run.id, EndState.STOPPED, str(refused))
+    except LoopDiedError as died:
+        closed = await _recorded(station, run.id, or_else=(EndState.LINK_LOST, str(died)))
     except BaseException as error:
-        _close(station, run.id, Ending(EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}"))
+        _close(station, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
         raise
-    closed = _close(station, run.id, ending)
     await over()
     return closed
 
@@ -135,15 +138,24 @@ async def run_experiment(station: Station, order: Order, notify: Notify = lambda
     return await perform(station, order, create_run(station, order), notify)
 
 
-async def _stored(station: Station, run_id: int) -> None:
-    """Wait until the recorder has stored the run's last samples and closed it."""
+async def _recorded(
+    station: Station,
+    run_id: int,
+    or_else: tuple[EndState, str] = (EndState.SERVICE_DIED, f"its end was not recorded within {STORING_TIMEOUT_S:g} s"),
+) -> Run:
+    """Return the run once the recorder has stored its last samples and how it ended."""
     waited_s = 0.0
-    while waited_s < STORING_TIMEOUT_S and _is_open(station, run_id):
+    while waited_s < STORING_TIMEOUT_S:
+        with station.database.reading() as session:
+            run = runs.get(session, run_id)
+        if run.end_state != EndState.RUNNING:
+            return run
         try:
             await station.loop.advance(SLICE_S)
         except LoopDiedError:
             await asyncio.sleep(SLICE_S)
         waited_s += SLICE_S
+    return _close(station, run_id, *or_else)
 
 
 async def evaluated(station: Station, plan: Plan, run: Run) -> Evaluation:
@@ -172,11 +184,6 @@ def _keep_problem(station: Station, run_id: int, problem: str) -> None:
         _LOG.exception("why run %s has no result could not be kept: %s", run_id, problem)
 
 
-def _is_open(station: Station, run_id: int) -> bool:
-    with station.database.reading() as session:
-        return runs.get(session, run_id).end_state == EndState.RUNNING
-
-
-def _close(station: Station, run_id: int, ending: Ending) -> Run:
+def _close(station: Station, run_id: int, end_state: EndState, detail: str) -> Run:
     with station.database.session() as session:
-        return runs.end(session, run_id, ending.end_state, ending.detail)
+        return runs.end(session, run_id, end_state, detail)
