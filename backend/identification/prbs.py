@@ -15,8 +15,3 @@ def chips(bits: int) -> Signal:
     if not MIN_BITS <= bits <= MAX_BITS:
         raise RecordError("length of the shift register", bits, MIN_BITS, MAX_BITS, "bits", "choose within these")
     return np.asarray(2.0 * max_len_seq(bits)[0] - 1.0)
-
-
-def held_sequence(bits: int, chip_samples: int, count: int) -> Signal:
-    """Hold each chip for ``chip_samples``; repeated or cut to ``count`` samples, shape (count,). Raises RecordError."""
-    return np.resize(np.repeat(chips(bits), chip_samples), count)

@@ -2,7 +2,7 @@
 
 from backend.access.control import Control
 from backend.faults import EXPLAINED, FAULTS, Fault
-from backend.messages.faults import CardFault, FaultKind, FaultList, Injection, InjectionKind
+from backend.messages.faults import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.operating.actuator import Actuator
 from backend.refusal import Because, RefusalError
 from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken, Sensor
@@ -12,35 +12,35 @@ SERVICE_SILENT_S = 1.0
 """How long the service falls silent [s]: the loop waits for 0.34 s."""
 
 LEADS_TO: dict[Fault, Injection] = {
-    Fault.FORCE_LIMIT: Injection(kind=InjectionKind.DRIFT_UP, sensor=Sensor.F_A),
-    Fault.JOINT_LIMIT: Injection(kind=InjectionKind.DRIFT_UP, sensor=Sensor.Q),
-    Fault.SLACK: Injection(kind=InjectionKind.DRIFT_DOWN, sensor=Sensor.F_A),
-    Fault.SENSOR_INVALID: Injection(kind=InjectionKind.NO_NUMBER, sensor=Sensor.F_B),
-    Fault.SENSOR_STUCK: Injection(kind=InjectionKind.STUCK, sensor=Sensor.THETA_A),
-    Fault.SENSOR_JUMP: Injection(kind=InjectionKind.JUMP, sensor=Sensor.Q),
-    Fault.IMPLAUSIBLE: Injection(kind=InjectionKind.DRIFT_DOWN, sensor=Sensor.THETA_A),
-    Fault.DEADLINES_MISSED: Injection(kind=InjectionKind.LATE),
-    Fault.SERVICE_LOST: Injection(kind=InjectionKind.SERVICE_SILENT),
-    Fault.OPERATOR_LOST: Injection(kind=InjectionKind.PAGE_SILENT),
-    Fault.SAFETY_MODULE: Injection(kind=InjectionKind.SAFETY_TRIP),
-    Fault.PLANT_ERROR: Injection(kind=InjectionKind.READ_ERROR),
-    Fault.WATCHDOG: Injection(kind=InjectionKind.HANG),
-    Fault.WATCHDOG_DEAD: Injection(kind=InjectionKind.WATCHDOG_DEATH),
-    Fault.MOTOR_REVERSED: Injection(kind=InjectionKind.SWAPPED_MOTORS),
-    Fault.SENSOR_SATURATED: Injection(kind=InjectionKind.SATURATION, sensor=Sensor.F_A),
+    Fault.FORCE_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.F_A),
+    Fault.JOINT_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.Q),
+    Fault.SLACK: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.F_A),
+    Fault.SENSOR_INVALID: Injection(kind=Breakage.NO_NUMBER, sensor=Sensor.F_B),
+    Fault.SENSOR_STUCK: Injection(kind=Breakage.STUCK, sensor=Sensor.THETA_A),
+    Fault.SENSOR_JUMP: Injection(kind=Breakage.JUMP, sensor=Sensor.Q),
+    Fault.IMPLAUSIBLE: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.THETA_A),
+    Fault.DEADLINES_MISSED: Injection(kind=Breakage.LATE),
+    Fault.SERVICE_LOST: Injection(kind=Silence.SERVICE_SILENT),
+    Fault.OPERATOR_LOST: Injection(kind=Silence.PAGE_SILENT),
+    Fault.SAFETY_MODULE: Injection(kind=Breakage.SAFETY_TRIP),
+    Fault.PLANT_ERROR: Injection(kind=Breakage.READ_ERROR),
+    Fault.WATCHDOG: Injection(kind=Breakage.HANG),
+    Fault.WATCHDOG_DEAD: Injection(kind=Breakage.WATCHDOG_DEATH),
+    Fault.MOTOR_REVERSED: Injection(kind=Breakage.SWAPPED_MOTORS),
+    Fault.SENSOR_SATURATED: Injection(kind=Breakage.SATURATION, sensor=Sensor.F_A),
 }
 """What brings a fault about while the joint moves."""
 
 OF_A_CARD: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
-    (Injection(kind=InjectionKind.DEVICE_GONE), (Fault.PLANT_ERROR,)),
-    (Injection(kind=InjectionKind.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
-    (Injection(kind=InjectionKind.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
-    (Injection(kind=InjectionKind.STUCK, sensor=Sensor.F_A), (Fault.SENSOR_STUCK,)),
-    (Injection(kind=InjectionKind.SATURATION, sensor=Sensor.F_A), (Fault.SENSOR_SATURATED,)),
-    (Injection(kind=InjectionKind.LOST_COUNTS, sensor=Sensor.THETA_A), (Fault.IMPLAUSIBLE,)),
-    (Injection(kind=InjectionKind.SWAPPED_LOAD_CELLS), (Fault.IMPLAUSIBLE, Fault.SENSOR_JUMP)),
-    (Injection(kind=InjectionKind.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
-    (Injection(kind=InjectionKind.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
+    (Injection(kind=Breakage.DEVICE_GONE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=Breakage.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
+    (Injection(kind=Breakage.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=Breakage.STUCK, sensor=Sensor.F_A), (Fault.SENSOR_STUCK,)),
+    (Injection(kind=Breakage.SATURATION, sensor=Sensor.F_A), (Fault.SENSOR_SATURATED,)),
+    (Injection(kind=Breakage.LOST_COUNTS, sensor=Sensor.THETA_A), (Fault.IMPLAUSIBLE,)),
+    (Injection(kind=Breakage.SWAPPED_LOAD_CELLS), (Fault.IMPLAUSIBLE, Fault.SENSOR_JUMP)),
+    (Injection(kind=Breakage.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
+    (Injection(kind=Breakage.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
 )
 """What can be broken of a virtual card and its wires, and the faults it may end in while the joint moves."""
 
@@ -81,11 +81,11 @@ def fault_list(plant: PlantChoice) -> FaultList:
 
 
 def _broken(injection: Injection) -> Broken:
-    return Broken(Breakage(injection.kind.value), injection.sensor)
+    return Broken(Breakage(injection.kind), injection.sensor)
 
 
 def _needs_a_card(injection: Injection) -> bool:
-    return injection.kind.value in ONLY_OF_A_CARD
+    return injection.kind in ONLY_OF_A_CARD
 
 
 async def inject(actuator: Actuator, control: Control, injection: Injection, who: str) -> None:
@@ -101,9 +101,9 @@ async def inject(actuator: Actuator, control: Control, injection: Injection, who
     if _needs_a_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
         raise RefusalError(Because.NOT_NOW, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card")
     match injection.kind:
-        case InjectionKind.SERVICE_SILENT:
+        case Silence.SERVICE_SILENT:
             actuator.fall_silent(SERVICE_SILENT_S, who)
-        case InjectionKind.PAGE_SILENT:
+        case Silence.PAGE_SILENT:
             control.mute()
         case _:
             await actuator.break_plant(_broken(injection), who)

@@ -46,12 +46,6 @@ def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) 
     return system
 
 
-def stiffness_tension(parameters: PlantParameters, S: float) -> float:
-    """Tension of both tendons [N] when the unloaded joint rests at stiffness S [N·m/rad]."""
-    theta_A, _ = decoupler.motor_positions(decoupler.decoupler_for(parameters), 0.0, S)
-    return tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A)
-
-
 def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":
     import control
 

@@ -12,12 +12,12 @@ from typing import TypeVar
 import numpy as np
 from rich.console import Console
 
-from backend.experiments.playing.batch import run_batch
 from backend.tuning import closed_loop
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench import python_control
+from tests.bench.batch import run_batch
 from tests.bench.c_twin import CompilerMissingError, CTwin
 from tests.bench.table import Ratio, print_ratios
 

@@ -10,13 +10,13 @@ from rich.table import Table
 from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.results.metrics import Overall, tracking_metrics
 from backend.loop.player import SegmentPlayer, Target
-from backend.tuning.baseline_loops import run_feedback_linearization, run_single_loop
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 
 LAMBDAS = Lambdas()
 AS_QUICK = Lambdas(lam_q=0.39, lam_S=0.39)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from backend.controllers import feedback_linearization
-from backend.tuning.baseline_loops import run_feedback_linearization
 from backend.tuning.baselines import feedback_linearization_tuning
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.baseline_loops import run_feedback_linearization
 
 IDEAL = load_parameters("ideal")
 UNGOVERNED = 1e9

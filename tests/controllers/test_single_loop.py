@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from backend.controllers import decoupler, single_loop
-from backend.tuning.baseline_loops import run_single_loop
 from backend.tuning.baselines import single_loop_tuning
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement
 from plant.parameters import load_parameters
+from tests.closed_loop.baseline_loops import run_single_loop
 
 IDEAL = load_parameters("ideal")
 UNGOVERNED = 1e9

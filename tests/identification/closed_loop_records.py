@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, dlsim, lfilter, tf2ss
 
-from backend.identification.prbs import held_sequence
+from backend.identification.prbs import chips
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,8 @@ def closed_loop_record(
     10 ms for third.
     """
     count = samples + cut
-    excitation = held_sequence(10, 10, count) if "a2" in truth else held_sequence(8, 50, count)
+    held = (chips(10), 10) if "a2" in truth else (chips(8), 50)
+    excitation = np.resize(np.repeat(*held), count)
     A, B, C, _, _ = cont2discrete(tf2ss([truth["K"]], denominator(truth)), PERIOD_S)
     clean, _ = _loop(A, B[:, 0], C[0], excitation, np.zeros(count))
     random = np.random.default_rng(seed)

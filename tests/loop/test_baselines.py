@@ -13,11 +13,11 @@ from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment
 from backend.loop.tracking import BASELINES
 from backend.loop.tuned import tuning_for
-from backend.tuning.baseline_loops import run_feedback_linearization, run_single_loop
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.closed_loop import Trajectory
 from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.baseline_loops import run_feedback_linearization, run_single_loop
 from tests.loop.bench_top import BenchTop
 
 IDEAL = load_parameters("ideal")

@@ -4,14 +4,16 @@ import control
 import numpy as np
 import pytest
 
+from backend.controllers.decoupler import decoupler_for, motor_positions
 from backend.tuning.formulas import TuningError, motor_gains, outer_gains
 from backend.tuning.gains import motor_loops, position_gains, stiffness_gains
-from backend.tuning.linear_model import decoupled_model, stiffness_tension
+from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, designed_point
 from backend.tuning.motor_loop import motor_lambda, motor_range, motor_robustness
 from backend.tuning.robustness import OuterProcess, peak, safe_lambda
 from plant.interface import T_s
 from plant.parameters import load_parameters
+from plant.spring import tension
 
 K_m, T_m, TAU_E, LAM = 2.86, 0.22, 2e-3, 0.0854
 MOTOR = MotorModel(K_m, T_m, TAU_E)
@@ -121,4 +123,6 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
 
 @pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
 def test_tension_at_a_stiffness_is_that_of_the_papers_nominal_points(F: float, S: float) -> None:
-    assert stiffness_tension(load_parameters("ideal"), S) == pytest.approx(F, abs=0.05)
+    parameters = load_parameters("ideal")
+    theta_A, _ = motor_positions(decoupler_for(parameters), 0.0, S)
+    assert tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(F, abs=0.05)

@@ -1795,6 +1795,14 @@ export interface components {
             phase_deg: number[];
         };
         /**
+         * Breakage
+         * @description What breaks. The first five are about one sensor; those from LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once.
+         *
+         *     All others last until they are mended. From DEVICE_GONE on only a card has them: they are tried on the virtual card.
+         * @enum {string}
+         */
+        Breakage: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "watchdog_death" | "device_gone" | "buffer_overrun" | "lost_sample" | "saturation" | "lost_counts" | "swapped_load_cells" | "swapped_encoders" | "swapped_motors";
+        /**
          * BringUpStep
          * @description One step; ``why`` tells how its state comes about, ``blocked`` why it cannot be started now.
          */
@@ -2669,19 +2677,14 @@ export interface components {
          * @description One thing to break.
          */
         Injection: {
-            kind: components["schemas"]["InjectionKind"];
+            /** Kind */
+            kind: components["schemas"]["Breakage"] | components["schemas"]["Silence"];
             /**
              * @description which reading, where the kind is about one
              * @default q
              */
             sensor: components["schemas"]["Sensor"];
         };
-        /**
-         * InjectionKind
-         * @description What is broken: parts of the plant as in ``plant.breakage.Breakage``, then links of the safety chain.
-         * @enum {string}
-         */
-        InjectionKind: "no_number" | "stuck" | "jump" | "drift_up" | "drift_down" | "read_error" | "write_error" | "late" | "hang" | "safety_trip" | "watchdog_death" | "device_gone" | "buffer_overrun" | "lost_sample" | "saturation" | "lost_counts" | "swapped_load_cells" | "swapped_encoders" | "swapped_motors" | "service_silent" | "page_silent";
         /**
          * LatenessClass
          * @description Ticks that began later than one bound and not later than the next.
@@ -3961,6 +3964,12 @@ export interface components {
              */
             name: string;
         };
+        /**
+         * Silence
+         * @description What falls silent in the safety chain, the plant being whole.
+         * @enum {string}
+         */
+        Silence: "service_silent" | "page_silent";
         /**
          * SpringCurves
          * @description Pairs of one spring with the polynomials through them.

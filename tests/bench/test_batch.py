@@ -6,11 +6,11 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from backend.experiments.playing.batch import run_batch
 from backend.tuning.closed_loop import run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.parameters import load_parameters
+from tests.bench.batch import run_batch
 
 
 def test_results_do_not_depend_on_the_number_of_workers() -> None:
