@@ -2,7 +2,6 @@
 
 import asyncio
 import ctypes
-import gc
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -36,8 +35,27 @@ FOREIGN_THREADS = ("MainThread", "the service", "asyncio", "ThreadPoolExecutor",
 """Those of this test, of awaited calls, and of libraries."""
 
 
-def existing(kind: type[T]) -> list[T]:
-    return [found for found in gc.get_objects() if type(found) is kind]
+class Made:
+    """What of some kinds a service makes.
+
+    Not asked of the garbage collector: who looks at its objects from another thread holds a tuple that is still being
+    made, and whoever makes it is told of a bad argument.
+    """
+
+    def __init__(self, patch: pytest.MonkeyPatch, *kinds: type) -> None:
+        self._made: list[object] = []
+        for kind in kinds:
+            patch.setattr(kind, "__init__", self._kept(vars(kind)["__init__"]))
+
+    def of(self, kind: type[T]) -> list[T]:
+        return [made for made in self._made if isinstance(made, kind)]
+
+    def _kept(self, begin: Callable[..., None]) -> Callable[..., None]:
+        def begun(made: object, *args: object, **named: object) -> None:
+            begin(made, *args, **named)
+            self._made.append(made)
+
+        return begun
 
 
 def kill(thread: threading.Thread) -> None:
@@ -49,6 +67,7 @@ def kill(thread: threading.Thread) -> None:
 class Running:
     loop: asyncio.AbstractEventLoop
     client: httpx.Client
+    made: Made
 
     def call(self, work: Callable[[], T]) -> T:
         """Call ``work`` in the service's event loop."""
@@ -77,15 +96,16 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
     settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
     serving = threading.Thread(target=main.serve, args=(settings, announce), name="the service")
-    serving.start()
-    until(lambda: ready or not serving.is_alive())
-    address, loop, token = ready[0]
-    gc.unfreeze()  # what a service makes at its start, and leaves to its end, is looked for here
-    with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=60.0) as client:
-        yield Running(loop, client)
-    for server in [found for found in gc.get_objects() if isinstance(found, uvicorn.Server)]:
+    with pytest.MonkeyPatch.context() as patch:
+        made = Made(patch, KeptTask, Heart, uvicorn.Server)
+        serving.start()
+        until(lambda: ready or not serving.is_alive())
+        address, loop, token = ready[0]
+        with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=60.0) as client:
+            yield Running(loop, client, made)
+        (server,) = made.of(uvicorn.Server)
         server.should_exit = True
-    serving.join(TIMEOUT_S)
+        serving.join(TIMEOUT_S)
     assert not serving.is_alive()
 
 
@@ -103,7 +123,7 @@ def test_everything_that_runs_is_supervised(inside: Running) -> None:
     """A task or thread that is new has to be put under supervision, or into the lists of this file."""
     tasks = inside.tasks()
     assert set(tasks) >= TASKS
-    kept = {kept._task for kept in existing(KeptTask)}
+    kept = {kept._task for kept in inside.made.of(KeptTask)}
     own = {name for name, task in tasks.items() if OWN in code_of(task).co_filename and task not in kept}
     assert {code_of(tasks[name]).co_name for name in own} == {"_serve"}  # asyncio.run's own: its end ends the service
     threads = {thread.name for thread in threading.enumerate()}
@@ -119,7 +139,7 @@ def code_of(task: "asyncio.Task[object]") -> CodeType:
 
 
 def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> None:
-    kept = {kept._task for kept in existing(KeptTask)}
+    kept = {kept._task for kept in inside.made.of(KeptTask)}
     victims = {name: task for name, task in inside.tasks().items() if task in kept}
     assert set(victims) >= TASKS
     for victim in victims.values():
@@ -154,7 +174,7 @@ def test_the_joint_is_stopped_softly_when_nobody_watches_over_lost_pages(moving:
 
 def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running) -> None:
     def stop_beating() -> bool:
-        for heart in existing(Heart):
+        for heart in moving.made.of(Heart):
             heart._words[0] = 1  # what a thread of compiled code can be ended by
         return bool(moving.client.get("/api/state").json()["mode"] == "tripped")
 
