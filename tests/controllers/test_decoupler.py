@@ -17,7 +17,7 @@ from backend.controllers.decoupler import (
     stiffness,
     stiffness_slope,
 )
-from backend.controllers.equilibrium_table import SUM, equilibrium_table
+from backend.controllers.equilibrium_table import OFFSET, SUM, equilibrium_table
 from plant.parameters import PlantParameters, load_parameters
 
 r_m, r_j = 7.5e-3, 75e-3
@@ -111,6 +111,18 @@ def test_swapping_the_springs_mirrors_the_motors(q: float, S: float) -> None:
     swapped = decoupler_for(with_springs(STIFFER, CUBIC))
     theta_A, theta_B = motor_positions(UNLIKE, q, S)
     assert motor_positions(swapped, -q, S) == pytest.approx((theta_B, theta_A), abs=1e-6)
+
+
+@pytest.mark.parametrize("more", [1e-2, 1e-5])
+def test_two_springs_have_the_same_table_whichever_of_them_is_called_A(more: float) -> None:
+    """However little one of them is the stronger: the table ends where the weaker becomes solid."""
+    k_0, k_1, k_2, k_3 = CUBIC
+    stronger = k_0, (1.0 + more) * k_1, (1.0 + more) * k_2, (1.0 + more) * k_3
+    pair = with_springs(CUBIC, stronger)
+    A, B = pair.identified_spring("A"), pair.identified_spring("B")
+    there, back = equilibrium_table(A, B, r_m, r_j), equilibrium_table(B, A, r_m, r_j)
+    back[:, OFFSET] *= -1.0
+    np.testing.assert_array_equal(there, back)
 
 
 @decouplers

@@ -83,6 +83,17 @@ def test_takes_over_the_voltages_in_force() -> None:
     assert np.ptp(trajectory.u_A) < 1e-6
 
 
+def test_a_push_that_stays_moves_neither_position_nor_stiffness_in_the_end() -> None:
+    """The model knows nothing of it: only what is integrated takes back the 0.1 rad that 15 N at 75 mm would be."""
+    ticks = 8000
+    push = np.repeat([0.0, 15.0], [500, ticks - 500])
+    tuning = feedback_linearization_tuning(IDEAL, Lambdas())
+    trajectory = run_feedback_linearization(IDEAL, tuning, np.full(ticks, 0.2), np.full(ticks, 11.0), push)
+    assert np.ptp(trajectory.q) > 0.02
+    assert trajectory.q[-500:] == pytest.approx(0.2, abs=1e-4)
+    assert trajectory.S[-500:] == pytest.approx(11.0, abs=1e-3)
+
+
 def test_clipped_voltage_does_not_wind_up() -> None:
     q_ref, S_ref = np.repeat([-1.0, 1.0], [100, 9000]), np.full(9100, 11.0)
     tuning = ungoverned(IDEAL, Lambdas())._replace(u_max=6.0)

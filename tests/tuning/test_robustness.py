@@ -62,6 +62,18 @@ def test_motor_lambda_inverts_M_s_and_refuses_outside_its_span() -> None:
             motor_lambda(MOTOR, M_s)
 
 
+def test_where_M_s_rises_again_the_smaller_of_two_lambdas_is_meant() -> None:
+    """Of a quick motor with a slow winding M_s falls to 1.41 at λ = 0.15 s, and is 1.52 at the last that is offered."""
+    quick = MotorModel(K_m, 0.05, tau_e=0.01)
+    lambdas = np.linspace(*motor_range(quick), 80)
+    peaks = [motor_robustness(quick, motor_gains(K_m, 0.05, lam)).M_s for lam in lambdas]
+    least = int(np.argmin(peaks))
+    assert peaks[-1] > peaks[least] + 0.1
+    assert motor_lambda(quick, peaks[-1]) < lambdas[least]
+    with pytest.raises(TuningError, match=r"choose 1\.4\d\d \(λ = 0\.15"):
+        motor_lambda(quick, peaks[least] - 0.01)
+
+
 @pytest.mark.parametrize(("T_m", "words"), [(0.012, r"T_m = 0\.012 s leaves no λ_motor"), (0.05, "no λ_motor up to")])
 def test_a_motor_without_a_robust_lambda_is_refused(T_m: float, words: str) -> None:
     with pytest.raises(TuningError, match=words):
@@ -89,6 +101,7 @@ def test_fast_outer_loop_is_unstable(four_lags: OuterProcess) -> None:
     unstable = four_lags.robustness(outer_gains(1.0, 4 * LAM, 0.182))
     assert not unstable.stable
     assert unstable.M_s == np.inf
+    assert (unstable.gain_margin, unstable.gain_reduction, unstable.phase_margin) == (1.0, 1.0, 0.0)
 
 
 def test_high_order_model_has_unit_gain_and_no_cross_coupling() -> None:
