@@ -6,10 +6,12 @@ of the voltage that only overcomes dry friction. After a step from rest, with v 
     theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from backend.identification.errors import NotConvergedError, RecordError
 from backend.identification.record import Signal
@@ -186,11 +188,21 @@ def _least_squares(runs: Sequence[VoltageStep], start: Signal, *, coulomb: bool)
     return np.concatenate((found.x, start[free:])), covariance, float(np.sqrt(np.mean(found.fun**2)))
 
 
+def turn_from_rest(t: ArrayLike, speed: float, T_m: float) -> Signal:
+    """Turn [rad] after times ``t`` [s] of a motor that comes to a steady ``speed`` [rad/s] with ``T_m`` [s] (17)."""
+    passed = np.asarray(t, np.float64)
+    return np.asarray(speed * (passed + T_m * np.expm1(-passed / T_m)))
+
+
+def steady_speed(voltage: float, K_m: float, u_c: float) -> float:
+    """Speed [rad/s] at a ``voltage`` [V] of which the Coulomb voltage ``u_c`` [V] only overcomes dry friction."""
+    return K_m * (voltage - math.copysign(u_c, voltage))
+
+
 def _position(run: VoltageStep, parameters: Signal) -> Signal:
     K_m, T_m, u_c = parameters
     t = np.arange(run.u.size - run.first) * run.period_s
-    v = K_m * (run.voltage - u_c * np.sign(run.voltage))
-    return np.asarray(v * (t + T_m * np.expm1(-t / T_m)))
+    return turn_from_rest(t, steady_speed(run.voltage, K_m, u_c), T_m)
 
 
 def _motion(runs: Sequence[VoltageStep]) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 
 from backend.controllers.decoupler import decoupler_for, stiffness
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.identification.motor import turn_from_rest
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
 from plant.spring import elongation
@@ -89,6 +90,6 @@ def _step_length(plan: MotorIdentificationPlan, speed: float, T_m: float) -> flo
     from scipy.optimize import brentq
 
     def left(t: float) -> float:
-        return float(speed * (t + T_m * np.expm1(-t / T_m))) - plan.travel_rad
+        return float(turn_from_rest(t, speed, T_m)) - plan.travel_rad
 
     return plan.step_s if left(plan.step_s) <= 0.0 else float(brentq(left, 0.0, plan.step_s))

@@ -23,7 +23,13 @@ from backend.documents.motor import (
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan
 from backend.experiments.results.metrics import NoSamplesError, figure
 from backend.identification.errors import IdentificationError, RecordError
-from backend.identification.motor import MotorIdentification, VoltageStep, identify_motor
+from backend.identification.motor import (
+    MotorIdentification,
+    VoltageStep,
+    identify_motor,
+    steady_speed,
+    turn_from_rest,
+)
 from backend.identification.result import Grade
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import Run
@@ -184,8 +190,7 @@ def _quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
 def _curve(step: VoltageStep, result: MotorIdentification) -> StepCurve:
     """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
     t = np.arange(step.u.size - step.first) * step.period_s
-    v = result.K_m * (step.voltage - math.copysign(result.u_c, step.voltage))
-    model = v * (t + result.T_m * np.expm1(-t / result.T_m))
+    model = turn_from_rest(t, steady_speed(step.voltage, result.K_m, result.u_c), result.T_m)
     turned = step.theta[step.first :] - step.theta[step.first]
     shown = np.unique(np.linspace(0, t.size - 1, _CURVE_POINTS).astype(int))
     return StepCurve(
