@@ -19,7 +19,7 @@ TRAVEL_SPEED = 3.0
 PRETENSION_N = 10.0
 """Tension that pretension winds up to (method section 7)."""
 
-BRAKING_S = 0.5
+SOFT_STOP_S = 0.5
 """Length of a soft stop [s]: the joint stands after 0.15 s, the rest lets it settle before the outputs go to zero."""
 
 
@@ -180,7 +180,7 @@ class Braking(MotorPositions):
         """One tick of braking."""
         u_A, u_B, self._brake = brake.step(self._brake, m.theta_A, m.theta_B, tuning.u_max)
         self._elapsed_s += T_s
-        self.done = self._elapsed_s >= BRAKING_S
+        self.done = self._elapsed_s >= SOFT_STOP_S
         limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
         nan = math.nan
         return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, limits)

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from backend.controllers import brake, cascade, motors
 from backend.loop.motion import Carry, Decision, MotorPositions, clipped, walk
 from backend.loop.player import Target
-from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Program
+from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Program
 from plant.interface import Measurement, T_s
 
 _ZERO_TICKS = round(ZERO_VOLTS_S / T_s)
-_BRAKE_TICKS = round(BRAKE_S / T_s)
+_BRAKING_TICKS = round(STEP_BRAKING_S / T_s)
 _Stage = Callable[[cascade.Tuning, Measurement], Decision]
 
 
@@ -76,7 +76,7 @@ class MotorSteps(MotorPositions):
 
     def _braked(self, tuning: cascade.Tuning, m: Measurement) -> Decision:
         u_A, u_B, self._brake = brake.step(self._brake, m.theta_A, m.theta_B, tuning.u_max)
-        if self._ticks >= _BRAKE_TICKS:
+        if self._ticks >= _BRAKING_TICKS:
             self._steps.pop(0)
             self.done = not self._steps
             if not self.done:

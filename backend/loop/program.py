@@ -110,7 +110,7 @@ class Excitation:
 ZERO_VOLTS_S = 0.2
 """How long both motors stand at zero volts before a voltage step [s], so that the step starts from rest."""
 
-BRAKE_S = 0.5
+STEP_BRAKING_S = 0.5
 """Length of braking after a voltage step [s]: full speed takes 0.3 s."""
 
 
@@ -160,7 +160,7 @@ class Program:
         if self.excitation is not None:
             return self.settle_s + self.excitation.duration_s
         if self.steps:
-            around_each = self.settle_s + ZERO_VOLTS_S + BRAKE_S
+            around_each = self.settle_s + ZERO_VOLTS_S + STEP_BRAKING_S
             return sum(around_each + step.duration_s for step in self.steps)
         if self.legs:
             return self.settle_s + sum(leg.duration_s for leg in self.legs)

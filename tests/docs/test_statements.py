@@ -61,7 +61,7 @@ def said(documented: object) -> str:
 @pytest.mark.parametrize(
     "statement",
     [
-        f"A soft stop brakes the joint under tension first, for {motion.BRAKING_S:g} s.",
+        f"A soft stop brakes the joint under tension first, for {motion.SOFT_STOP_S:g} s.",
         f"heard nothing from the service for {worker.SILENCE_S:g} s",
         f"F_max ({PARAMETERS.safety.F_max:g} N)",
         f"below 1 N for more than {checks.SLACK_MAX_S:g} s",
@@ -82,7 +82,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
     told = f"{worker.SILENCE_S:g} s"
     assert f"falls silent for {told}" in decision("0001")
     assert f"nothing for {told}" in supervisor._HEARTBEAT.meaning
-    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion.BRAKING_S
+    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
     # In comments and docstrings the constant is named: a number there would be held by nothing.
     for module in (main, heartbeat):

@@ -11,7 +11,7 @@ from backend.loop.commands import Inject, Refused, RunEnded, RunProgram, SetMode
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.motion import NO_REFERENCE, Carry
 from backend.loop.motor_steps import MotorSteps
-from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
+from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.breakage import Breakage, Broken, Sensor
@@ -143,7 +143,7 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
 
 def test_a_program_takes_as_long_as_its_parts() -> None:
     assert SWEEP.duration_s == pytest.approx(1.0 + 3.0 + 3.0)
-    around_each = 1.2 + ZERO_VOLTS_S + BRAKE_S
+    around_each = 1.2 + ZERO_VOLTS_S + STEP_BRAKING_S
     assert STEPS.duration_s == pytest.approx(2.0 * around_each + 2.0 + 0.4)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from backend.controllers import brake, pretension
 from backend.loop.mode import MODES, Mode
 from backend.loop.motion import PRETENSION_N, TRAVEL_SPEED
-from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Law, Program, VoltageStep, starts_from
+from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Law, Program, VoltageStep, starts_from
 from backend.sample import INDEX
 from plant.interface import T_s
 from plant.parameter_sections import SIDES, Side
@@ -171,7 +171,7 @@ class Way:
                 break
         u_max = self._parameters.motor.u_max
         state = brake.State(*turned[-1], 0.0, 0.0)
-        for _ in range(round(BRAKE_S / T_s)):
+        for _ in range(round(STEP_BRAKING_S / T_s)):
             u_A, u_B, state = brake.step(state, *turned[-1], u_max)
             turned.append((motors[0].step(u_A), motors[1].step(u_B)))
         self._add(*np.array(turned).T)

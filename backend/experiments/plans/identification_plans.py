@@ -10,7 +10,7 @@ import numpy as np
 
 from backend.documents.result import Phase
 from backend.experiments.settings import integer, number
-from backend.loop.program import BRAKE_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
+from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
 from backend.refusal import OutOfRangeError
 
 UPPER_END = -1.5
@@ -55,7 +55,7 @@ class MotorIdentificationPlan:
 
     def phases(self) -> tuple[Phase, ...]:
         """Return one phase per step, as long as it can get."""
-        around_each = self.settle_s + ZERO_VOLTS_S + BRAKE_S
+        around_each = self.settle_s + ZERO_VOLTS_S + STEP_BRAKING_S
         return tuple(
             Phase(
                 f"step_{position}",
