@@ -46,6 +46,18 @@ def test_default_experiment_gives_gains_lags_and_rest_point(found: ActuatorIdent
     assert found.verdict.grade is Grade.USABLE
 
 
+@pytest.mark.parametrize("start", [0, 1, 7, 499, 501, 1000])
+def test_the_nominal_point_is_the_mean_of_the_half_second_before_the_excitation(start: int) -> None:
+    """From the very first sample on where there is less before it; that sample itself where there is nothing before."""
+    samples = default_experiment()
+    # Every sample tells that it was counted: the square of its number.
+    samples["S"] = samples["S"] + 1e-9 * np.arange(samples["S"].size) ** 2
+    found = identify_actuator(samples, PERIOD_S, GEOMETRY, start, ("first",))
+    before = range(max(start - 500, 0), max(start, 1))
+    assert found.S_nominal == pytest.approx(sum(samples["S"][k] for k in before) / len(before), rel=1e-12)
+    assert found.q_nominal == pytest.approx(sum(samples["q"][k] for k in before) / len(before), rel=1e-12)
+
+
 def test_the_papers_arx_is_there_beside_it_and_is_what_a_file_gives(found: ActuatorIdentification) -> None:
     samples = default_experiment()
     for by_arx, column in ((found.arx_q, "q"), (found.arx_S, "S")):

@@ -57,6 +57,23 @@ def test_white_noise_in_the_loop_is_within_its_standard_errors(
     assert found.residuals.input_correlation.passed
 
 
+def test_a_light_resonance_in_noise_is_found_where_the_quick_starts_lead_nowhere() -> None:
+    """Few steps of a lag and a pair of poles of damping 0.1 at 200 rad/s: the noise hides the pair from least squares.
+
+    What is found leaves no more over than the truth does, which SciPy has computed, and is within its errors of it.
+    """
+    truth = {"K": 1.0, "T": 0.4, "a2": 2.5e-5, "a1": 1e-3}
+    random = np.random.default_rng(174)
+    u = np.repeat(random.choice([-1.0, 1.0], 6), 400)
+    clean = held_response(truth, u)
+    y = clean + 0.2 * np.std(clean) * random.standard_normal(u.size)
+    found = estimate(Record(PERIOD_S, u, y), "third")
+    left = np.linalg.norm(y - clean) / np.linalg.norm(y - np.mean(y))
+    assert found.fit_all_percent >= 100.0 * (1.0 - left)
+    assert np.max(np.abs(errors_in_std(found, truth))) < 4.0
+    assert found.residuals.whiteness.passed
+
+
 @pytest.mark.parametrize(("name", "truth"), CASES)
 def test_the_fit_of_all_data_is_what_the_noise_leaves(name: str, truth: dict[str, float]) -> None:
     """Against the true system's own response to the input, which SciPy has computed."""

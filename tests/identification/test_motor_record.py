@@ -13,7 +13,7 @@ from backend.identification.errors import RecordError
 from backend.identification.motor_record import MotorRecord, identify_motor_record
 from backend.identification.record import Record
 from backend.identification.result import Grade
-from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, voltages
+from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, noisy, voltages
 
 COUNT_RAD = 2.0 * np.pi / 8000
 
@@ -72,6 +72,37 @@ def test_equation_17_of_scipy_comes_back_in_noise(seed: int) -> None:
     assert found.whiteness.passed
     assert found.input_correlation.passed
     assert found.verdict.grade is Grade.USABLE
+
+
+@pytest.mark.parametrize("late", [0.4, 0.8])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_came_before_a_record_does_not_show_in_a_dead_time_of_less_than_a_sample(seed: int, late: float) -> None:
+    """Twenty samples a second, cut in motion: in the first sample the voltage of before the record still drives."""
+    period_s, finer = 0.05, 50
+    random = np.random.default_rng(seed)
+    u = random.uniform(-5.0, 5.0, 620)
+    held = np.concatenate((np.zeros(round(late * finer)), np.repeat(u, finer)))[: finer * u.size]
+    t = np.arange(held.size) * period_s / finer
+    theta = lsim(([K_M], [T_M, 1.0, 0.0]), held, t, interp=False)[1][::finer]
+    noise = 1e-6 * random.standard_normal(u.size)
+    found = identify_motor_record(Record(period_s, u[20:], (theta + noise)[20:]))
+    assert found.rms < 1.2e-6
+    assert worst_error(found, 0.0, late * period_s) < 4.0
+    assert found.t_d == pytest.approx(late * period_s, abs=1e-6)
+
+
+@pytest.mark.parametrize(("noise", "grade"), [(0.49, Grade.CAUTION), (0.5, Grade.UNUSABLE)])
+def test_a_motor_that_explains_less_than_half_of_the_angle_is_not_usable(noise: float, grade: Grade) -> None:
+    """However white the rest, and though gain, lag, friction and dead time are known well enough."""
+    u = voltages("levels", 12_000)
+    u -= np.mean(u)
+    found = identify_motor_record(Record(PERIOD_S, u, noisy(motor(u)[1], noise)))
+    assert found.whiteness.passed
+    assert found.input_correlation.passed
+    assert found.spread_percent < 10.0
+    assert abs(found.fit_percent - 50.0) < 1.0
+    assert (found.fit_percent < 50.0) is (grade is Grade.UNUSABLE)
+    assert found.verdict.grade is grade
 
 
 @pytest.mark.parametrize("u_c", [0.0, 0.3, 1.0])

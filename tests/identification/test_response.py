@@ -39,6 +39,16 @@ def test_free_responses_span_every_decay_of_the_system() -> None:
     np.testing.assert_allclose(explained, decays, atol=1e-9)
 
 
+@pytest.mark.parametrize("order", [1, 3])
+def test_free_responses_are_followed_to_e_to_the_minus_40_and_are_nothing_from_there_on(order: int) -> None:
+    """Subnormal numbers, which a decay comes to in the end, are computed a hundred times slower than others."""
+    rate = 16.0
+    columns = free_responses(np.full(order, -rate, dtype=np.complex128), PERIOD_S, 10_000)
+    last = np.flatnonzero(np.any(columns, axis=1))[-1]
+    # As many samples as poles come before: that long the beginnings themselves last.
+    assert rate * PERIOD_S * (last + 1 - order) == pytest.approx(40.0, abs=rate * PERIOD_S)
+
+
 def test_an_initial_state_adds_to_the_response() -> None:
     poles = structure("lags4").poles(np.array([1.0, 0.05]))
     u = np.random.default_rng(1).standard_normal(300)

@@ -1,5 +1,7 @@
 """Polynomials through a load sweep: exact where the spring is one, of the order that its points call for."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -25,6 +27,15 @@ def test_a_quadratic_spring_is_found_as_it_is_and_kept_at_the_lowest_order() -> 
     assert found.best.k == pytest.approx((0.0, 100.0, 15_000.0), abs=1e-6)
     assert (found.recommended, found.best.rising) == (2, True)
     assert "decoupler analytic" in found.reason
+
+
+@pytest.mark.parametrize("spring", [quadratic, cubic])
+def test_the_fitted_force_is_that_of_the_spring_between_its_points_and_beyond(
+    spring: Callable[[Signal], Signal],
+) -> None:
+    x = np.array([[-0.001, 0.0, 0.0123], [0.0271, 0.04, 0.045]])
+    for fit in identify_spring(STEPS, spring(STEPS)).fits[0 if spring is quadratic else 1 :]:
+        np.testing.assert_allclose(fit.force(x), spring(x), atol=1e-6)
 
 
 def test_a_cubic_spring_calls_for_the_order_that_predicts_its_points() -> None:

@@ -52,6 +52,18 @@ def test_a_motor_with_dry_friction_is_right_or_its_friction_is_named(kind: str, 
     assert (found.verdict.grade is Grade.UNUSABLE) or off < 0.11
 
 
+def test_the_fit_with_friction_is_what_the_noise_leaves() -> None:
+    """Against the true motor's own speed, by another integration; the linear model leaves more."""
+    u = voltages("levels", 7000)
+    clean = motor(u, 1.0)[0]
+    y = noisy(clean, 0.1)
+    found = estimate(Record(PERIOD_S, u, y), "first")
+    left = np.linalg.norm(y - clean) / np.linalg.norm(y - np.mean(y))
+    assert found.friction is not None
+    assert found.friction.fit_percent == pytest.approx(100.0 * (1.0 - left), abs=0.02)
+    assert found.fit_all_percent < found.friction.fit_percent - 1.0
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
     found = motor_found(kind, 0.0, 0.01)
@@ -166,3 +178,43 @@ def test_what_makes_a_model_unusable_is_told_before_what_makes_it_doubtful() -> 
     verdict = judge(replaced({"fit": 70.0, "first_order": FirstOrder(1.0, 0.2, NAN, 2e-4)}))
     assert verdict.grade is Grade.UNUSABLE
     assert [reason[:17] for reason in verdict.reasons] == ["standard error of", "fit of 70.0 % on "]
+
+
+def known_to(**percent: float) -> dict[str, Any]:
+    """K, T, a2 or a1 known to so many per cent."""
+    K, T = (0.01 * percent.get(name, 0.1) for name in ("K", "T"))
+    others = {name: 0.01 * percent.get(name, 0.1) * GOOD.model.parameters[name] for name in ("a2", "a1")}
+    return {"first_order": FirstOrder(1.0, 0.2, K, 0.2 * T), "std_errors": {"K": K, "T": 0.2 * T, **others}}
+
+
+BOUNDS: list[tuple[dict[str, Any], Grade, str]] = [
+    ({"fit": 80.5}, Grade.USABLE, ""),
+    ({"fit": 79.5}, Grade.CAUTION, "fit of 79.5 % on unseen data, where 80 % are needed"),
+    ({"fit": 50.5}, Grade.CAUTION, "fit of 50.5 % on unseen data, where 80 % are needed"),
+    ({"fit": 49.5}, Grade.UNUSABLE, "fit of 49.5 % on unseen data, where 50 % are needed"),
+    ({"gain_error_percent": -4.9}, Grade.USABLE, ""),
+    ({"gain_error_percent": -5.1}, Grade.CAUTION, "gain -5.1 % off the geometric one"),
+    ({"gain_error_percent": 9.9}, Grade.CAUTION, "gain +9.9 % off the geometric one"),
+    ({"gain_error_percent": 10.1}, Grade.UNUSABLE, "gain +10.1 % off the geometric one"),
+    ({"motion_counts": 20.1}, Grade.USABLE, ""),
+    ({"motion_counts": 19.9}, Grade.UNUSABLE, "moved by 19.9 counts where 20 are needed"),
+    (known_to(K=2.9, T=2.9), Grade.USABLE, ""),
+    (known_to(K=3.1), Grade.CAUTION, "K known to ±3.1 % only"),
+    (known_to(T=9.9), Grade.CAUTION, "T known to ±9.9 % only"),
+    (known_to(K=10.1), Grade.UNUSABLE, "K known to ±10.1 % only"),
+    (known_to(T=10.1), Grade.UNUSABLE, "T known to ±10.1 % only"),
+    (known_to(a2=9.9, a1=9.9), Grade.USABLE, ""),
+    (known_to(a2=10.1), Grade.CAUTION, "a2 known to ±10.1 % only (take a simpler structure)"),
+    (known_to(a1=38.9), Grade.CAUTION, "a1 known to ±38.9 % only (take a simpler structure)"),
+    (known_to(a1=39.1), Grade.UNUSABLE, "a1 known to ±39.1 % only (take a simpler structure)"),
+]
+
+
+@pytest.mark.parametrize(("change", "grade", "reason"), BOUNDS)
+def test_the_bounds_are_those_of_the_table_of_verdicts(change: dict[str, Any], grade: Grade, reason: str) -> None:
+    """Just this side and just that side of each bound in docs/identification.md."""
+    verdict = judge(replaced(change))
+    assert verdict.grade is grade
+    if reason:
+        assert len(verdict.reasons) == 1
+        assert reason in verdict.reasons[0]
