@@ -36,7 +36,6 @@ ONLY_COMPUTES = {
     "wire",
     "test_forks.py",
     "test_house.py",
-    "test_lanes.py",
     "test_reading.py",
     "test_refusal.py",
 }
@@ -48,7 +47,7 @@ PAGE = "e2e"
 """Tests with a browser, which takes most of a core."""
 
 BESIDE = {
-    ".": "data_folder first_curve supervision",
+    ".": "data_folder first_curve lanes supervision",
     "api": (
         "access announced auth background bad_input banks_and_springs bodies bounds bring_up bring_up_proof "
         "card_faults chain contract control dry_run_places endings faults forms hangup history invalid journal "
