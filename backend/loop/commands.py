@@ -66,7 +66,7 @@ class SetTuning:
     motor_A: MotorGains
     motor_B: MotorGains
     entries: tuple[EntryGains, ...]
-    interpolate: bool = False
+    interpolate: bool
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,18 @@ def test_it_beats_no_faster_than_it_says(ends: tuple[Channel, Channel]) -> None:
     assert 1 <= count <= passed_s / HEARTBEAT_S
 
 
+def test_the_last_beat_is_no_older_than_the_wait_for_it(ends: tuple[Channel, Channel]) -> None:
+    """Beats at all parts of a second: what is taken of the clock is all of its time, not the second alone."""
+    service, loop = ends
+    with beating(Heart(service)) as heart:
+        for _ in range(5):
+            begun = time.monotonic()
+            beats(loop)
+            wait_for_a_beat(loop)
+            assert 0.0 <= heart.age_s <= HEARTBEAT_S + time.monotonic() - begun
+            time.sleep(0.17)
+
+
 def test_it_ends_when_told_and_pauses_when_told(ends: tuple[Channel, Channel]) -> None:
     service, loop = ends
     with beating(Heart(service)) as heart:

@@ -83,9 +83,12 @@ def test_what_was_read_outlives_the_ring() -> None:
     assert ring.newest() is None
     ring.append(row(7))
     _, rows, _ = ring.read(0, 10)
+    fd = ring.fd
     ring.close()
     ring.close()
     np.testing.assert_array_equal(rows, [row(7)])
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(fd)
 
 
 def test_foreign_memory_is_refused() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.loop.ring import WIDTH, Ring
-from backend.loop.timing import timing
+from backend.loop.timing import lateness_histogram, timing
 from backend.sample import INDEX
 
 
@@ -48,4 +48,15 @@ def test_before_the_first_samples_there_is_no_rate() -> None:
     ring = Ring.create(16)
     write(ring, 0.0, 0)
     assert math.isnan(timing(ring).rate_Hz)
+    ring.close()
+
+
+def test_ticks_are_counted_by_how_late_they_began() -> None:
+    """Classes to 20, 50, 100, 200, 500 us, 1, 2, 5 ms and above; one that began early was not late."""
+    ring = Ring.create(64)
+    for times, lateness_us in enumerate((10, 30, 80, 150, 400, 700, 1500, 4000, 9000), start=1):
+        for _ in range(times):
+            write(ring, 1e-6 * lateness_us, 0)
+    write(ring, -1e-3, 0)
+    assert lateness_histogram(ring) == [2, 2, 3, 4, 5, 6, 7, 8, 9]
     ring.close()

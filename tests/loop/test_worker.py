@@ -134,11 +134,12 @@ def test_malformed_and_late_messages_are_refused_by_number(bench: Bench) -> None
             bench.service.send(b'{"kind":"SetMode","sequence":4,"body":{"mode":"warp"}}')
             bench.say(bench.setup, 5)
         if tick == 3:
-            bench.say(Shutdown(), 6)
+            bench.service.send(b'{"kind":"SetMode","sequence":6,"body":{"mode":"warp"}}')
+            bench.say(Shutdown(), 7)
 
     bench.run(service)
     refusals = [event for event in bench.hear() if isinstance(event, Refused)]
-    assert [refusal.sequence for refusal in refusals] == [4, 5]
+    assert [(refusal.sequence, refusal.tick) for refusal in refusals] == [(4, 0), (5, 0), (6, 3)]
     assert "mode" in refusals[0].reason
     assert not any(isinstance(event, ModeChanged) for event in bench.hear())
 
