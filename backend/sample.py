@@ -1,11 +1,10 @@
 """The sample: one row per tick, defined once.
 
 The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
-from ``FIELDS``. A new signal is a new row here, and its value at the same place in ``backend.loop.loop.Loop._append``.
+from ``FIELDS``. A new signal is a new row here, and its value by name in ``backend.tick.desk.write_row``.
 """
 
 from dataclasses import dataclass
-from struct import Struct
 
 
 @dataclass(frozen=True)
@@ -66,8 +65,6 @@ FIELDS: tuple[Field, ...] = (
 )
 
 NAMES: tuple[str, ...] = tuple(field.name for field in FIELDS)
-ROW = Struct(f"{len(FIELDS)}d")
-"""Packs the values of a row into its array: numpy takes twice as long to look at each of a tuple."""
 INDEX: dict[str, int] = {name: position for position, name in enumerate(NAMES)}
 STORED: tuple[Field, ...] = tuple(field for field in FIELDS if not field.derived)
 STORED_NAMES: tuple[str, ...] = tuple(field.name for field in STORED)

@@ -26,6 +26,7 @@ _COMPILED_SOURCES = (
     "backend/controllers/*.py",
     "backend/identification/friction.py",
     "backend/loop/heartbeat.py",
+    "backend/tick/*.py",
     "backend/tuning/closed_loop.py",
 )
 
@@ -43,7 +44,7 @@ numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]  # n
 
 
 # A dictionary, because numba's own types leave out "_nrt": its runtime that allocates arrays and counts references.
-_STRICT: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+STRICT: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 
 
 class _InTurns(FunctionCache):
@@ -75,7 +76,7 @@ def compiled(function: _F) -> _F:
     Without numba's reference counting: a function that allocates an array is refused when it is compiled, and passing
     a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
     """
-    return kept(cast(_F, numba.njit(**_STRICT)(function)))
+    return kept(cast(_F, numba.njit(**STRICT)(function)))
 
 
 class Specialised(Generic[_R, *_Arguments]):
@@ -147,7 +148,7 @@ def _kind(value: object) -> object:
         return type(value), *map(_kind, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
-    return type(value)
+    return getattr(value, "numba_type", type(value))  # cells are alike where what they hold is
 
 
 def compiled_run(function: _F) -> _F:
@@ -155,4 +156,4 @@ def compiled_run(function: _F) -> _F:
 
     Not for what the tick calls: giving up and taking back Python's lock would let another thread delay the tick.
     """
-    return kept(cast(_F, numba.njit(nogil=True, **_STRICT)(function)))
+    return kept(cast(_F, numba.njit(nogil=True, **STRICT)(function)))

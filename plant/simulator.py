@@ -1,6 +1,7 @@
 """The simulated rig: dynamics, sensors and safety module behind the Plant interface."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +9,13 @@ from numpy.typing import NDArray
 from plant.breakage import ONLY_OF_A_CARD, Breakage, Broken
 from plant.broken_part import BrokenPart
 from plant.card import Card
+from plant.cell import Cell, keep
 from plant.compiled import Specialised, compiled
 from plant.dynamics import AT_REST, SUBSTEPS, Dynamics, PlantState, advance
 from plant.interface import (
     NO_LOAD,
     NO_RAW,
+    NOT_MEASURED,
     ZERO_VOLTS,
     Measurement,
     MotorCommand,
@@ -45,30 +48,50 @@ def actuate(
     return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load)
 
 
-@compiled
-def period(
-    plant: Dynamics,
-    sensors: SensorModel,
-    bounds: SafetyBounds,
-    u_max: float,
-    x: PlantState,
-    command: MotorCommand,
-    load: ShaftLoad,
-    F_push: float,
-    tripped: bool,
-    line: NDArray[np.float64],
-    tick: int,
-    noise: NDArray[np.float64],
-    row: int,
-) -> tuple[PlantState, bool, Measurement]:
-    """State after a period, whether the safety module has tripped by then, and what is measured in ``tick``, its end.
+class Simulated(NamedTuple):
+    """A simulated plant: what it is made of, what acts on it, and its state.
 
-    In one call: that numba reads the plant's constants out of their tuples costs as much as the physics.
+    ``line`` (2, DELAY_SLOTS) is the load cells' memory, ``noise`` (n, 2) their errors [N] over and over; push [N] and
+    loads [N·m] act until they change. ``m`` is what is measured at the end of a period.
     """
-    x = actuate(plant, sensors, u_max, x, command, F_push, load)
-    tripped = tripped or exceeded(plant, bounds, x)
-    trip = 1.0 if tripped else 0.0
-    return x, tripped, sense(plant, sensors, x, line, tick, noise[row, 0], noise[row, 1], F_push, trip)
+
+    plant: Dynamics
+    sensors: SensorModel
+    bounds: SafetyBounds
+    u_max: float
+    line: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    F_push: float
+    load: ShaftLoad
+    x: PlantState
+    tripped: bool
+    m: Measurement
+
+
+@compiled
+def period(simulated: Cell[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
+    """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
+    s = simulated.value
+    x = actuate(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load)
+    tripped = s.tripped or exceeded(s.plant, s.bounds, x)
+    keep(simulated.x, x)
+    keep(simulated.tripped, tripped)
+    return _measured(simulated, tick)
+
+
+@compiled
+def _measured(simulated: Cell[Simulated], tick: int) -> Measurement:
+    s = simulated.value
+    row = tick % s.noise.shape[0]
+    trip = 1.0 if s.tripped else 0.0
+    m = sense(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip)
+    keep(simulated.m, m)
+    return m
+
+
+@compiled
+def _exceeds(simulated: Cell[Simulated]) -> bool:
+    return exceeded(simulated.plant.value, simulated.bounds.value, simulated.x.value)
 
 
 class Simulator:
@@ -90,44 +113,42 @@ class Simulator:
     def __init__(
         self, parameters: PlantParameters, seed: int = 0, x: PlantState = AT_REST, card: Card | None = None
     ) -> None:
-        self.x = x
-        self._plant = parameters.dynamics()
-        self._u_max = parameters.motor.u_max
-        self._sensors = sensor_model(parameters.sensors, parameters.safety.F_max, self._u_max)
-        self._F_max = parameters.safety.F_max
-        self._bounds = SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max)
+        u_max, F_max = parameters.motor.u_max, parameters.safety.F_max
+        self._F_max = F_max
         self._noise_N = parameters.sensors.force_noise
         self._random = np.random.default_rng(seed)
-        self._noise = np.zeros((_NOISE_BLOCK, 2))
         self._noise_block = -1
-        self._line = np.zeros((2, DELAY_SLOTS))
         self._tick = 0
         self._m: Measurement | None = None
-        self._F_push = 0.0
-        self._load = NO_LOAD
-        self._tripped = False
         self._card = card
         self._broken: BrokenPart | None = None
         self.module_cuts = True, True
-        plant, sensors = self._plant, self._sensors
-        self._sense = Specialised(sense, plant, sensors, AT_REST, self._line, 0, 0.0, 0.0, 0.0, 0.0)
-        self._period = Specialised(
-            period,
-            plant,
-            sensors,
-            self._bounds,
-            0.0,
-            AT_REST,
-            ZERO_VOLTS,
-            NO_LOAD,
-            0.0,
-            False,
-            self._line,
-            0,
-            self._noise,
-            0,
+        self._tripped = False
+        self.simulated = simulated = Cell(
+            Simulated(
+                parameters.dynamics(),
+                sensor_model(parameters.sensors, F_max, u_max),
+                SafetyBounds(F_max, parameters.geometry.q_max),
+                u_max,
+                np.zeros((2, DELAY_SLOTS)),
+                np.zeros((_NOISE_BLOCK, 2)),
+                0.0,
+                NO_LOAD,
+                PlantState(*map(float, x)),
+                False,
+                NOT_MEASURED,
+            )
         )
-        self._exceeded = Specialised(exceeded, plant, self._bounds, AT_REST)
+        self._period = Specialised(period, simulated, 0.0, 0.0, 0)
+        self._sense = Specialised(_measured, simulated, 0)
+        self._exceeds = Specialised(_exceeds, simulated)
+        self._x, self._pushed, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
+
+    @property
+    def x(self) -> PlantState:
+        """Its state."""
+        x: PlantState = self._x.get()
+        return x
 
     def open(self) -> None:
         """Try the card's watchdog and enable its drives, where there is one. Raises PlantError where that fails."""
@@ -138,10 +159,8 @@ class Simulator:
         """Return the sensors' view of the present state."""
         m = self._m
         if m is None:  # nothing has been written yet, or what is read has changed since
-            row = self._noise_row()
-            noise_A, noise_B = self._noise[row]
-            F_push, trip = self._F_push, 1.0 if self._tripped else 0.0
-            m = self._sense(self._plant, self._sensors, self.x, self._line, self._tick, noise_A, noise_B, F_push, trip)
+            self._draw_noise()
+            m = self._sense(self.simulated, self._tick)
         return m if self._broken is None else self._broken.seen(m)
 
     def write(self, command: MotorCommand) -> None:
@@ -155,32 +174,36 @@ class Simulator:
         elif self._tripped:
             driven = self._cut(command)
         self._tick += 1
-        row = self._noise_row()
-        self.x, self._tripped, self._m = self._period(
-            self._plant,
-            self._sensors,
-            self._bounds,
-            self._u_max,
-            self.x,
-            driven,
-            self._load,
-            self._F_push,
-            self._tripped,
-            self._line,
-            self._tick,
-            self._noise,
-            row,
-        )
+        self._draw_noise()
+        self._m = m = self._period(self.simulated, driven.u_A, driven.u_B, self._tick)
+        self._tripped = m.safety_trip != 0.0
         if self._card is not None:
             self._card.put(driven, self._tripped)
 
-    def _noise_row(self) -> int:
-        """Row of ``_noise`` for this tick; a block is drawn where it begins, and by each reading before all writes."""
-        block, row = divmod(self._tick, _NOISE_BLOCK)
+    @property
+    def periods(self) -> int:
+        """Periods since it was made."""
+        return self._tick
+
+    def alone_for(self, ticks: int) -> int:
+        """Return for how many of the next ticks it can be stepped without being asked in between."""
+        if self._card is not None or self._broken is not None or self._tripped:
+            return 0
+        return min(ticks, _NOISE_BLOCK - 1 - self._tick % _NOISE_BLOCK)
+
+    def has_gone(self, ticks: int, m: Measurement) -> None:
+        """Take note that it was stepped so often, and what was measured last."""
+        self._tick += ticks
+        self._m = m
+        self._tripped = m.safety_trip != 0.0
+
+    def _draw_noise(self) -> None:
+        """Draw a block of noise where it begins, and by each reading before all writes."""
+        block = self._tick // _NOISE_BLOCK
         if (block != self._noise_block or self._tick == 0) and self._noise_N > 0.0:
             self._noise_block = block
-            self._noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
-        return row
+            noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
+            self.simulated.field("noise").put(noise)
 
     def _cut(self, command: MotorCommand) -> MotorCommand:
         cuts_A, cuts_B = self.module_cuts
@@ -189,11 +212,12 @@ class Simulator:
     @property
     def F_push(self) -> float:
         """The push that is applied now [N]."""
-        return self._F_push
+        F_push: float = self._pushed.get()
+        return F_push
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
-        self._F_push = float(F_push)
+        self._pushed.put(float(F_push))
         self._m = None
 
     def load(self, load: ShaftLoad) -> None:
@@ -202,7 +226,7 @@ class Simulator:
             raise PlantError(
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
             )
-        self._load = ShaftLoad(float(load.load_A), float(load.load_B))
+        self.simulated.field("load").put(ShaftLoad(float(load.load_A), float(load.load_B)))
 
     def inject(self, broken: Broken | None) -> None:
         """Break something from the next reading on; None mends it. Raises PlantError for what only a card has."""
@@ -210,8 +234,7 @@ class Simulator:
             raise PlantError(f"{broken.words}: only a card has that, try it with --plant rig --virtual-card")
         self._broken = None if broken is None else BrokenPart(broken)
         if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
-            self._tripped = True
-            self._m = None
+            self._trips(tripped=True)
         if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH and self._card is not None:
             self._card.kill_watchdog()
 
@@ -221,18 +244,23 @@ class Simulator:
 
     def limit_tension(self, F_limit: float | None) -> None:
         """Set the tension at which the safety module trips [N], None for its own."""
-        self._bounds = self._bounds._replace(F_max=self._F_max if F_limit is None else F_limit)
+        bounds = self.simulated.field("bounds")
+        bounds.put(bounds.get()._replace(F_max=self._F_max if F_limit is None else F_limit))
 
     def acknowledge(self) -> None:
         """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""
         if self._broken is not None and self._broken.keeps_from_working:
             raise PlantError(f"still broken: {self._broken.description}; mend it first")
-        if self._exceeded(self._plant, self._bounds, self.x):
+        if self._exceeds(self.simulated):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
-        self._tripped = False
-        self._m = None
+        self._trips(tripped=False)
         if self._card is not None:
             self._card.rearm()
+
+    def _trips(self, *, tripped: bool) -> None:
+        self._tripped = tripped
+        self._trip.put(tripped)
+        self._m = None
 
     def close(self) -> None:
         """Zero volts and drives off at the card; the physics stands still without writes."""

@@ -32,6 +32,7 @@ ONLY_COMPUTES = {
     "recording",
     "reports",
     "storage",
+    "tick",
     "tuning",
     "wire",
     "test_forks.py",

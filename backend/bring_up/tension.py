@@ -7,8 +7,8 @@ from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import Reset, SetMode, Stop, TryModule
 from backend.loop.mode import Mode
 from backend.loop.module_trial import DRIVEN_S
-from backend.loop.motion import PRETENSION_N
 from backend.sample import INDEX
+from backend.tick.winding import PRETENSION_N
 from plant.hand import Hand
 from plant.interface import T_s
 

@@ -5,6 +5,7 @@ import getpass
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -16,6 +17,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.playing.runner import Order, Outcome
+    from backend.operating.kept_figures import KeptFigures
     from backend.reports.source import Source
     from plant.parameters import PlantParameters
 
@@ -81,6 +83,7 @@ def in_force(settings: Settings) -> Standing:
     from plant.parameters import load_parameters
 
     parameters = load_parameters(settings.params)
+    _figures().restore()
     with database_of(settings) as database:
         try:
             kept = kept_choice.newest(database, parameters)
@@ -140,7 +143,6 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.experiments.playing.headless_station import headless_station
     from backend.experiments.playing.runner import run_experiment
-    from backend.reports.files import write_files
     from backend.reports.source import load_source
     from plant.parameters import load_parameters
 
@@ -154,10 +156,23 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
             with meter(order.plan.program().duration_s, hidden=hidden) as progress:
                 outcome = asyncio.run(run_experiment(station, order, progress))
             into = folder / f"run-{outcome.run.id}" if folder and own_folder else folder
-            written = write_files(database, outcome.run.id, into, angles()) if into else ()
+            written: tuple[Path, ...] = ()
+            if into:
+                from backend.reports.files import write_files  # draws, for which most runs need not wait
+
+                written = write_files(database, outcome.run.id, into, angles())
             return _Played(outcome, load_source(database, outcome.run.id), written)
 
         yield play
+    _figures().keep()
+
+
+@cache
+def _figures() -> "KeptFigures":
+    """Return what commands before, and the service, have computed for a tuning."""
+    from backend.operating.kept_figures import KeptFigures
+
+    return KeptFigures()
 
 
 def current_user() -> str:

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from plant.compiled import compiled
 from plant.interface import Measurement, MotorCommand, T_s
+from plant.parameter_sections import SIDES, Side
 from plant.parameters import PlantParameters
-from plant.spring import Spring, tension
+from plant.spring import Spring, tension, tension_slope
 
 CONTRADICTION_N = 6.0
 """Difference between load cell and spring that is a fault [N]: several times a spring's misfit and a cell's error."""
@@ -30,6 +31,15 @@ something is connected the wrong way round. One that is being turned round by it
 
 _REVERSED_RAD = 5e-3
 """How much faster, as an angle in that time [rad]: some counts of the encoder."""
+
+VOLTAGE_MARGIN = 1.0
+"""Driven means this much [V] above what holds the largest tension against friction: after 0.1 s a thousandth of a
+revolution lies behind the slowest motor."""
+
+_MOTOR_MARGIN = 3.0
+"""Times the motor's fastest speed without load: a reading that moves faster has jumped."""
+
+_MARGIN_N = 1.0
 
 TURNED_RAD = 2.0
 """A load cell that does not change in its last digit while its motor turns this far [rad] is stuck; slack before
@@ -86,12 +96,19 @@ def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
     return m.F_A - F_A, m.F_B - F_B
 
 
-def remembered(raw: Measurement) -> NDArray[np.float64]:
-    """Make what ``look`` remembers after the first readings; it changes in place."""
-    memory = np.zeros((9, 5))
-    memory[_PAST] = raw[:5]
-    memory[_TURNED_FROM, :2] = raw.theta_A, raw.theta_B
-    return memory
+def nothing_remembered() -> NDArray[np.float64]:
+    """Make room for what ``look`` remembers; it changes in place."""
+    return np.zeros((9, 5))
+
+
+@compiled
+def remember(memory: NDArray[np.float64], raw: Measurement) -> None:
+    """Take the first readings for what was before."""
+    memory[:] = 0.0
+    readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
+    for index in range(5):
+        memory[_PAST, index] = readings[index]
+    memory[_TURNED_FROM, 0], memory[_TURNED_FROM, 1] = raw.theta_A, raw.theta_B
 
 
 @compiled
@@ -201,3 +218,29 @@ def tendons_for(parameters: PlantParameters) -> Tendons:
     """Tendons of a parameter set, as the controller knows them."""
     geometry = parameters.geometry
     return Tendons(geometry.r_m, geometry.r_j, parameters.identified_spring("A"), parameters.identified_spring("B"))
+
+
+def limits_for(parameters: PlantParameters) -> Limits:
+    """How far readings of a plant can move in a tick, and what is sure to turn its motors."""
+    return Limits(_reach_in_a_tick(parameters), (_driving_voltage(parameters, "A"), _driving_voltage(parameters, "B")))
+
+
+def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, float, float]:
+    """How far q, theta_A, theta_B [rad], F_A, F_B [N] can move in a tick.
+
+    The joint at the speed at which its damping takes up the largest tension; each motor at a multiple of its fastest;
+    each load cell at that speed of the joint on the steepest part of its spring.
+    """
+    geometry, u_max = parameters.geometry, parameters.motor.u_max
+    q_dot = geometry.r_j * parameters.safety.F_max / max(geometry.B_j, 1e-6)
+    A, B = (_MOTOR_MARGIN * parameters.identified_of(side).K_m * u_max * T_s for side in SIDES)
+    springs = (parameters.identified_spring(side) for side in SIDES)
+    F_A, F_B = (tension_slope(spring, spring.x_solid) * geometry.r_j * q_dot * T_s + _MARGIN_N for spring in springs)
+    return 1.2 * q_dot * T_s, A, B, F_A, F_B
+
+
+def _driving_voltage(parameters: PlantParameters, side: Side) -> float:
+    """Voltage [V] that is sure to turn a motor under any tension."""
+    motor = parameters.motor_of(side)
+    load = parameters.geometry.r_m * parameters.safety.F_max
+    return (load * (1.0 + motor.c1) + motor.c0) / motor.K_t + VOLTAGE_MARGIN

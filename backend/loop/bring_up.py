@@ -7,10 +7,11 @@ from backend.loop.causes import Cause
 from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
-from backend.loop.mode_machine import ModeMachine, Now
-from backend.loop.motion import NO_REFERENCE
+from backend.loop.mode_machine import ModeMachine
 from backend.loop.motor_trial import MotorTrial
+from backend.loop.now import Now
 from backend.refusal import require_within
+from backend.tick.decision import NO_REFERENCE
 from plant.hand import Handled
 from plant.interface import EndSwitched, Plant, PlantError, Proven, Switched
 

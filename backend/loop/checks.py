@@ -1,63 +1,44 @@
-"""Fault detection in the tick: each check names the fault and says what was seen. The first one found counts."""
+"""What is said of a fault that the tick has found (``backend.tick.checks``): its name, and what was seen."""
 
 import math
 
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
-from backend.loop.sensor_checks import SensorChecks
+from backend.loop.sensor_checks import told
 from backend.reading import in_digits
-from plant.interface import NO_RAW, ZERO_VOLTS, Measurement, MotorCommand, RawReading, T_s
+from backend.tick import checks
+from backend.tick.checks import SLACK_MAX_S, Found, State
+from plant.interface import NO_RAW, Measurement, MotorCommand, RawReading
 from plant.parameters import PlantParameters
-
-SLACK_MAX_S = 0.1
-"""How long a tendon may be slack while the loops are closed [s]."""
 
 
 class Checks:
-    """Looks at every measurement; ``command`` is what was written last, set by the loop.
+    """Names faults of one plant."""
 
-    ``unattended_max_s`` [s] is how long the plant may be left alone.
-    """
-
-    def __init__(self, parameters: PlantParameters, unattended_max_s: float) -> None:
-        self.command: MotorCommand = ZERO_VOLTS
+    def __init__(self, parameters: PlantParameters) -> None:
         self._bounds = bounds_for(parameters)
-        self._sensors = SensorChecks(parameters)
-        self._missed_max = round(unattended_max_s / T_s)
-        self._slack_s = 0.0
 
-    def step(
-        self,
-        raw: Measurement,
-        m: Measurement,
-        zeroed: bool,
-        taut_wanted: bool,
+    def told(
+        self, found: Found, seen: State, m: Measurement, heard: Measurement, command: MotorCommand, at_card: RawReading,
         missed: int,
-        at_card: RawReading = NO_RAW,
-    ) -> tuple[Fault, str]:
-        """Return the first fault found and what was seen, or ``Fault.NONE``.
+    ) -> tuple[Fault, str]:  # fmt: skip
+        """Return the fault and what was seen.
 
-        ``raw`` is as read, ``at_card`` what it was made from; in ``m`` the motor encoders have their zeros, which are
-        known where ``zeroed``.
-        ``taut_wanted``: the mode keeps tendons under tension; ``missed``: deadlines missed since the last tick.
+        ``m`` has the motors' zeros, ``heard`` is that from the joint's middle; ``at_card`` is what they were made from,
+        ``missed`` the deadlines since the last tick.
         """
-        fault, seen = self.standing(m, at_card)
-        if fault in (Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED):
-            return fault, seen
-        if m.safety_trip:
-            return Fault.SAFETY_MODULE, ""
-        doubtful, contradiction = self._sensors.step(raw, m, self.command, zeroed, missed)
-        if doubtful is Fault.SENSOR_JUMP or fault is Fault.NONE:
-            fault, seen = doubtful, contradiction
-        slack = taut_wanted and min(m.F_A, m.F_B) < self._bounds.F_slack
-        self._slack_s = self._slack_s + T_s if slack else 0.0
-        if fault is not Fault.NONE:
-            return fault, seen
-        if self._slack_s > SLACK_MAX_S:
-            return Fault.SLACK, f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N: slack for more than {SLACK_MAX_S:g} s"
-        if missed >= self._missed_max:
-            return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
-        return Fault.NONE, ""
+        match found.what:
+            case checks.NO_NUMBER | checks.OUT_OF_BOUNDS:
+                return self.standing(heard, at_card)
+            case checks.TRIPPED:
+                return Fault.SAFETY_MODULE, ""
+            case checks.INCREDIBLE:
+                return told(found, seen.past, seen.newest, m, command)
+            case checks.SLACK:
+                tensions = f"F_A = {m.F_A:.1f} N, F_B = {m.F_B:.1f} N"
+                return Fault.SLACK, f"{tensions}: slack for more than {SLACK_MAX_S:g} s"
+            case _:
+                return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
 
     def standing(self, m: Measurement, at_card: RawReading = NO_RAW) -> tuple[Fault, str]:
         """Return the fault that one measurement shows by itself, without what came before."""

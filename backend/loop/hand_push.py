@@ -23,6 +23,11 @@ class HandPush:
         self._plant = plant
         self._until: int | None = None
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is pushed by hand."""
+        return self._until is None
+
     def begin(self, command: Push, tick: int, mode: Mode) -> None:
         """Push from ``tick`` on; 0 N lets go.
 

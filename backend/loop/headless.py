@@ -45,25 +45,31 @@ class Headless:
 
     async def advance(self, seconds: float) -> None:
         """Step the loop for so many seconds of its time."""
-        await self._advance(round(seconds / T_s), lambda: False)
+        left = round(seconds / T_s)
+        while left > 0:
+            batch = min(left, _BATCH_TICKS)
+            left -= batch
+            while batch > 0:
+                batch -= self._loop.run(batch)
+                self._deliver()
+            await self._end_batch()
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
         """Step the loop until ``reached()``, asked after every tick. Raises TimeoutError."""
-        if not await self._advance(round(timeout_s / T_s), reached):
-            raise TimeoutError(f"not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}")
-
-    async def _advance(self, ticks: int, reached: Callable[[], bool]) -> bool:
-        for tick in range(1, ticks + 1):
+        for tick in range(1, round(timeout_s / T_s) + 1):
             if reached():
                 break
             self._loop.tick()
             self._deliver()
             if tick % _BATCH_TICKS == 0:
-                self._each_batch(self.ring)
-                await asyncio.sleep(0)
+                await self._end_batch()
+        await self._end_batch()
+        if not reached():
+            raise TimeoutError(f"not reached within {timeout_s:g} s of loop time; the mode is {self._loop.mode}")
+
+    async def _end_batch(self) -> None:
         self._each_batch(self.ring)
         await asyncio.sleep(0)  # whoever else waits on this event loop gets its turn, however short the advance
-        return reached()
 
     def _deliver(self) -> list[Event]:
         events = self._loop.drain_events()

@@ -11,8 +11,8 @@ from enum import Enum, auto
 
 from backend.controllers import cascade, pretension
 from backend.loop.causes import HomingEnd
-from backend.loop.motion import AT_REST, Carry, Decision, Trial
-from backend.loop.player import Target
+from backend.loop.motion import Trial
+from backend.tick.decision import AT_REST, Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 HOMING_MAX_V = 1.5

@@ -3,14 +3,13 @@
 The same class runs live in the loop process and headless for the command line; what differs is who calls ``tick``.
 """
 
-from typing import Protocol, assert_never
+from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
-from backend.controllers import decoupler
+from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
-from backend.faults import FAULT_CODE, Fault
+from backend.faults import Fault
 from backend.loop import bring_up
 from backend.loop.causes import HomingEnd
 from backend.loop.checks import Checks
@@ -33,28 +32,25 @@ from backend.loop.commands import (
 )
 from backend.loop.hand_push import HandPush
 from backend.loop.homing import Homing
-from backend.loop.mode import LEGAL, MODE_CODE, Mode, RefusedError
-from backend.loop.mode_machine import ModeMachine, Now
-from backend.loop.motion import AT_REST, Decision
+from backend.loop.mode import LEGAL, Mode, RefusedError
+from backend.loop.mode_machine import ModeMachine
+from backend.loop.now import Now
+from backend.loop.orders import orders_of
 from backend.loop.plant_watch import PlantWatch
+from backend.loop.ring import Ring, SampleRing
+from backend.loop.tick_desk import TickDesk
 from backend.loop.tuned import tuning_of
-from backend.loop.velocity import JointVelocity
-from backend.sample import FIELDS, ROW
+from backend.sample import FIELDS
+from backend.tick.batch import DECIDED, Stretch
+from backend.tick.decision import AT_REST
+from backend.tick.desk import DONE, FOUND, PUSHES, QUIET
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
-from plant.compiled import Specialised
-from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError, T_s
+from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError
 from plant.parameters import PlantParameters
+from plant.simulator import Simulator
 
 _AT_REST_TOO = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
-
-
-class SampleRing(Protocol):
-    """Where the loop leaves its samples: rows of len(FIELDS) numbers, one a tick."""
-
-    def append(self, row: NDArray[np.float64]) -> None:
-        """Publish one row."""
-        ...
 
 
 class Loop:
@@ -65,9 +61,8 @@ class Loop:
         self.finished = False
         self._plant = plant
         self._ring = ring
-        self._decoupler = decoupler.decoupler_for(parameters)
-        self._stiffness = Specialised(decoupler.stiffness, self._decoupler, 0.0, 0.0)
-        self._checks = Checks(parameters, plant.unattended_max_s)
+        self._decoupler = decoupler_for(parameters)
+        self._checks = Checks(parameters)
         self._plant_watch = PlantWatch()
         self._row = np.zeros(len(FIELDS))
         self._tick = self._newest_tick = 0
@@ -77,9 +72,9 @@ class Loop:
         gains = tuning_of(tuning, self._decoupler, self.bounds)
         try:
             plant.open()
-            self._raw = self._m = m = plant.read()
-            self._machine = ModeMachine(plant, parameters, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events)
-            self._velocity = JointVelocity(m.q)
+            self._desk = TickDesk(parameters, plant.unattended_max_s, gains, plant.read())
+            lambdas = Lambdas(tuning.lam_q, tuning.lam_S)
+            self._machine = ModeMachine(plant, parameters, self._desk, gains, lambdas, self._events)
         except BaseException:  # the drives may be on already, and nobody else has this plant to close
             self.close()
             raise
@@ -125,13 +120,13 @@ class Loop:
             events.append(Accepted(sequence, tick))
 
     def _now(self) -> Now:
-        return Now(self._newest_tick, self._m)
+        return Now(self._newest_tick, self._desk.m)
 
     def _carry_out(self, command: Command) -> None:
         if isinstance(command, bring_up.Asked):
             bring_up.carry_out(command, self._machine, self._plant, self._now())
             if isinstance(command, Zero):
-                self._velocity.stands_at(command.q)
+                self._desk.stands_at(command.q)
             return
         match command:
             case Stop():
@@ -162,71 +157,126 @@ class Loop:
         machine = self._machine
         if machine.mode is not Mode.TRIPPED:
             raise RefusedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
-        fault, seen = self._checks.standing(machine.heard(self._m), self._plant.raw)
+        fault, seen = self._checks.standing(machine.zeros.from_middle(self._desk.m), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise RefusedError(f"the cause is still there: {seen}")
         machine.reset(self._now())
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
-        """One period: read, estimate, decide, limit, write, append. Zero volts on any way out by an error."""
+        """One period: read, look, decide, write, keep the row. Zero volts on any way out by an error."""
+        self._make_tick(None, lateness_s, overruns)
+
+    def run(self, ticks: int) -> int:
+        """Make at most so many ticks, and at least one: in a batch where nobody has to be asked in between; how many.
+
+        A batch ends in the tick that something comes of, which is made by itself from there on.
+        """
+        plant, ring = self._plant, self._ring
         machine = self._machine
+        told = self._plant_watch.answers and not machine.has_to_tell
+        undisturbed = told and self._hand.is_idle and machine.interpreted is None
+        if not (undisturbed and isinstance(plant, Simulator) and isinstance(ring, Ring)) or not plant.alone_for(ticks):
+            self.tick(overruns=self._overruns)
+            return 1
+        alone = plant.alone_for(ticks)
+        desk = self._desk
+        desk.order(orders_of(machine))
+        stretch = Stretch(self._tick, plant.periods, alone, self._overruns)
+        made, came, u_A, u_B, m = desk.run(plant.simulated, plant.read(), stretch, ring.rows)
+        plant.has_gone(made, m)
+        ring.count_in(made)
+        machine.push.has_become(*desk.acting)
+        self._tick += made
+        self._newest_tick = self._tick - 1
+        if came == QUIET:
+            return made
+        self._make_tick((came, u_A, u_B), 0.0, self._overruns)
+        return made + 1
+
+    def _make_tick(self, begun: tuple[int, float, float] | None, lateness_s: float, overruns: int) -> None:
+        """Make a tick, or the rest of one that a batch has ``begun``: what came of it so far, and voltages [V]."""
+        machine, missed = self._machine, overruns - self._overruns
         self._newest_tick = self._tick
         self._plant_watch.begin()
         released = self._hand.step(self._tick, machine.mode)
         if released is not None:
             self._events.append(released)
-        command, decision = ZERO_VOLTS, AT_REST
+        command = ZERO_VOLTS
         try:
-            self._read()
-            self._check(overruns - self._overruns)
-            decision = self._decide()
+            came, u_A, u_B = begun or self._begin_tick(missed)
+            if came not in (QUIET, DECIDED) or machine.interpreted is not None:
+                u_A, u_B = self._attend(came, missed)
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
-                command = MotorCommand(decision.u_A, decision.u_B)
+                command = MotorCommand(u_A, u_B)
         except PlantError as error:
+            self._desk.decision = AT_REST
             self._plant_failed(error)
         finally:
             self._write(command)
         self._events += self._plant_watch.end(self._tick)
         self._overruns = overruns
-        self._append(decision, lateness_s)
+        self._desk.order(orders_of(machine))
+        self._desk.write_row(self._row, self._tick, self._plant.raw, lateness_s, overruns)
+        self._ring.append(self._row)
         self._tick += 1
 
-    def _read(self) -> None:
-        self._raw = self._plant.read()
-        self._m = self._machine.zeros.counted(self._raw)
-        self._velocity.step(self._m.q)
+    def _begin_tick(self, missed: int) -> tuple[int, float, float]:
+        """Read, look, and let a compiled motion decide; what came of it, and voltages [V]."""
+        desk, raw = self._desk, self._plant.read()
+        desk.order(orders_of(self._machine))
+        found = desk.look(raw, missed)
+        if found == FOUND or self._machine.interpreted is not None:
+            return found, 0.0, 0.0
+        return desk.decide()
 
-    def _check(self, missed: int) -> None:
-        machine = self._machine
-        heard, known = machine.heard(self._m), machine.zeros.motors_known
-        fault, seen = self._checks.step(self._raw, heard, known, machine.keeps_taut, missed, self._plant.raw)
-        at_risk = machine.motion is not None or fault in _AT_REST_TOO
-        if fault is not Fault.NONE and machine.mode is not Mode.TRIPPED and at_risk:
-            machine.begin_stop(Stop(fault), seen, self._now())
-
-    def _decide(self) -> Decision:
-        machine, m = self._machine, self._m
-        decision = machine.decide(m)
-        if decision is None:
-            return AT_REST
+    def _attend(self, came: int, missed: int) -> tuple[float, float]:
+        """See to what came of a tick that was looked at; return the voltages [V] that are decided then."""
+        machine, desk = self._machine, self._desk
+        if came & FOUND:
+            self._react(missed)
+            desk.order(orders_of(machine))
+        if machine.interpreted is not None:
+            decision = desk.decision = machine.interpreted.step(machine.tuning, desk.m)
+            came = DONE if machine.interpreted.done else QUIET
+        else:
+            if came & FOUND:
+                came, _, _ = desk.decide()
+            decision = desk.decision
+        if came & PUSHES:
+            machine.push.act(decision.target.F_push, decision.target.load)
         motion = machine.motion
-        if motion is not None and motion.done:
+        if came & DONE and motion is not None:
+            motion.done = True
             if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
-                found = Zero(motion.position_of(m.q), 0.0, 0.0)
+                found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
                 bring_up.set_zero(found, machine, self._plant)
-                self._velocity.stands_at(found.q)
-            self._m = machine.end_motion(self._now())
-        return decision
+                desk.stands_at(found.q)
+            m = desk.m
+            after = machine.end_motion(Now(self._newest_tick, m))
+            if after is not m:
+                desk.m = after
+        return decision.u_A, decision.u_B
+
+    def _react(self, missed: int) -> None:
+        """Stop for what the checks have found, where that is to be stopped for."""
+        machine, desk = self._machine, self._desk
+        if machine.mode is Mode.TRIPPED:
+            return
+        m, command = desk.m, desk.command
+        heard = machine.zeros.from_middle(m)
+        fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
+        if machine.motion is not None or fault in _AT_REST_TOO:
+            machine.begin_stop(Stop(fault), seen, Now(self._newest_tick, m))
 
     def _write(self, command: MotorCommand) -> None:
         machine = self._machine
         try:
             self._plant.write(command)
-            self._checks.command = command  # what cannot be written leaves the outputs as they were
+            self._desk.command = command  # what cannot be written leaves the outputs as they were
         except (WatchdogExpiredError, WatchdogDeadError) as error:
             # The drives are off already: this is zero volts, and stays so until somebody resets.
-            self._checks.command = ZERO_VOLTS
+            self._desk.command = ZERO_VOLTS
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
                 machine.begin_stop(Stop(fault), str(error), self._now())
@@ -239,48 +289,6 @@ class Loop:
         self._plant_watch.failure = str(error)
         if self._machine.mode is not Mode.TRIPPED:
             self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), self._now())
-
-    def _append(self, y: Decision, lateness_s: float) -> None:
-        machine = self._machine
-        m, raw, put = self._m, self._plant.raw, self._checks.command
-        ROW.pack_into(
-            self._row.data,
-            0,
-            self._tick,
-            self._tick * T_s,
-            MODE_CODE[machine.mode],
-            machine.run,
-            m.q,
-            y.target.q_ref,
-            y.q_ref_gov,
-            self._velocity.q_dot,
-            self._stiffness(self._decoupler, m.theta_A, m.theta_B),
-            y.target.S_ref,
-            y.S_ref_gov,
-            m.S_true,
-            m.theta_A,
-            y.theta_A_ref,
-            m.theta_B,
-            y.theta_B_ref,
-            m.F_A,
-            m.F_B,
-            put.u_A,
-            put.u_B,
-            m.F_push,
-            raw.V_A,
-            raw.V_B,
-            raw.n_q,
-            raw.n_A,
-            raw.n_B,
-            machine.lambdas.lam_q,
-            machine.lambdas.lam_S,
-            y.bank_entry,
-            int(y.limits),
-            FAULT_CODE[machine.fault],
-            lateness_s,
-            self._overruns,
-        )
-        self._ring.append(self._row)
 
     def close(self) -> None:
         """Zero volts and let go of the plant. Safe to call twice."""

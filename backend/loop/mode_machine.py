@@ -2,8 +2,6 @@
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
-from typing import NamedTuple
 
 from backend.controllers import motors
 from backend.controllers.cascade import Tuning
@@ -25,37 +23,33 @@ from backend.loop.commands import (
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import (
-    NO_REFERENCE,
-    PRETENSION_N,
+    Baseline,
     Braking,
-    Carry,
-    Decision,
+    Interpreted,
     Motion,
+    MotorSteps,
+    Rest,
+    Tracking,
     Travel,
     Trial,
     Winding,
 )
-from backend.loop.motor_steps import MotorSteps
+from backend.loop.now import Now
 from backend.loop.pending_stop import PendingStop
-from backend.loop.player import Target
 from backend.loop.program import IDENTIFYING, Program, mode_of_law, starts_from
 from backend.loop.program_motions import ProgramMotions
-from backend.loop.tracking import Baseline, Tracking
+from backend.loop.program_push import ProgramPush
+from backend.loop.tick_desk import TickDesk
 from backend.loop.zeros import Zeros
+from backend.tick.decision import NO_REFERENCE, Carry, Target
+from backend.tick.winding import PRETENSION_N
 from backend.tuning.models import Lambdas
-from plant.interface import NO_LOAD, Measurement, Plant, PlantError, Proven, ShaftLoad
+from plant.interface import Measurement, Plant, Proven
 from plant.parameters import PlantParameters
 from plant.spring import elongation
 
 _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
-
-
-class Now(NamedTuple):
-    """The newest tick, and what was measured in it."""
-
-    tick: int
-    m: Measurement
 
 
 class ModeMachine:
@@ -65,11 +59,19 @@ class ModeMachine:
     """
 
     def __init__(
-        self, plant: Plant, parameters: PlantParameters, tuning: Tuning, lambdas: Lambdas, events: list[Event]
+        self,
+        plant: Plant,
+        parameters: PlantParameters,
+        desk: TickDesk,
+        tuning: Tuning,
+        lambdas: Lambdas,
+        events: list[Event],
     ) -> None:
         self.mode = Mode.OFF
         self.fault = Fault.NONE
-        self.motion: Motion | None = None
+        self._desk = desk
+        self._rest = Rest(tuning.motors)
+        self.motion = None
         self.run = 0
         self.tuning = tuning
         self.lambdas = lambdas
@@ -84,8 +86,20 @@ class ModeMachine:
         self._geometry = decoupler_for(parameters)
         self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
         self._program: Program | None = None
-        self._F_push, self._load = 0.0, NO_LOAD
-        self._reached_told = False
+        self.push = ProgramPush(plant)
+        self.reached_told = False
+
+    @property
+    def motion(self) -> Motion | None:
+        """The motion that is under way."""
+        return self._motion
+
+    @motion.setter
+    def motion(self, motion: Motion | None) -> None:
+        self._motion = motion
+        self.interpreted = motion if isinstance(motion, Interpreted) else None
+        if self.interpreted is None:
+            self._desk.lay(motion or self._rest)
 
     @property
     def pretension_done(self) -> bool:
@@ -103,23 +117,15 @@ class ModeMachine:
 
         Voltage steps are made with slack tendons on purpose.
         """
-        on_the_way = self.mode is Mode.PRETENSION and not self._reached_told
+        on_the_way = self.mode is Mode.PRETENSION and not self.reached_told
         slack_wanted = isinstance(self.motion, MotorSteps | Trial)
         closed = self.motion is not None and self.zeros.motors_known and self.mode is not Mode.STOPPING
         return closed and not on_the_way and not slack_wanted
 
-    def heard(self, m: Measurement) -> Measurement:
-        """Return what the checks are told: the joint from its middle, also where its encoder counts from elsewhere."""
-        return self.zeros.from_middle(self.motion.heard(m) if isinstance(self.motion, ModuleTrial) else m)
-
-    def decide(self, m: Measurement) -> Decision | None:
-        """One step of the motion, if there is one; the joint is pushed as its program says. Raises PlantError."""
-        if self.motion is None:
-            return None
-        decision = self.motion.step(self.tuning, m)
-        if decision.pushes:
-            self._act_on_joint(decision.target.F_push, decision.target.load)
-        return decision
+    @property
+    def has_to_tell(self) -> bool:
+        """Whether a stop has come to zero volts that nobody was told of yet."""
+        return self._pending_stop is not None and self.mode is Mode.TRIPPED
 
     def set_mode(self, command: SetMode, now: Now) -> None:
         """Carry out an operator's move. Raises RefusedError."""
@@ -178,13 +184,14 @@ class ModeMachine:
         if isinstance(self.motion, Baseline):
             raise RefusedError("the gains of a baseline are fixed while its program plays: wait for its end or stop it")
         self.tuning, self.lambdas = tuning, lambdas
+        self._desk.retune(tuning)
 
     def set_references(self, command: SetReferences) -> None:
         """Move the operator's references. Raises RefusedError or OutOfRangeError."""
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
         self._programs.require_references(command.q_ref, command.S_ref)
-        self.motion.target = Target(float(command.q_ref), float(command.S_ref), 0.0)
+        self.motion.aim(Target(float(command.q_ref), float(command.S_ref), 0.0))
 
     def reset(self, now: Now) -> None:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
@@ -225,8 +232,8 @@ class ModeMachine:
             self._enter(now, Mode.OFF, None, self.motion.cause)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
             self._enter_pretension(now, Cause.PROGRAM_ENDED, completed=True)
-        elif self.pretension_done and not self._reached_told:
-            self._reached_told = True
+        elif self.pretension_done and not self.reached_told:
+            self.reached_told = True
             self._events.append(PretensionReached(now.tick))
         elif self.mode is Mode.STOPPING:
             self._enter(now, Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
@@ -257,24 +264,15 @@ class ModeMachine:
             self._events.append(RunEnded(now.tick, self.run, whole, cause, detail))
         if self._program is not None:
             if self._program.law not in IDENTIFYING:
-                with suppress(PlantError):  # whoever pushes the plant has let go of it with it
-                    self._act_on_joint(0.0, NO_LOAD)
+                self.push.let_go()
             self._program = None
         self._events.append(ModeChanged(now.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
-        self._reached_told = False
-
-    def _act_on_joint(self, F_push: float, load: ShaftLoad) -> None:
-        """Push [N] and load the shafts; what can do neither is not asked to while the program does not. PlantError."""
-        (F_before, load_before), (self._F_push, self._load) = (self._F_push, self._load), (F_push, load)
-        if load != load_before:
-            self._plant.load(load)
-        if F_push != F_before:
-            self._plant.push(F_push)
+        self.reached_told = False
 
     def _enter_pretension(self, now: Now, cause: Why, *, completed: bool = False) -> None:
         carry, known, wound = self._carried(now.m), self.zeros.motors_known, self._programs.wound(PRETENSION_N)
-        motion: Motion = Travel(carry, NO_REFERENCE, *wound) if known else Winding(carry, NO_REFERENCE)
+        motion: Motion = Travel(carry, *wound) if known else Winding(carry)
         self._enter(now, Mode.PRETENSION, motion, cause, completed=completed)
 
     def _take_zero(self, winding: Winding, m: Measurement) -> Measurement:
@@ -287,11 +285,11 @@ class ModeMachine:
         carry = winding.carry()
         state = motors.shift(carry.gains, carry.state, move_A, move_B)
         shifted = Carry(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
-        self.motion = Travel(shifted, NO_REFERENCE, *self._programs.wound(PRETENSION_N))
+        self.motion = Travel(shifted, *self._programs.wound(PRETENSION_N))
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
     def _brake(self, now: Now, cause: Why) -> None:
         if isinstance(self.motion, Trial):  # which way it turns is not known: to brake could be to drive on
             self._enter(now, Mode.OFF, None, cause)
             return
-        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), NO_REFERENCE, now.m), cause)
+        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), now.m), cause)

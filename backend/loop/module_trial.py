@@ -6,10 +6,9 @@ Only so does it show whether the module itself cuts the drives, or merely says s
 import math
 
 from backend.controllers import cascade, motors
-from backend.faults import Limit
-from backend.loop.motion import Carry, Decision, MotorPositions
+from backend.loop.motion import Interpreted
 from backend.loop.motor_trial import TRIAL_MAX_V
-from backend.loop.player import Target
+from backend.tick.decision import Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 DRIVEN_S = 0.3
@@ -20,7 +19,7 @@ RISE_MAX_N = 3.0
 """A tendon that gets tauter by more [N] meanwhile ends it at once."""
 
 
-class ModuleTrial(MotorPositions):
+class ModuleTrial(Interpreted):
     """Hold the motors; from the module's trip on drive them with a voltage that rises, and be done after DRIVEN_S.
 
     Friction holds a motor within a band of voltages, at whose lower end it creeps back although it has its drive. The
@@ -46,8 +45,4 @@ class ModuleTrial(MotorPositions):
         at_rest = motors.at_rest(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
         self._carry = Carry(at_rest, tuning.motors, m.theta_A, m.theta_B)
         nan = math.nan
-        return Decision(self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, Limit(0))
-
-    def heard(self, m: Measurement) -> Measurement:
-        """Return what the loop's checks are told: of the trip not before this is done, and then in any case."""
-        return m._replace(safety_trip=1.0 if self.done else 0.0)
+        return Decision(self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done)

@@ -7,10 +7,9 @@ time, so that even with nothing to be seen the joint goes less than 0.1 rad.
 import math
 
 from backend.controllers import cascade, motors
-from backend.faults import Limit
 from backend.loop.causes import Cause
-from backend.loop.motion import Carry, Decision, Trial
-from backend.loop.player import Target
+from backend.loop.motion import Trial
+from backend.tick.decision import Carry, Decision, Target
 from plant.interface import Measurement, T_s
 
 TRIAL_MAX_V = 1.0
@@ -53,7 +52,7 @@ class MotorTrial(Trial):
         self._carry = Carry(
             motors.at_rest(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
         )
-        return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, Limit(0))
+        return Decision(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
 
     def _voltage(self) -> float:
         if not self._out:

@@ -15,6 +15,11 @@ class PlantWatch:
         self._told = False
         self._good_ticks = 0
 
+    @property
+    def answers(self) -> bool:
+        """Whether nothing has to be told of the plant unless it fails."""
+        return not self._told
+
     def begin(self) -> None:
         """Begin a tick."""
         self.failure = ""

@@ -10,6 +10,7 @@ from enum import StrEnum
 
 from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.refusal import require_within
+from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 
 MAX_SEGMENTS = 1000
 """Most segments of a program: sixteen packets, each taken in a tick of its own."""
@@ -105,13 +106,6 @@ class Excitation:
     def duration_s(self) -> float:
         """Length of the whole excitation [s]."""
         return self.periods * len(self.levels) * self.chip_s
-
-
-ZERO_VOLTS_S = 0.2
-"""How long both motors stand at zero volts before a voltage step [s], so that the step starts from rest."""
-
-STEP_BRAKING_S = 0.5
-"""Length of braking after a voltage step [s]: full speed takes 0.3 s."""
 
 
 @dataclass(frozen=True)

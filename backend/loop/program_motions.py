@@ -4,12 +4,13 @@ from backend.controllers.cascade import Tuning
 from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
 from backend.loop.mode import RefusedError
-from backend.loop.motion import NO_REFERENCE, PRETENSION_N, Carry, ForceHold, Motion
-from backend.loop.motor_steps import MotorSteps
+from backend.loop.motion import BASELINES, Baseline, ForceHold, Motion, MotorSteps, TensionSweep, Tracking
 from backend.loop.program import Law, Program, Segment, require_able, require_few
-from backend.loop.tension_sweep import TensionSweep
-from backend.loop.tracking import BASELINES, Baseline, Tracking
+from backend.loop.program_arrays import tension_hold_of, tension_sweep_of, voltage_steps_of
 from backend.refusal import require_within
+from backend.tick.decision import Carry
+from backend.tick.voltage_steps import Room
+from backend.tick.winding import PRETENSION_N
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement, Plant
 from plant.parameters import PlantParameters
@@ -29,8 +30,11 @@ class ProgramMotions:
     def motion_for(self, program: Program, carry: Carry, m: Measurement, tuning: Tuning, lambdas: Lambdas) -> Motion:
         """Return what plays the program from here on. Raises RefusedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
+            if program.excitation is None:
+                raise ValueError("a force-hold program needs an excitation")
             # Motor B stays at zero: what motor A winds stretches both springs.
-            return ForceHold(carry, NO_REFERENCE, program, sum(self.wound(program.tension_N)))
+            theta_A = sum(self.wound(program.tension_N))
+            return ForceHold(carry, tension_hold_of(program, program.excitation, carry, theta_A))
         if program.law is Law.MOTOR_STEPS:
             return self._motor_steps(program, carry)
         if program.law is Law.TENSION_SWEEP:
@@ -38,8 +42,8 @@ class ProgramMotions:
         self._require_segments(program)
         bounds = self._bounds
         if program.law in BASELINES:
-            return Baseline(program.law, self._parameters, lambdas, tuning, carry, m, bounds, program.segments)
-        return Tracking(tuning, carry, m, bounds, program.law is Law.CASCADE, program.segments)
+            return Baseline(program, self._parameters, lambdas, tuning, carry, m, bounds)
+        return Tracking(tuning, carry, m, bounds, program.law is Law.CASCADE, program)
 
     def wound(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
@@ -71,7 +75,8 @@ class ProgramMotions:
         for step in program.steps:
             require_within("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
             require_within("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
-        return MotorSteps(carry, NO_REFERENCE, program, self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
+        room = Room(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
+        return MotorSteps(carry, voltage_steps_of(program, room))
 
     def _tension_sweep(self, program: Program, carry: Carry) -> TensionSweep:
         if not program.legs:
@@ -79,4 +84,4 @@ class ProgramMotions:
         tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
         for tension_N in tensions:
             require_within("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")
-        return TensionSweep(carry, NO_REFERENCE, program, tuple(map(self.wound, tensions)))
+        return TensionSweep(carry, tension_sweep_of(program, [self.wound(tension_N) for tension_N in tensions]))

@@ -3,9 +3,9 @@
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
+from backend.loop.motion import BASELINES
 from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, VoltageStep
 from backend.loop.ring import Ring
-from backend.loop.tracking import BASELINES
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 

@@ -9,6 +9,7 @@ read and written in one access.
 import mmap
 import os
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,19 @@ class RingError(Exception):
     """The file descriptor does not hold a ring of this version's samples."""
 
 
+class SampleRing(Protocol):
+    """Where the loop leaves its samples: rows of len(FIELDS) numbers, one a tick."""
+
+    def append(self, row: NDArray[np.float64]) -> None:
+        """Publish one row."""
+        ...
+
+
 class Ring:
-    """Rows of ``WIDTH`` float64 (``backend.sample.FIELDS``), the newest ``capacity`` of them."""
+    """Rows of ``WIDTH`` float64 (``backend.sample.FIELDS``), the newest ``capacity`` of them.
+
+    ``rows`` (capacity, WIDTH) is the memory itself.
+    """
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
@@ -35,7 +47,7 @@ class Ring:
         self._header: NDArray[np.int64] = np.frombuffer(self._memory, np.int64, _HEADER_WORDS)
         self.capacity = int(self._header[_CAPACITY])
         cells = np.frombuffer(self._memory, np.float64, self.capacity * WIDTH, offset=_HEADER_WORDS * _WORD)
-        self._rows: NDArray[np.float64] = cells.reshape(self.capacity, WIDTH)
+        self.rows: NDArray[np.float64] = cells.reshape(self.capacity, WIDTH)
 
     @classmethod
     def create(cls, capacity: int = 65536) -> "Ring":
@@ -68,8 +80,12 @@ class Ring:
     def append(self, row: Sequence[float] | NDArray[np.float64]) -> None:
         """Append one row of ``WIDTH`` values; the oldest is overwritten. For the one writer only."""
         count = self.count
-        self._rows[count % self.capacity] = row
+        self.rows[count % self.capacity] = row
         self._header[_COUNT] = count + 1
+
+    def count_in(self, rows: int) -> None:
+        """Count rows that stand in ``rows`` each at its slot; no reader may be so far behind as to need them."""
+        self._header[_COUNT] = self.count + rows
 
     def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
         """Copy rows ``since``, ``since + 1`` ... (at most ``limit``).
@@ -97,21 +113,21 @@ class Ring:
             return np.empty((0, WIDTH))
         start, stop = first % self.capacity, (end - 1) % self.capacity + 1
         if start < stop:
-            return self._rows[start:stop].copy()
-        return np.concatenate((self._rows[start:], self._rows[:stop]))
+            return self.rows[start:stop].copy()
+        return np.concatenate((self.rows[start:], self.rows[:stop]))
 
     def close(self) -> None:
         """Unmap and close the descriptor. Safe to call twice."""
         if self.fd >= 0:
             # A mapping cannot be closed while views of it live.
-            del self._header, self._rows
+            del self._header, self.rows
             self._memory.close()
             os.close(self.fd)
             self.fd = -1
 
     def __del__(self) -> None:
         """Let go with the last reader: a ring is replaced when the loop process is started anew."""
-        if hasattr(self, "_rows"):
+        if hasattr(self, "rows"):
             self.close()
 
 

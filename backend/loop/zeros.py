@@ -13,12 +13,7 @@ class Zeros:
     def __init__(self) -> None:
         self.motors_known = False
         self.middle = 0.0
-        self._offset_A = self._offset_B = 0.0
-
-    def counted(self, raw: Measurement) -> Measurement:
-        """Return what the plant has read, with the motors from their zeros."""
-        q, theta_A, theta_B, *others = raw
-        return Measurement(q, theta_A + self._offset_A, theta_B + self._offset_B, *others)
+        self.offset_A = self.offset_B = 0.0
 
     def from_middle(self, m: Measurement) -> Measurement:
         """Return the measurement with the joint from its middle, also where its encoder counts from elsewhere."""
@@ -26,8 +21,8 @@ class Zeros:
 
     def move(self, by_A: float, by_B: float) -> None:
         """Take the motors' zeros as found where they read more by so many rad."""
-        self._offset_A += by_A
-        self._offset_B += by_B
+        self.offset_A += by_A
+        self.offset_B += by_B
         self.motors_known = True
 
     def doubt(self) -> None:
@@ -40,5 +35,5 @@ class Zeros:
 
     def begin_anew(self) -> None:
         """Forget all of it: the encoders themselves count from elsewhere now."""
-        self._offset_A = self._offset_B = self.middle = 0.0
+        self.offset_A = self.offset_B = self.middle = 0.0
         self.motors_known = False

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
-from scipy.signal import csd, detrend, step
 
 from backend.documents.actuator import ChannelModel, ChannelName, ResidualTests
 from backend.identification.residuals import judged
@@ -108,6 +107,8 @@ def bode_panels(
 
 def step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: Angles) -> str:
     """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
+    from scipy.signal import step
+
     with figure(1, 2, height_in=2.1) as (drawn, axes):
         for panel, (key, (output, label, unit)), letter in zip(axes, WRITTEN.items(), "AB", strict=True):
             model, first_order = model_of(channels[key]), channels[key].first_order
@@ -161,6 +162,8 @@ def simulated_from_rest(columns: Columns, start: int, output: str, model: Model,
 
 def _frequency_response(columns: Columns, start: int, output: str, period_s: float) -> tuple[Array, Complex]:
     """Estimate the response without a model (Welch), where input and output are coherent enough to tell."""
+    from scipy.signal import csd, detrend
+
     u, y = detrend(columns["theta_A_ref"][start:]), detrend(columns[output][start:])
     length = min(u.size, round(_SEGMENT_S / period_s))
 

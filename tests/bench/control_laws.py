@@ -9,7 +9,9 @@ from rich.table import Table
 
 from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.results.metrics import Overall, tracking_metrics
-from backend.loop.player import SegmentPlayer, Target
+from backend.loop.program_arrays import player_of
+from backend.tick import player
+from backend.tick.decision import Target
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
@@ -108,6 +110,11 @@ def pushed(play: Law, true: PlantParameters, known: PlantParameters) -> str:
 def references(plan: TrackingPlan) -> tuple[Array, Array]:
     """Return q_ref and S_ref (ticks,) of the whole program, from its first reference on."""
     segments = plan.program().segments
-    player = SegmentPlayer(segments, Target(segments[0].q_ref, segments[0].S_ref, 0.0))
-    targets = np.array(list(iter(player.step, None)))
-    return targets[:, 0].copy(), targets[:, 1].copy()
+    target = Target(segments[0].q_ref, segments[0].S_ref, 0.0)
+    playing = player_of(segments, target)
+    targets: list[Target] = []
+    while True:
+        ended, target, playing = player.play(playing, target)
+        if ended:
+            return np.array([target.q_ref for target in targets]), np.array([target.S_ref for target in targets])
+        targets.append(target)

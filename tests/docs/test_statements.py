@@ -1,26 +1,23 @@
 """What README, ARCHITECTURE, pages and docstrings say of the code, compared with the code."""
 
-import importlib
 import inspect
-import pkgutil
 import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
-import backend.loop
 from backend import main
 from backend.access import control
 from backend.controllers import plausibility
 from backend.experiments.plans.plan import ActuatorIdentificationPlan
-from backend.loop import checks, commands, heartbeat, motion, supervisor, timing, worker
-from backend.loop.loop import Loop
+from backend.loop import bring_up, commands, heartbeat, supervisor, timing, worker  # noqa: F401  # with what it plays
+from backend.loop.motion import Interpreted
 from backend.messages.state import TimingView
 from backend.recording import flight
-from backend.sample import FIELDS
+from backend.tick import checks, decision, soft_stop, winding
+from backend.tick.desk import KINDS, Resting
 from plant import card
 from plant.choice import PlantKind
 from plant.interface import T_s
@@ -35,23 +32,9 @@ README, ARCHITECTURE = (
 PARAMETERS = load_parameters("lab")
 
 
-def decision(number: str) -> str:
+def decision_page(number: str) -> str:
     (page,) = (ROOT / "docs" / "decisions").glob(f"{number}-*.md")
     return " ".join(page.read_text(encoding="utf-8").split())
-
-
-def _modules() -> Iterator[ModuleType]:
-    for module in pkgutil.iter_modules(backend.loop.__path__, "backend.loop."):
-        yield importlib.import_module(module.name)
-
-
-def _motions(module: ModuleType) -> Iterator[type]:
-    """Classes of a module that step the motors and hand them on."""
-    for found in vars(module).values():
-        if inspect.isclass(found) and found.__module__ == module.__name__ and found is not motion.Motion:
-            signature = inspect.signature(found.step) if hasattr(found, "step") and hasattr(found, "carry") else None
-            if signature is not None and list(signature.parameters) == ["self", "tuning", "m"]:
-                yield found
 
 
 def said(documented: object) -> str:
@@ -61,7 +44,7 @@ def said(documented: object) -> str:
 @pytest.mark.parametrize(
     "statement",
     [
-        f"A soft stop brakes the joint under tension first, for {motion.SOFT_STOP_S:g} s.",
+        f"A soft stop brakes the joint under tension first, for {soft_stop.SOFT_STOP_S:g} s.",
         f"heard nothing from the service for {worker.SILENCE_S:g} s",
         f"F_max ({PARAMETERS.safety.F_max:g} N)",
         f"below 1 N for more than {checks.SLACK_MAX_S:g} s",
@@ -80,9 +63,9 @@ def test_times_and_bounds_of_the_faults_are_those_of_the_code(statement: str) ->
 
 def test_silence_is_as_long_wherever_it_is_told() -> None:
     told = f"{worker.SILENCE_S:g} s"
-    assert f"falls silent for {told}" in decision("0001")
+    assert f"falls silent for {told}" in decision_page("0001")
     assert f"nothing for {told}" in supervisor._HEARTBEAT.meaning
-    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + motion.SOFT_STOP_S
+    longest_s = heartbeat.STALE_S + heartbeat.HEARTBEAT_S + worker.SILENCE_S + soft_stop.SOFT_STOP_S
     assert f"within {longest_s:.0f} s" in supervisor._SHOWING.meaning
     # In comments and docstrings the constant is named: a number there would be held by nothing.
     for module in (main, heartbeat):
@@ -91,7 +74,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
 
 def test_docstrings_say_what_the_code_does() -> None:
     assert "back to PRETENSION when it has ended" in said(commands.RunProgram)
-    assert set(re.findall(r"``(\w+)``", said(motion.Decision))) <= set(motion.Decision._fields)
+    assert set(re.findall(r"``(\w+)``", said(decision.Decision))) <= set(decision.Decision._fields)
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
     for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
         assert window in (TimingView.model_fields[name].description or ""), name
@@ -107,7 +90,7 @@ def test_what_can_be_controlled_is_said_in_the_first_lines() -> None:
 
 
 def test_readme_has_the_figures_of_the_code() -> None:
-    assert f"until the tendons hold {motion.PRETENSION_N:g} N" in README
+    assert f"until the tendons hold {winding.PRETENSION_N:g} N" in README
     excitation_s = ActuatorIdentificationPlan().program().duration_s
     assert 25.0 < excitation_s < 35.0
     assert "for half a minute" in README
@@ -115,16 +98,24 @@ def test_readme_has_the_figures_of_the_code() -> None:
 
 def test_a_signal_is_defined_where_the_architecture_says() -> None:
     assert "`FIELDS` of `backend/sample.py`" in ARCHITECTURE
-    assert "`Loop._append`" in ARCHITECTURE
-    packed = inspect.getsource(Loop._append).split("ROW.pack_into(\n            self._row.data,\n            0,\n")[1]
-    assert len(FIELDS) == packed.split("        )\n")[0].count(",\n")
+    assert "`write_row` of `backend/tick/desk.py`" in ARCHITECTURE
 
 
 def test_motions_live_in_the_files_that_the_architecture_names() -> None:
-    files = {f"{module.__name__.rpartition('.')[2]}.py" for module in _modules() if any(_motions(module))}
-    sentence = re.search(r"Each mode has a motion \((.*?)\)", ARCHITECTURE)
+    compiled = {step.__module__ for kind, step in KINDS.items() if kind is not Resting}
+    sentence = re.search(r"Each mode has a motion, a state with a step \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
-    assert set(re.findall(r"`(\w+\.py)`", sentence[1])) == files
+    assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in compiled}
+    interpreted = {found.__module__ for found in _interpreted(Interpreted)} - {Interpreted.__module__}
+    sentence = re.search(r"What a bring-up plays is stepped by the interpreter \((.*?)\)", ARCHITECTURE)
+    assert sentence is not None
+    assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in interpreted}
+
+
+def _interpreted(kind: type[Interpreted]) -> Iterator[type[Interpreted]]:
+    for found in kind.__subclasses__():
+        yield found
+        yield from _interpreted(found)
 
 
 def test_imports_run_as_the_contract_has_them() -> None:
@@ -137,7 +128,7 @@ def test_imports_run_as_the_contract_has_them() -> None:
 
 
 def test_files_that_the_architecture_names_are_there() -> None:
-    places = ("", "backend", "backend/loop", "backend/experiments", "tests")
+    places = ("", "backend", "backend/loop", "backend/tick", "backend/experiments", "tests")
     for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|toml))`", ARCHITECTURE):
         assert any((ROOT / place / name).is_file() for place in places), name
 

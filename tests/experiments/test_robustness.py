@@ -249,9 +249,9 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
     assert isinstance(bench.send(RunProgram(PLAN.program(), 1)), Accepted)
     bench.advance(LEAD_IN_S + 0.2)
     assert isinstance(bench.plant, Simulator)
-    assert bench.plant._load.load_A == PLAN.load_Nm
+    assert bench.plant.simulated.get().load.load_A == PLAN.load_Nm
     bench.advance(4 * PLAN.hold_s + 0.1)
-    assert bench.plant._load == (0.0, 0.0)
+    assert bench.plant.simulated.get().load == (0.0, 0.0)
 
 
 def test_it_is_offered_with_the_papers_load() -> None:

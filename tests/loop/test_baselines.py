@@ -10,8 +10,8 @@ import pytest
 from backend.faults import Fault
 from backend.loop.commands import Accepted, Refused, RunProgram
 from backend.loop.mode import Mode
+from backend.loop.motion import BASELINES
 from backend.loop.program import Law, Program, Segment
-from backend.loop.tracking import BASELINES
 from backend.loop.tuned import tuning_for
 from backend.tuning.baselines import feedback_linearization_tuning, single_loop_tuning
 from backend.tuning.closed_loop import Trajectory

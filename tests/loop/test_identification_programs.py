@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from backend.controllers import motors
 from backend.loop.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
 from backend.loop.mode import MODE_CODE, Mode
-from backend.loop.motion import NO_REFERENCE, Carry
-from backend.loop.motor_steps import MotorSteps
-from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Law, Program, TensionLeg, VoltageStep
+from backend.loop.program import Law, Program, TensionLeg, VoltageStep
+from backend.loop.program_arrays import voltage_steps_of
+from backend.tick import voltage_steps
+from backend.tick.decision import NO_REFERENCE, Carry, Decision
+from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from plant.breakage import Breakage, Broken, Sensor
@@ -152,8 +154,11 @@ def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
     tuning = cascade_tuning(load_parameters("ideal"), Lambdas())
     carry = Carry(motors.at_rest(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
-    at_zero = MotorSteps(carry, NO_REFERENCE, program, (0.0, 0.0), F_slack=1.0, theta_max=9.0)
-    decided = [at_zero.step(tuning, STILL) for _ in range(60)]
+    state = voltage_steps_of(program, voltage_steps.Room(0.0, 0.0, F_slack=1.0, theta_max=9.0))
+    decided: list[Decision] = []
+    for _ in range(60):
+        decision, carry, state = voltage_steps.step(tuning, carry, NO_REFERENCE, state, STILL)
+        decided.append(decision)
     assert [decision.theta_A_ref for decision in decided[:40]] == [0.0] * 40
     assert {decision.bank_entry for decision in decided[:40]} == {0.0}  # no bank: its first entry, in no sample another
     assert np.isnan(decided[40].theta_A_ref)

@@ -8,8 +8,8 @@ import pytest
 from backend.faults import Fault, Limit
 from backend.loop.checks import Checks
 from backend.loop.commands import Push, SetReferences
-from backend.loop.motion import clipped
 from backend.reading import Angles, in_words
+from backend.tick.decision import clipped
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
@@ -44,7 +44,7 @@ def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTo
 
 def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     """In degrees too, in which most people read it: the bound is 90, not what three decimals of a radian make of it."""
-    checks = Checks(load_parameters("ideal"), unattended_max_s=0.1)
+    checks = Checks(load_parameters("ideal"))
     fault, seen = checks.standing(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
     told, bound = in_words(seen, Angles.DEGREES).split("; ")
@@ -54,4 +54,4 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
 
 def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:
     flags = [clipped(A, B) for A in (False, True) for B in (False, True)]
-    assert flags == [Limit(0), Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]
+    assert flags == [0, Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]

@@ -15,10 +15,10 @@ from backend.loop.commands import Accepted, Refused, SetMode, SetTuning, Stop, T
 from backend.loop.headless import Headless
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.module_trial import ModuleTrial
-from backend.loop.motion import NO_REFERENCE, Carry
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
+from backend.tick.decision import NO_REFERENCE, Carry
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
 from plant.interface import Measurement

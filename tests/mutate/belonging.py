@@ -12,6 +12,7 @@ ROOMS = {
     "backend/controllers": ("tests/controllers", "tests/closed_loop", "tests/loop"),
     "backend/identification": ("tests/identification",),
     "backend/tuning": ("tests/tuning", "tests/closed_loop"),
+    "backend/tick": ("tests/tick", "tests/loop"),
     "backend/loop": ("tests/loop",),
 }
 """What is changed, and where it is tested."""

@@ -24,6 +24,12 @@ import pytest
 from numba.core.caching import _CacheLocator
 
 ROOT = Path(__file__).parents[2]
+COMPILED = (
+    "plant",
+    *(f"backend/{room}" for room in ("controllers", "identification", "tuning", "tick", "loop")),
+)
+"""Where compiled functions stand."""
+
 AT_MOST = 10.0
 """Times its limit of processor time that a run may last: what waits for something that never comes takes none."""
 
@@ -94,7 +100,14 @@ class Tree:
         """Have of what is compiled in the base that which comes from files that are not touched; in a process here."""
         importlib.import_module("plant.compiled")
         target = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]  # numba fills this module at run time
-        for sources in ("plant", "backend/controllers", "backend/identification", "backend/tuning", "backend/loop"):
+        for sources in (
+            "plant",
+            "backend/controllers",
+            "backend/identification",
+            "backend/tuning",
+            "backend/tick",
+            "backend/loop",
+        ):
             old, new = (
                 folder / _CacheLocator.get_suitable_cache_subpath(str(tree.root / sources / "any.py"))  # type: ignore[no-untyped-call]  # private of numba
                 for tree, folder in ((base, code_of_base), (self, target))

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from backend.controllers import brake, pretension
 from backend.loop.mode import MODES, Mode
-from backend.loop.motion import PRETENSION_N, TRAVEL_SPEED
-from backend.loop.program import STEP_BRAKING_S, ZERO_VOLTS_S, Law, Program, VoltageStep, starts_from
+from backend.loop.program import Law, Program, VoltageStep, starts_from
 from backend.sample import INDEX
+from backend.tick.decision import TRAVEL_SPEED
+from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
+from backend.tick.winding import PRETENSION_N
 from plant.interface import T_s
 from plant.parameter_sections import SIDES, Side
 from plant.parameters import PlantParameters

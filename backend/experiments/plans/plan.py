@@ -16,8 +16,8 @@ from backend.experiments.plans.robustness_plan import RobustnessPlan
 from backend.experiments.plans.sequence_plan import Q_REF_MAX, SequencePlan
 from backend.experiments.settings import choice, integer, number
 from backend.identification.fit import Method
+from backend.loop.motion import BASELINES
 from backend.loop.program import Excitation, Law, Program, Segment
-from backend.loop.tracking import BASELINES
 from backend.refusal import OutOfRangeError, require_within
 
 MAX_EXCITATION_S = 600.0

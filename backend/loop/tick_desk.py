@@ -1,0 +1,155 @@
+"""The compiled tick as the loop calls it: its memory, and the machine code for what moves at the moment."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.controllers import cascade, plausibility
+from backend.loop.motion import Motion
+from backend.sample import FIELDS
+from backend.tick import batch, checks, desk, velocity
+from backend.tick.batch import Stretch
+from backend.tick.decision import AT_REST, Decision
+from backend.tick.desk import NO_ORDERS, Desk, Moving, Orders
+from plant.cell import Cell
+from plant.compiled import Specialised
+from plant.interface import NO_RAW, NOT_MEASURED, ZERO_VOLTS, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
+from plant.parameters import PlantParameters
+from plant.simulator import Simulated
+
+_Made = tuple[int, int, float, float, Measurement]
+_Run = Callable[[Cell[Desk], Cell[Moving], Cell[Simulated], Measurement, Stretch, NDArray[np.float64]], _Made]
+_Decide = Callable[[Cell[Desk], Cell[Moving]], tuple[int, float, float]]
+
+
+class TickDesk:
+    """One loop's desk, and on it the motion that is under way.
+
+    ``unattended_max_s`` [s] is how long the plant may be left alone.
+    """
+
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        unattended_max_s: float,
+        tuning: cascade.Tuning,
+        raw: Measurement,
+    ) -> None:
+        self.cell = cell = Cell(
+            Desk(
+                tuning,
+                checks.watched_for(parameters, round(unattended_max_s / T_s)),
+                NO_ORDERS,
+                checks.State(0.0, False, NOT_MEASURED, NOT_MEASURED, plausibility.nothing_remembered()),
+                checks.CLEAR,
+                velocity.State(0.0, raw.q),
+                raw,
+                ZERO_VOLTS,
+                AT_REST,
+            )
+        )
+        self._tuning, self._orders_cell, self._m = cell.field("tuning"), cell.field("orders"), cell.field("m")
+        self._command, self._decision, self._velocity = (
+            cell.field("command"), cell.field("decision"), cell.field("velocity"),
+        )  # fmt: skip
+        self._found, self._checks = cell.field("found"), cell.field("checks")
+        self._orders = NO_ORDERS
+        self._cells: dict[type, Cell[Moving]] = {}
+        row = np.zeros(len(FIELDS))
+        self._look = Specialised(desk.look, cell, NOT_MEASURED, 0)
+        self._write_row = Specialised(desk.write_row, cell, row, 0, NO_RAW, 0.0, 0)
+
+    def lay(self, motion: Motion) -> None:
+        """Let a motion be the one that is under way."""
+        kind = type(motion.first.state)
+        if kind not in self._cells:
+            self._cells[kind] = Cell(motion.first)
+        self.moving = moving = self._cells[kind]
+        motion.lie_in(moving)
+        self._run: _Run | None = None  # on a clock there are no batches
+        self._decide: _Decide = Specialised(desk.decide, self.cell, moving)
+
+    def run(self, simulated: Cell[Simulated], m: Measurement, stretch: Stretch, rows: NDArray[np.float64]) -> _Made:
+        """Make ticks in a batch (``backend.tick.batch``)."""
+        if self._run is None:
+            like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
+            self._run = Specialised(batch.run, self.cell, self.moving, simulated, m, stretch, like)
+        made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
+        self._orders = self._orders_cell.get()
+        return made
+
+    @property
+    def acting(self) -> tuple[float, ShaftLoad]:
+        """Push [N] and loads [N·m] in force, as far as the tick knows."""
+        return self._orders.F_push, self._orders.load
+
+    def order(self, orders: Orders) -> None:
+        """Say what is to be known in the next tick."""
+        if orders != self._orders:
+            self._orders = orders
+            self._orders_cell.put(orders)
+
+    def look(self, raw: Measurement, missed: int) -> int:
+        """Take in what was read; FOUND where something is wrong with it."""
+        return self._look(self.cell, raw, missed)
+
+    def decide(self) -> tuple[int, float, float]:
+        """Let the motion decide on what was taken in; what came of it, and voltages [V]."""
+        return self._decide(self.cell, self.moving)
+
+    def write_row(
+        self, row: NDArray[np.float64], tick: int, at_card: RawReading, lateness_s: float, overruns: int
+    ) -> None:
+        """Put the tick into its row."""
+        self._write_row(self.cell, row, tick, at_card, lateness_s, overruns)
+
+    @property
+    def m(self) -> Measurement:
+        """What was measured, motors from their zeros."""
+        m: Measurement = self._m.get()
+        return m
+
+    @m.setter
+    def m(self, m: Measurement) -> None:
+        self._m.put(m)
+
+    @property
+    def decision(self) -> Decision:
+        """What was decided."""
+        decision: Decision = self._decision.get()
+        return decision
+
+    @decision.setter
+    def decision(self, decision: Decision) -> None:
+        self._decision.put(decision)
+
+    @property
+    def command(self) -> MotorCommand:
+        """What was written last."""
+        command: MotorCommand = self._command.get()
+        return command
+
+    @command.setter
+    def command(self, command: MotorCommand) -> None:
+        self._command.put(command)
+
+    @property
+    def found(self) -> checks.Found:
+        """What the checks have found."""
+        found: checks.Found = self._found.get()
+        return found
+
+    @property
+    def readings(self) -> checks.State:
+        """What the checks remember."""
+        readings: checks.State = self._checks.get()
+        return readings
+
+    def retune(self, tuning: cascade.Tuning) -> None:
+        """Replace all gains of the cascade."""
+        self._tuning.put(tuning)
+
+    def stands_at(self, q: float) -> None:
+        """Say where the joint stands now [rad]: it has not moved there."""
+        self._velocity.put(self._velocity.get()._replace(q_before=q))

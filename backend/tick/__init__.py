@@ -1,0 +1,1 @@
+"""The tick, compiled: what is measured is looked at, a motion decides, a row says what happened."""

@@ -1,0 +1,201 @@
+"""One tick of the loop: look at what is measured, let the motion decide, write the row. All of it on one desk.
+
+What is rare stays with the interpreter, which gives its orders before the tick and is told what came of it: a fault was
+found, a motion is done, its push has changed. Whoever steps the plant, a clock or a batch, calls the same functions.
+"""
+
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from backend.controllers import cascade, decoupler
+from backend.sample import INDEX
+from backend.tick import (
+    baselines,
+    checks,
+    soft_stop,
+    tension_hold,
+    tension_sweep,
+    tracking,
+    travel,
+    velocity,
+    voltage_steps,
+    winding,
+)
+from backend.tick.decision import AT_REST, Carry, Decision, Target
+from plant.cell import Cell, keep
+from plant.compiled import STRICT, compiled
+from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
+
+QUIET, FOUND, DONE, PUSHES = 0, 1, 2, 4
+"""What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
+load is not the one in force."""
+
+
+class Orders(NamedTuple):
+    """What the interpreter says of a tick.
+
+    Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
+    be a fault; ``deaf``: the safety module's trip is not heard, ``tripped``: it is in any case; ``reached``: that the
+    motion is done is known. Push [N] and loads [N·m] in force. Mode, run, λ [s] and fault as the row shows them.
+    """
+
+    offset_A: float
+    offset_B: float
+    middle: float
+    zeroed: bool
+    taut_wanted: bool
+    deaf: bool
+    tripped: bool
+    reached: bool
+    F_push: float
+    load: ShaftLoad
+    mode: int
+    run: int
+    lam_q: float
+    lam_S: float
+    fault: int
+
+
+NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, False, False, False, 0.0, NO_LOAD, 0, 0, 0.0, 0.0, 0)
+"""Those of a loop that is just being made."""
+
+
+class Desk(NamedTuple):
+    """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last."""
+
+    tuning: cascade.Tuning
+    watched: checks.Watched
+    orders: Orders
+    checks: checks.State
+    found: checks.Found
+    velocity: velocity.State
+    m: Measurement
+    command: MotorCommand
+    decision: Decision
+
+
+class Moving(NamedTuple):
+    """A motion under way: the motor loops, what is asked for, and the state of the motion's kind."""
+
+    carry: Carry
+    target: Target
+    state: Any
+
+
+class Resting(NamedTuple):
+    """No motion."""
+
+    volts: float
+
+
+@compiled
+def rest(
+    tuning: cascade.Tuning, carry: Carry, target: Target, state: Resting, m: Measurement
+) -> tuple[Decision, Carry, Resting]:
+    """Zero volts."""
+    return AT_REST, carry, state
+
+
+KINDS: dict[type, Any] = {
+    Resting: rest,
+    winding.State: winding.step,
+    travel.State: travel.step,
+    soft_stop.State: soft_stop.step,
+    tracking.State: tracking.step,
+    baselines.SingleLoop: baselines.step_single_loop,
+    baselines.FeedbackLinearization: baselines.step_feedback_linearization,
+    tension_hold.State: tension_hold.step,
+    tension_sweep.State: tension_sweep.step,
+    voltage_steps.State: voltage_steps.step,
+}
+"""The tick of each kind of motion, by its state."""
+
+
+def step(tuning: cascade.Tuning, carry: Carry, target: Target, state: Any, m: Measurement) -> Any:
+    """One tick of a motion of whatever kind; compiled code has that of its kind alone."""
+    return KINDS[type(state)](tuning, carry, target, state, m)
+
+
+@overload(step, cast(Any, STRICT), strict=False)
+def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
+    return KINDS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
+
+
+@compiled
+def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
+    """Take in what is measured; FOUND where something is wrong with it. ``missed`` deadlines since the last tick."""
+    orders = desk.orders.value
+    theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
+    trip = raw.safety_trip
+    keep(desk.m, Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip))
+    keep(desk.velocity, velocity.step(desk.velocity.value, raw.q))
+    if orders.deaf:
+        trip = 1.0 if orders.tripped else 0.0
+    q = raw.q - orders.middle
+    heard = Measurement(q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip)
+    found, after = checks.check(
+        desk.watched.value,
+        desk.checks.value,
+        raw,
+        heard,
+        desk.command.value,
+        orders.zeroed,
+        orders.taut_wanted,
+        missed,
+    )
+    keep(desk.checks, after)
+    keep(desk.found, found)
+    return QUIET if found.what == checks.NOTHING else FOUND
+
+
+@compiled
+def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
+    """Let the motion decide; the bits of what came of it, and the voltages [V]."""
+    was, orders = moving.value, desk.orders.value
+    decision, carry, state = step(desk.tuning.value, was.carry, was.target, was.state, desk.m.value)
+    keep(moving, Moving(carry, decision.target, state))
+    keep(desk.decision, decision)
+    came = DONE if decision.done and not orders.reached else QUIET
+    target, load = decision.target, decision.target.load
+    other_push = target.F_push != orders.F_push
+    other_load = load.load_A != orders.load.load_A or load.load_B != orders.load.load_B
+    if decision.pushes and (other_push or other_load):
+        came |= PUSHES
+    return came, decision.u_A, decision.u_B
+
+
+_TICK, _T, _MODE, _RUN = (INDEX[name] for name in ("tick", "t", "mode", "run"))
+_Q, _Q_REF, _Q_REF_GOV, _Q_DOT = (INDEX[name] for name in ("q", "q_ref", "q_ref_gov", "q_dot"))
+_S, _S_REF, _S_REF_GOV, _S_TRUE = (INDEX[name] for name in ("S", "S_ref", "S_ref_gov", "S_true"))
+_THETA_A, _THETA_A_REF, _THETA_B, _THETA_B_REF = (
+    INDEX[name] for name in ("theta_A", "theta_A_ref", "theta_B", "theta_B_ref")
+)
+_F_A, _F_B, _U_A, _U_B, _F_PUSH = (INDEX[name] for name in ("F_A", "F_B", "u_A", "u_B", "F_push"))
+_V_A, _V_B, _N_Q, _N_A, _N_B = (INDEX[name] for name in RawReading._fields)
+_LAM_Q, _LAM_S, _BANK_ENTRY = (INDEX[name] for name in ("lam_q", "lam_S", "bank_entry"))
+_LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fault", "lateness_s", "overruns"))
+
+
+@compiled
+def write_row(
+    desk: Cell[Desk], row: NDArray[np.float64], tick: int, at_card: RawReading, lateness_s: float, overruns: int
+) -> None:
+    """Put the tick into its row (``backend.sample``)."""
+    orders, m, y, put = desk.orders.value, desk.m.value, desk.decision.value, desk.command.value
+    row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
+    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
+    row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.target.S_ref, y.S_ref_gov, m.S_true
+    row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
+        m.theta_A,
+        y.theta_A_ref,
+        m.theta_B,
+        y.theta_B_ref,
+    )
+    row[_F_A], row[_F_B], row[_U_A], row[_U_B], row[_F_PUSH] = m.F_A, m.F_B, put.u_A, put.u_B, m.F_push
+    row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
+    row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = orders.lam_q, orders.lam_S, y.bank_entry
+    row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = y.limits, orders.fault, lateness_s, overruns
