@@ -4,13 +4,13 @@ A spring is a polynomial or, where ``pieces`` is given, a table joined by cubics
 the compiler, so that the polynomial runs without the table's search.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.compiled import compiled
+from plant.root import root
 
 
 class Spring(NamedTuple):
@@ -105,7 +105,7 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
     if negative.size == 0 or negative[-1] == x.size - 1:
         raise ValueError(f"the spring polynomial has no zero-force root below x_solid = {x_solid:g} m")
     below = int(negative[-1])
-    x_slack = _root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
+    x_slack = root(lambda value: float(curve(value)), float(x[below]), float(x[below + 1]))
     falling = np.flatnonzero(curve.deriv()(x[below + 1 :]) <= 0.0)
     if falling.size:
         at = x[below + 1 + int(falling[0])]
@@ -132,11 +132,4 @@ def elongation(spring: Spring, F: float) -> float:
         raise ValueError(
             f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor solid"
         )
-    return _root(lambda x: polynomial(spring, x) - F, spring.x_slack, spring.x_solid)
-
-
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Root of a rising function between low and high, by bisection to the last bit (the tick may not need SciPy)."""
-    while low < (middle := 0.5 * (low + high)) < high:
-        low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
-    return high
+    return root(lambda x: polynomial(spring, x) - F, spring.x_slack, spring.x_solid)

@@ -9,6 +9,7 @@ import typer
 from pydantic import ValidationError
 
 from backend.cli import bank, database, doctor, experiment, identify, rig, runs, serve, token
+from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail
 from backend.refusal import RefusedValueError
 
@@ -37,6 +38,7 @@ def main() -> None:
     """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
     from plant.wiring_errors import WiringError
 
+    look_seldom()
     try:
         app()
     except KeyboardInterrupt:
@@ -49,6 +51,8 @@ def main() -> None:
         if isinstance(error.__cause__, WiringError):
             fail(*error.__cause__.sentences)
         fail(error.sentence(angles()) if isinstance(error, RefusedValueError) else str(error))
+    finally:
+        look_as_usual()
 
 
 def _expected() -> tuple[type[Exception], ...]:

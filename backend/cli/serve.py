@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from backend.cli.garbage import look_as_usual
 from backend.cli.output import fail
 from backend.cli.place import (
     CardAddress,
@@ -61,6 +62,7 @@ def serve(
         else:
             _print_links(address, tokens)
 
+    look_as_usual()
     run_service(settings, tell)
 
 

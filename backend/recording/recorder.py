@@ -20,7 +20,7 @@ from backend.faults import Fault
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, RunEnded
 from backend.loop.ring import Ring
-from backend.recording.codec import pack, summarise
+from backend.recording.codec import Table, pack, summarise
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
 from backend.storage.recordings import Chunk, NotRecordableError
@@ -30,6 +30,8 @@ from backend.supervision import Part
 from plant.interface import T_s
 
 CHUNK_TICKS = 1000
+CHUNKS_AT_ONCE = 20
+"""So many at most are stored together, where that many wait: a transaction costs more than a chunk."""
 DRAIN_PERIOD_S = 0.25
 
 PART = Part("The recorder", "The ring keeps the last minute of samples: runs are whole if it is back within that time.")
@@ -104,6 +106,12 @@ class Recorder:
         """Store all whole seconds and all ended runs. Never raises for the database's sake: see ``problem``."""
         self._attempt(self._drain)
 
+    def drain_what_is_worth_it(self) -> None:
+        """Drain where enough waits for one transaction, or an end was told; for who steps as fast as it goes."""
+        waiting = self._ring.count - self._position
+        if self._notes or self._told or waiting >= CHUNKS_AT_ONCE * CHUNK_TICKS:
+            self.drain()
+
     def _attempt(self, step: Callable[[], None]) -> None:
         try:
             with self._one_at_a_time:
@@ -162,8 +170,8 @@ class Recorder:
             self._run = 0
 
     def _store_next(self, *, partial: bool) -> bool:
-        """Store the next chunk, a short one only where a run or the ring (``partial``) ends; False if there is none."""
-        self._position, rows, missed = self._ring.read(self._position, CHUNK_TICKS)
+        """Store the next chunks, a short one only where a run or the ring (``partial``) ends; False: there are none."""
+        self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
         if not len(rows):
             return False
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
@@ -173,7 +181,9 @@ class Recorder:
             self._begin_run(run, tick, missed)
         length = _stretch(rows)
         if run == self._run != 0:
-            if length == len(rows) < CHUNK_TICKS and not partial:
+            if length == len(rows) and not partial:
+                length -= length % CHUNK_TICKS
+            if not length:
                 return False
             self._store(rows[:length])
         self._position += length
@@ -201,8 +211,7 @@ class Recorder:
         with self._database.session() as session:
             if not (again and recordings.has_chunk(session, self._run, tick)):
                 self._note_gap(session, tick)
-                chunk = Chunk(tick, len(rows), pack(summarise(table)), pack(table))
-                recordings.add_chunk(session, self._run, chunk)
+                recordings.add_chunks(session, self._run, _chunks_of(tick, table))
         self._next_tick = tick + len(rows)
 
     def _leave_run(self, tick: int) -> None:
@@ -218,6 +227,15 @@ class Recorder:
         if missed:
             text = f"{missed} samples from tick {self._next_tick} on were overwritten before they could be stored"
             recordings.add_gap(session, self._run, missed, text)
+
+
+def _chunks_of(tick: int, table: Table) -> list[Chunk]:
+    """Pack a table that begins at ``tick``; all chunks but the last are full."""
+    parts = [table[at : at + CHUNK_TICKS] for at in range(0, len(table), CHUNK_TICKS)]
+    return [
+        Chunk(tick + CHUNK_TICKS * index, len(part), pack(summarise(part)), pack(part))
+        for index, part in enumerate(parts)
+    ]
 
 
 def _end_of(told: RunEnded) -> tuple[EndState, str]:

@@ -1,6 +1,6 @@
 """Recordings: the samples of a run in chunks of up to one second, each committed whole."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -94,10 +94,10 @@ def has_chunk(session: Session, run_id: int, first_tick: int) -> bool:
     return session.get(ChunkRow, (run_id, first_tick)) is not None
 
 
-def add_chunk(session: Session, run_id: int, chunk: Chunk) -> None:
-    """Append a chunk to an open recording."""
-    session.add(ChunkRow(run_id=run_id, **vars(chunk)))
-    size = len(chunk.samples) + len(chunk.summary)
+def add_chunks(session: Session, run_id: int, chunks: Sequence[Chunk]) -> None:
+    """Append chunks to an open recording."""
+    session.add_all(ChunkRow(run_id=run_id, **vars(chunk)) for chunk in chunks)
+    size = sum(len(chunk.samples) + len(chunk.summary) for chunk in chunks)
     longer = update(RecordingRow).where(RecordingRow.run_id == run_id)
     session.execute(longer.values(size_bytes=RecordingRow.size_bytes + size))
     session.flush()

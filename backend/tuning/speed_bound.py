@@ -5,6 +5,7 @@ import math
 from backend.tuning.models import motor_model
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
+from plant.root import root
 
 
 def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.9) -> float:
@@ -20,12 +21,10 @@ def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.
 
 
 def _time(turn: float, speed: float, T_m: float) -> float:
-    from scipy.optimize import brentq
-
     if turn == 0.0:
         return 0.0
 
     def missing(t: float) -> float:
         return speed * (t - T_m * (1.0 - math.exp(-t / T_m))) - turn
 
-    return float(brentq(missing, 0.0, turn / speed + T_m))
+    return root(missing, 0.0, turn / speed + T_m)

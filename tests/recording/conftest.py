@@ -20,3 +20,10 @@ def writer() -> Iterator[Writer]:
     ring = Ring.create(8192)
     yield Writer(ring)
     ring.close()
+
+
+@pytest.fixture
+def long_writer() -> Iterator[Writer]:
+    ring = Ring.create()
+    yield Writer(ring)
+    ring.close()

@@ -91,14 +91,14 @@ class DeadlyDatabase(Database):
             raise SystemExit
 
 
-@pytest.mark.parametrize("commits", [1, 2, 3, 4], ids=["the beginning", "a second", "what is left", "the end"])
+@pytest.mark.parametrize("commits", [1, 2, 3, 4], ids=["the beginning", "twenty seconds", "what is left", "the end"])
 def test_a_recorder_that_dies_after_a_commit_goes_on_where_it_was(
-    database: Database, writer: Writer, commits: int
+    database: Database, long_writer: Writer, commits: int
 ) -> None:
     run = new_run(database)
-    recorder = recorder_of(writer, DeadlyDatabase(database, commits))
-    written = writer.write(1500, run.id)
-    writer.write(1)
+    recorder = recorder_of(long_writer, DeadlyDatabase(database, commits))
+    written = long_writer.write(20_500, run.id)
+    long_writer.write(1)
     with pytest.raises(SystemExit):
         recorder.drain()
     recorder.drain()

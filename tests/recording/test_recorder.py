@@ -225,3 +225,48 @@ def test_chunks_cover_the_run_without_overlap(database: Database, writer: Writer
     assert [chunk.count for chunk in chunks] == [1000, 1000, 1000]
     ends = itertools.accumulate(chunk.count for chunk in chunks)
     assert [chunk.first_tick for chunk in chunks] == [0, *list(ends)[:-1]]
+
+
+def test_seconds_that_waited_are_stored_as_each_would_have_been(database: Database, long_writer: Writer) -> None:
+    at_once, one_by_one = new_run(database), new_run(database)
+    recorder = recorder_of(long_writer, database)
+    long_writer.write(41_300, at_once.id)
+    recorder.drain()
+    first = long_writer.ring.count
+    for length in (*[1000] * 41, 300):
+        long_writer.write(length, one_by_one.id)
+        recorder.drain()
+    long_writer.write(1)
+    recorder.close()
+    with database.reading() as session:
+        ours = [(chunk.first_tick, chunk.count) for chunk in recordings.chunks(session, at_once.id, 0, first)]
+        theirs = [
+            (chunk.first_tick - first, chunk.count) for chunk in recordings.chunks(session, one_by_one.id, 0, 10**6)
+        ]
+        sizes = [
+            sum(len(chunk.samples) + len(chunk.summary) for chunk in recordings.chunks(session, run.id, 0, 10**6))
+            for run in (at_once, one_by_one)
+        ]
+        told = [recordings.get(session, run.id).size_bytes for run in (at_once, one_by_one)]
+    assert ours == theirs
+    assert told == sizes
+
+
+def test_a_headless_station_drains_what_is_worth_it_and_each_end_that_is_told(
+    database: Database, long_writer: Writer
+) -> None:
+    run = new_run(database)
+    recorder = recorder_of(long_writer, database)
+    counts = []
+    for length in (19_999, 1, 500):
+        long_writer.write(length, run.id)
+        recorder.drain_what_is_worth_it()
+        with database.reading() as session:
+            counts.append(sum(chunk.count for chunk in recordings.chunks(session, run.id, 0, 10**6)))
+    assert counts == [0, 20_000, 20_000]
+    long_writer.write(1)
+    recorder.drain_what_is_worth_it()
+    assert stored_run(database, run.id).end_state == EndState.COMPLETED
+    with database.reading() as session:
+        assert recordings.span(session, run.id).end_tick == 20_500
+    recorder.close()

@@ -26,7 +26,7 @@ def recorded(database: Database, days: int = 100, end: EndState = EndState.STOPP
     with database.session() as session:
         recordings.begin(session, run.id, ["q"], 1e-3)
         for second in range(CHUNKS):
-            recordings.add_chunk(session, run.id, Chunk(1000 * second, 1000, b"s" * 10, b"x" * 100))
+            recordings.add_chunks(session, run.id, [Chunk(1000 * second, 1000, b"s" * 10, b"x" * 100)])
         if end is not EndState.RUNNING:
             runs.end(session, run.id, end)
         started = datetime.now(UTC) - timedelta(days=days)
