@@ -20,6 +20,8 @@ from numba.core.typing.templates import AttributeTemplate
 from numba.extending import NativeValue, infer_getattr, intrinsic, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
+from plant.compiled import kind_of
+
 _T = TypeVar("_T")
 _Arrays = dict[int, NDArray[Any]]
 
@@ -39,27 +41,26 @@ class Cell(Generic[_T]):
     """
 
     def __init__(self, first: _T) -> None:
-        kind = typeof(first)
-        self._memory = np.zeros(_size(kind) // 8 + 1)  # of doubles: numbers stand at multiples of their size
+        layout = _layout_for(first)
+        self._memory = np.zeros(layout.size // 8 + 1)  # of doubles: numbers stand at multiples of their size
         self._arrays: _Arrays = {}
         self._whole: tuple[Cell[Any], str] | None = None
-        self._lie(kind, self._memory.ctypes.data)
+        self._lie(layout, self._memory.ctypes.data)
         self.put(first)
 
-    def _lie(self, kind: Any, address: int) -> None:
-        self.numba_type = CellType(kind)
+    def _lie(self, layout: _Layout, address: int) -> None:
+        self.numba_type = layout.numba_type
         self.address = address
         self._offset = address - self._memory.ctypes.data
         self._bytes = self._memory.data.cast("B")
-        self._layout = _layout(kind)
+        self._layout = layout
 
     def field(self, name: str) -> Cell[Any]:
         """Return the cell of a field."""
-        holds = self.numba_type.holds
-        index = holds.fields.index(name)
+        offset, layout = self._layout.field(name)
         part: Cell[Any] = object.__new__(Cell)
         part._memory, part._arrays, part._whole = self._memory, self._arrays, (self, name)
-        part._lie(holds.types[index], self.address + _offset(holds, index))
+        part._lie(layout, self.address + offset)
         return part
 
     def put(self, value: _T) -> None:
@@ -92,6 +93,9 @@ class _Layout:
     """Where the numbers of a type stand in memory, and how they come from a value and become one."""
 
     def __init__(self, kind: Any) -> None:
+        self.numba_type = CellType(kind)
+        self.size = _size(kind)
+        self._fields: dict[str, tuple[int, _Layout]] = {}
         leaves: list[tuple[int, str]] = []
         self._flat, self.made = _described(kind, 0, leaves)
         words, end = [], 0
@@ -99,6 +103,14 @@ class _Layout:
             words.append(f"{at - end}x{letters}")
             end = at + struct.calcsize(f"={letters}")
         self.packed = struct.Struct("=" + "".join(words))
+
+    def field(self, name: str) -> tuple[int, _Layout]:
+        """Return where a field begins, and how it lies there."""
+        if name not in self._fields:
+            kind = self.numba_type.holds
+            index = kind.fields.index(name)
+            self._fields[name] = _offset(kind, index), _Layout(kind.types[index])
+        return self._fields[name]
 
     def taken_apart(self, value: object, arrays: _Arrays, offset: int) -> list[object]:
         """Return the numbers of a value in the order in which they stand; its arrays go to ``arrays``."""
@@ -108,12 +120,14 @@ class _Layout:
 
 
 _SCALARS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
-_LAYOUTS: dict[Any, _Layout] = {}
+_LAYOUTS: dict[object, _Layout] = {}
+"""By kind of value: asking numba takes a millisecond, and a motion's cell is made between two ticks."""
 
 
-def _layout(kind: Any) -> _Layout:
+def _layout_for(value: object) -> _Layout:
+    kind = kind_of(value)
     if kind not in _LAYOUTS:
-        _LAYOUTS[kind] = _Layout(kind)
+        _LAYOUTS[kind] = _Layout(typeof(value))
     return _LAYOUTS[kind]
 
 

@@ -115,7 +115,7 @@ class Specialised(Generic[_R, *_Arguments]):
         self._made_from = function, like
         like = cast(Any, _as_declared(like, tuple(get_type_hints(cast(Any, function).py_func).values())))
         self._whole = tuple(_whole_numbers(like))
-        kind = function, _kind(like)
+        kind = function, kind_of(like)
         if kind not in _KNOWN:
             types = tuple(map(cast(Any, numba.typeof), like))
             dispatcher: Any = function
@@ -165,9 +165,10 @@ def _whole_numbers(value: object) -> Iterator[tuple[int, ...]]:
         yield ()
 
 
-def _kind(value: object) -> object:
+def kind_of(value: object) -> object:
+    """Return what is equal for values that are the same to the compiler: types, and of arrays how they lie."""
     if isinstance(value, tuple):
-        return type(value), *map(_kind, value)
+        return type(value), *map(kind_of, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
     return getattr(value, "numba_type", type(value))  # cells are alike where what they hold is

@@ -55,7 +55,7 @@ class TickDesk:
         )  # fmt: skip
         self._found, self._checks = cell.field("found"), cell.field("checks")
         self._orders = NO_ORDERS
-        self._cells: dict[type, Cell[Moving]] = {}
+        self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
         row = np.zeros(len(FIELDS))
         self._look = Specialised(desk.look, cell, NOT_MEASURED, 0)
         self._write_row = Specialised(desk.write_row, cell, row, 0, NO_RAW, 0.0, 0)
@@ -63,12 +63,12 @@ class TickDesk:
     def lay(self, motion: Motion) -> None:
         """Let a motion be the one that is under way."""
         kind = type(motion.first.state)
-        if kind not in self._cells:
-            self._cells[kind] = Cell(motion.first)
-        self.moving = moving = self._cells[kind]
-        motion.lie_in(moving)
+        if kind not in self._places:
+            place = Cell(motion.first)
+            self._places[kind] = place, Specialised(desk.decide, self.cell, place)
+        self.moving, self._decide = self._places[kind]
+        motion.lie_in(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
-        self._decide: _Decide = Specialised(desk.decide, self.cell, moving)
 
     def run(self, simulated: Cell[Simulated], m: Measurement, stretch: Stretch, rows: NDArray[np.float64]) -> _Made:
         """Make ticks in a batch (``backend.tick.batch``)."""
