@@ -15,6 +15,7 @@ from tests.bench import (
     page_frames,
     recording_bench,
     rig_bench,
+    tick_bench,
 )
 
 PARTS: dict[str, Callable[[Console], bool]] = {
@@ -25,6 +26,7 @@ PARTS: dict[str, Callable[[Console], bool]] = {
     "page-frames": page_frames.bench,
     "recording": recording_bench.bench,
     "rig": rig_bench.bench,
+    "tick": tick_bench.bench,
 }
 """Each prints its tables and returns whether all its bounds were met."""
 

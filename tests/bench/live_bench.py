@@ -53,7 +53,9 @@ def _lateness(loop: Loop, folder: Path) -> Ratio:
     priority = _fifo_priority(loop.pid)
     begun = loop.ring.count
     periods = round(WATCHED_S / T_s)
-    said = subprocess.run([program, str(periods), str(priority)], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run(
+        [program, str(periods), str(priority), str(round(1e9 * T_s))], capture_output=True, text=True, check=True
+    ).stdout
     theirs = 1e-3 * np.percentile([float(line) for line in said.split()], 99.0)
     _, rows, _ = loop.ring.read(begun, loop.ring.count - begun)
     ours = 1e6 * float(np.percentile(rows[:, INDEX["lateness_s"]], 99.0))

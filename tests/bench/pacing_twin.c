@@ -1,6 +1,7 @@
 /* A bare loop with the settings of backend.loop.pacer: what this machine can do at best while the service runs.
  *
- * Writes the lateness of each deadline [ns], one number a line. Arguments: how many periods of 1 ms, FIFO priority (0: none).
+ * Writes the lateness of each deadline [ns], one number a line. Arguments: how many periods, FIFO priority (0: none), the
+ * period [ns].
  */
 
 #define _GNU_SOURCE
@@ -11,7 +12,7 @@
 #include <sys/prctl.h>
 #include <time.h>
 
-enum { PERIOD_NS = 1000000, SECOND_NS = 1000000000 };
+enum { SECOND_NS = 1000000000 };
 
 static long long now_ns(void) {
     struct timespec now;
@@ -20,8 +21,9 @@ static long long now_ns(void) {
 }
 
 int main(int count, char **words) {
-    if (count != 3) return 2;
+    if (count != 4) return 2;
     int periods = atoi(words[1]);
+    long long period = atoll(words[3]);
     struct sched_param wanted = {.sched_priority = atoi(words[2])};
     long long *lateness = malloc(sizeof(long long) * (size_t)periods);
     if (lateness == NULL) return 3;
@@ -30,9 +32,9 @@ int main(int count, char **words) {
     mlockall(MCL_CURRENT | MCL_FUTURE);
     long long deadline = now_ns();
     for (int k = 0; k < periods; k++) {
-        deadline += PERIOD_NS;
+        deadline += period;
         long long behind = now_ns() - deadline;
-        if (behind >= PERIOD_NS) deadline += behind / PERIOD_NS * PERIOD_NS;
+        if (behind >= period) deadline += behind / period * period;
         struct timespec at = {.tv_sec = deadline / SECOND_NS, .tv_nsec = deadline % SECOND_NS};
         while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL) != 0) {}
         lateness[k] = now_ns() - deadline;

@@ -1,0 +1,48 @@
+"""``python -m tests.bench.experiment_runs RUNS CORE``: so many tracking experiments one after the other, on one core.
+
+Says "ready" when everything is loaded, waits for the end of its input, and then says how long they took [s].
+"""
+
+import asyncio
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.storage import Database, open_database
+from backend.storage.runs import EndState
+from plant.parameters import PlantParameters, load_parameters
+
+
+def main(count: int, core: int) -> None:
+    """Play and tell."""
+    os.sched_setaffinity(0, [core])
+    parameters = load_parameters("lab")
+    with tempfile.TemporaryDirectory() as folder:
+        database = open_database(Path(folder))
+        _play(database, parameters)
+        print("ready", flush=True)
+        sys.stdin.read()
+        begun = time.perf_counter()
+        for _ in range(count):
+            _play(database, parameters)
+        print(time.perf_counter() - begun)
+        database.close()
+
+
+def _play(database: Database, parameters: PlantParameters) -> None:
+    settings = LoopSettings()
+    order = Order(experiment("tracking").plan(), settings, "bench")
+    with headless_station(database, parameters, settings) as station:
+        outcome = asyncio.run(run_experiment(station, order))
+    if outcome.run.end_state != EndState.COMPLETED or outcome.evaluation.result is None:
+        raise RuntimeError(f"the experiment was to be completed and evaluated: {outcome}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))
