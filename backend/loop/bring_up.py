@@ -3,13 +3,15 @@
 from typing import assert_never
 
 from backend.faults import Fault
-from backend.loop.causes import Cause
+from backend.loop.causes import Cause, HomingEnd
 from backend.loop.commands import ByHand, Home, ProveDirections, Stop, SwitchDrives, TryModule, TryMotor, Zero
 from backend.loop.homing import TENSION_MAX_N, Homing
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
+from backend.loop.motion import Motion
 from backend.loop.motor_trial import MotorTrial
 from backend.loop.now import Now
+from backend.loop.tick_desk import TickDesk
 from backend.refusal import require_within
 from backend.tick.decision import NO_REFERENCE
 from plant.hand import Handled
@@ -69,6 +71,14 @@ def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:
     """Let the encoders count from where joint and motors are said to stand. Raises PlantError."""
     plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
     machine.zeros.begin_anew()  # pretension finds the motors' zeros
+
+
+def zero_where_homed(motion: Motion, machine: ModeMachine, plant: Plant, desk: TickDesk) -> None:
+    """Set the zero that a motion has found, if it was a homing that has. Raises PlantError."""
+    if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
+        found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
+        set_zero(found, machine, plant)
+        desk.stands_at(found.q)
 
 
 def _home(position: float, machine: ModeMachine, plant: Plant, now: Now) -> None:

@@ -11,7 +11,6 @@ from backend.controllers.decoupler import decoupler_for
 from backend.controllers.limits import bounds_for
 from backend.faults import Fault
 from backend.loop import bring_up
-from backend.loop.causes import HomingEnd
 from backend.loop.checks import Checks
 from backend.loop.commands import (
     Accepted,
@@ -31,7 +30,6 @@ from backend.loop.commands import (
     Zero,
 )
 from backend.loop.hand_push import HandPush
-from backend.loop.homing import Homing
 from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.mode_machine import ModeMachine
 from backend.loop.now import Now
@@ -65,8 +63,9 @@ class Loop:
         self._checks = Checks(parameters)
         self._plant_watch = PlantWatch()
         self._row = np.zeros(len(FIELDS))
-        self._tick = self._newest_tick = 0
-        self._overruns = 0
+        self._tick = self._newest_tick = self._overruns = 0
+        self._command = ZERO_VOLTS  # what was written last
+        self._changed = True  # whether the desk may not know yet what has become of the machine
         self._hand = HandPush(plant)
         self._events: list[Event] = []
         gains = tuning_of(tuning, self._decoupler, self.bounds)
@@ -101,13 +100,13 @@ class Loop:
 
     def drain_events(self) -> list[Event]:
         """Events since the last call, oldest first."""
-        events = list(self._events)
-        self._events.clear()
+        events, self._events[:] = list(self._events), []
         return events
 
     def handle(self, sequence: int, command: Command) -> None:
         """Carry out a command between two ticks, or refuse it whole; the answer is queued as an event."""
         events, tick = self._events, self._tick
+        self._changed = True
         try:
             self._carry_out(command)
         except RefusedError as refused:
@@ -172,16 +171,14 @@ class Loop:
 
         A batch ends in the tick that something comes of, which is made by itself from there on.
         """
-        plant, ring = self._plant, self._ring
-        machine = self._machine
+        plant, ring, machine, desk = self._plant, self._ring, self._machine, self._desk
         told = self._plant_watch.answers and not machine.has_to_tell
         undisturbed = told and self._hand.is_idle and machine.interpreted is None
-        if not (undisturbed and isinstance(plant, Simulator) and isinstance(ring, Ring)) or not plant.alone_for(ticks):
+        alone = plant.alone_for(ticks) if undisturbed and isinstance(plant, Simulator) else 0
+        if not (alone and isinstance(plant, Simulator) and isinstance(ring, Ring)):
             self.tick(overruns=self._overruns)
             return 1
-        alone = plant.alone_for(ticks)
-        desk = self._desk
-        desk.order(orders_of(machine))
+        self._tell_desk()
         stretch = Stretch(self._tick, plant.periods, alone, self._overruns)
         made, came, u_A, u_B, m = desk.run(plant.simulated, plant.read(), stretch, ring.rows)
         plant.has_gone(made, m)
@@ -189,6 +186,7 @@ class Loop:
         machine.push.has_become(*desk.acting)
         self._tick += made
         self._newest_tick = self._tick - 1
+        self._command = desk.command
         if came == QUIET:
             return made
         self._make_tick((came, u_A, u_B), 0.0, self._overruns)
@@ -207,6 +205,7 @@ class Loop:
             came, u_A, u_B = begun or self._begin_tick(missed)
             if came not in (QUIET, DECIDED) or machine.interpreted is not None:
                 u_A, u_B = self._attend(came, missed)
+                self._changed = True
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
                 command = MotorCommand(u_A, u_B)
         except PlantError as error:
@@ -216,19 +215,24 @@ class Loop:
             self._write(command)
         self._events += self._plant_watch.end(self._tick)
         self._overruns = overruns
-        self._desk.order(orders_of(machine))
-        self._desk.write_row(self._row, self._tick, self._plant.raw, lateness_s, overruns)
+        self._tell_desk()
+        self._desk.write_row(self._row, self._tick, self._command, self._plant.raw, lateness_s, overruns)
         self._ring.append(self._row)
         self._tick += 1
 
     def _begin_tick(self, missed: int) -> tuple[int, float, float]:
         """Read, look, and let a compiled motion decide; what came of it, and voltages [V]."""
         desk, raw = self._desk, self._plant.read()
-        desk.order(orders_of(self._machine))
+        self._tell_desk()
         found = desk.look(raw, missed)
         if found == FOUND or self._machine.interpreted is not None:
             return found, 0.0, 0.0
         return desk.decide()
+
+    def _tell_desk(self) -> None:
+        if self._changed:
+            self._desk.order(orders_of(self._machine))
+            self._changed = False
 
     def _attend(self, came: int, missed: int) -> tuple[float, float]:
         """See to what came of a tick that was looked at; return the voltages [V] that are decided then."""
@@ -245,17 +249,11 @@ class Loop:
             decision = desk.decision
         if came & PUSHES:
             machine.push.act(decision.target.F_push, decision.target.load)
-        motion = machine.motion
+        motion, m = machine.motion, desk.m
         if came & DONE and motion is not None:
             motion.done = True
-            if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
-                found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
-                bring_up.set_zero(found, machine, self._plant)
-                desk.stands_at(found.q)
-            m = desk.m
-            after = machine.end_motion(Now(self._newest_tick, m))
-            if after is not m:
-                desk.m = after
+            bring_up.zero_where_homed(motion, machine, self._plant, desk)
+            desk.m = machine.end_motion(Now(self._newest_tick, m))
         return decision.u_A, decision.u_B
 
     def _react(self, missed: int) -> None:
@@ -263,7 +261,7 @@ class Loop:
         machine, desk = self._machine, self._desk
         if machine.mode is Mode.TRIPPED:
             return
-        m, command = desk.m, desk.command
+        m, command = desk.m, self._command
         heard = machine.zeros.from_middle(m)
         fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
         if machine.motion is not None or fault in _AT_REST_TOO:
@@ -273,10 +271,11 @@ class Loop:
         machine = self._machine
         try:
             self._plant.write(command)
-            self._desk.command = command  # what cannot be written leaves the outputs as they were
+            self._command = command  # what cannot be written leaves the outputs as they were
         except (WatchdogExpiredError, WatchdogDeadError) as error:
             # The drives are off already: this is zero volts, and stays so until somebody resets.
-            self._desk.command = ZERO_VOLTS
+            self._command = ZERO_VOLTS
+            self._changed = True
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
                 machine.begin_stop(Stop(fault), str(error), self._now())
@@ -287,6 +286,7 @@ class Loop:
 
     def _plant_failed(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)
+        self._changed = True
         if self._machine.mode is not Mode.TRIPPED:
             self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), self._now())
 

@@ -1,6 +1,7 @@
 """The compiled tick as the loop calls it: its memory, and the machine code for what moves at the moment."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,16 @@ from plant.simulator import Simulated
 
 _Made = tuple[int, int, float, float, Measurement]
 _Run = Callable[[Cell[Desk], Cell[Moving], Cell[Simulated], Measurement, Stretch, NDArray[np.float64]], _Made]
-_Decide = Callable[[Cell[Desk], Cell[Moving]], tuple[int, float, float]]
+_Look = Callable[[Measurement, int], int]
+_Decide = Callable[[], tuple[int, float, float]]
+_WriteRow = Callable[[NDArray[np.float64], int, MotorCommand, RawReading, float, int], None]
 
 
 class TickDesk:
     """One loop's desk, and on it the motion that is under way.
 
-    ``unattended_max_s`` [s] is how long the plant may be left alone.
+    ``unattended_max_s`` [s] is how long the plant may be left alone. ``look``, ``decide`` and ``write_row`` are of
+    ``backend.tick.desk``, for this desk and what lies on it.
     """
 
     def __init__(
@@ -57,16 +61,16 @@ class TickDesk:
         self._orders = NO_ORDERS
         self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
         row = np.zeros(len(FIELDS))
-        self._look = Specialised(desk.look, cell, NOT_MEASURED, 0)
-        self._write_row = Specialised(desk.write_row, cell, row, 0, NO_RAW, 0.0, 0)
+        self.look: _Look = partial(Specialised(desk.look, cell, NOT_MEASURED, 0), cell)
+        self.write_row: _WriteRow = partial(Specialised(desk.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
 
     def lay(self, motion: Motion) -> None:
         """Let a motion be the one that is under way."""
         kind = type(motion.first.state)
         if kind not in self._places:
             place = Cell(motion.first)
-            self._places[kind] = place, Specialised(desk.decide, self.cell, place)
-        self.moving, self._decide = self._places[kind]
+            self._places[kind] = place, partial(Specialised(desk.decide, self.cell, place), self.cell, place)
+        self.moving, self.decide = self._places[kind]
         motion.lie_in(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
 
@@ -89,20 +93,6 @@ class TickDesk:
         if orders != self._orders:
             self._orders = orders
             self._orders_cell.put(orders)
-
-    def look(self, raw: Measurement, missed: int) -> int:
-        """Take in what was read; FOUND where something is wrong with it."""
-        return self._look(self.cell, raw, missed)
-
-    def decide(self) -> tuple[int, float, float]:
-        """Let the motion decide on what was taken in; what came of it, and voltages [V]."""
-        return self._decide(self.cell, self.moving)
-
-    def write_row(
-        self, row: NDArray[np.float64], tick: int, at_card: RawReading, lateness_s: float, overruns: int
-    ) -> None:
-        """Put the tick into its row."""
-        self._write_row(self.cell, row, tick, at_card, lateness_s, overruns)
 
     @property
     def m(self) -> Measurement:
@@ -129,10 +119,6 @@ class TickDesk:
         """What was written last."""
         command: MotorCommand = self._command.get()
         return command
-
-    @command.setter
-    def command(self, command: MotorCommand) -> None:
-        self._command.put(command)
 
     @property
     def found(self) -> checks.Found:

@@ -52,7 +52,6 @@ def run(
             keep(simulated.F_push, target.F_push)
             keep(simulated.load, target.load)
         m = period(simulated, u_A, u_B, stretch.period + made + 1)
-        keep(desk.command, MotorCommand(u_A, u_B))
         number = stretch.first + made
-        write_row(desk, rows[number % rows.shape[0]], number, NO_RAW, 0.0, stretch.overruns)
+        write_row(desk, rows[number % rows.shape[0]], number, MotorCommand(u_A, u_B), NO_RAW, 0.0, stretch.overruns)
     return stretch.ticks, QUIET, 0.0, 0.0, m

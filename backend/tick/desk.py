@@ -181,10 +181,17 @@ _LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fau
 
 @compiled
 def write_row(
-    desk: Cell[Desk], row: NDArray[np.float64], tick: int, at_card: RawReading, lateness_s: float, overruns: int
+    desk: Cell[Desk],
+    row: NDArray[np.float64],
+    tick: int,
+    put: MotorCommand,
+    at_card: RawReading,
+    lateness_s: float,
+    overruns: int,
 ) -> None:
-    """Put the tick into its row (``backend.sample``)."""
-    orders, m, y, put = desk.orders.value, desk.m.value, desk.decision.value, desk.command.value
+    """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
+    orders, m, y = desk.orders.value, desk.m.value, desk.decision.value
+    keep(desk.command, put)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
     row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
     row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
