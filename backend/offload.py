@@ -73,6 +73,12 @@ class Offload:
         with suppress(BrokenProcessPool):
             self._present().pool.submit(_load, work, libraries)
 
+    def begin(self, work: Callable[P, object], *arguments: P.args, **_none: P.kwargs) -> None:
+        """Start the process, unless there is one, and let it do ``work`` first; nobody hears what becomes of that."""
+        if self._worker is None and not self._closed:
+            with suppress(BrokenProcessPool):
+                self._present().pool.submit(partial(work, *arguments))
+
     def close(self) -> None:
         """End the process, whatever it works on: it stores whole or nothing."""
         self._closed = True

@@ -13,11 +13,13 @@ from typing import Any, TypeVar
 
 from backend.access.people import Person
 from backend.archive.views import dry_run_view
-from backend.experiments.playing.dry_run import dry_run
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.dry_run import dry_run, get_ready
 from backend.experiments.playing.runner import Order
 from backend.messages.experiment import DryRunView
 from backend.messages.session import Role
 from backend.offload import Offload
+from backend.operating.kept_figures import KeptFigures
 from backend.refusal import Because, RefusalError, require_within
 from backend.storage.banks import Bank
 from plant.parameters import PlantParameters
@@ -45,6 +47,10 @@ class DryRuns:
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
         self._people: list[Person] = []
+
+    def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
+        """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
+        self._offload.begin(_get_ready, parameters, settings)
 
     async def play(
         self,
@@ -88,6 +94,12 @@ class DryRuns:
             raise RefusalError(
                 Because.TOO_MANY, f"{len(self._people)} dry runs are under way or wait: try again later", code="busy"
             )
+
+
+def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
+    """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
+    KeptFigures().restore()
+    get_ready(parameters, settings)
 
 
 def _is_operator(person: Person) -> bool:

@@ -77,7 +77,9 @@ class OrderedRuns:
     def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         present = self._actuator.present
-        return run_kinds.experiment_kinds(self._loop_settings(), present.operators_tuning.view(0.0), present.plant.kind)
+        settings = self._loop_settings()
+        self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
+        return run_kinds.experiment_kinds(settings, present.operators_tuning.view(0.0), present.plant.kind)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""

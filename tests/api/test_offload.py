@@ -167,3 +167,33 @@ def test_closing_ends_whatever_is_under_way(tmp_path: Path) -> None:
         assert deaths == []
 
     run(session)
+
+
+def write_down(said: Path) -> None:
+    said.write_text(f"{said.read_text() if said.exists() else ''}{os.getpid()}\n")
+
+
+def fail() -> None:
+    raise RuntimeError("nobody is to hear of this")
+
+
+def test_what_a_process_begins_with_is_done_once_before_all_else(tmp_path: Path) -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        for _ in range(3):
+            offload.begin(write_down, tmp_path / "said")
+        process = await offload.run(os.getpid)
+        offload.begin(write_down, tmp_path / "said")
+        assert await offload.run(os.getpid) == process
+        assert (tmp_path / "said").read_text() == f"{process}\n"
+        assert deaths == []
+
+    run(session)
+
+
+def test_what_a_process_begins_with_may_fail() -> None:
+    async def session(offload: Offload, deaths: list[str]) -> None:
+        offload.begin(fail)
+        assert await offload.run(os.getpid) > 0
+        assert deaths == []
+
+    run(session)

@@ -9,14 +9,23 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from backend.experiments.banks.bank_building import tuning_command
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.play import play
 from backend.experiments.playing.runner import Order, run_experiment
+from backend.loop.headless import Headless
 from backend.recording.reader import Envelope, read_envelope
 from backend.storage import banks, open_database
 from backend.storage.banks import Bank
 from backend.storage.results import Result
 from backend.storage.runs import Run
+from plant.catalog import make_plant
+from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters
+
+_SHORTEST = TrackingPlan(q_duration_s=0.5, S_duration_s=0.5)
 
 
 @dataclass(frozen=True)
@@ -26,6 +35,13 @@ class DryRun:
     run: Run
     result: Result | None
     curves: Envelope | None
+
+
+def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
+    """Play the shortest tracking there is and keep nothing of it: what a dry run takes is loaded then."""
+    tuning = tuning_command(parameters, replace(settings, bank=0), None)
+    with closing(Headless(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
+        asyncio.run(play(loop, _SHORTEST.program(), 1, lambda _phase, _elapsed_s: None))
 
 
 def dry_run(
