@@ -102,7 +102,8 @@ class Worker:
                 self.tell(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
             for event in self._loop.drain_events():
                 self.tell(event)
-            self._send()
+            if self._outbox:
+                self._send()
 
     def _abandoned(self) -> bool:
         return not self._service_alive and self._loop.mode in _STILL

@@ -82,19 +82,27 @@ def _against_c() -> list[Ratio]:
     return lines
 
 
+class BothWays:
+    """The same run of TICKS by the compiled closed loop, into ``mine``, and by its C twin, into ``other``."""
+
+    def __init__(self, twin: CTwin, parameters: PlantParameters) -> None:
+        q_ref, S_ref = steps(TICKS)
+        tuning = cascade_tuning(parameters, Lambdas())
+        rig = closed_loop.rig_of(parameters)
+        x, controller = closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0])
+        inputs = closed_loop.inputs_of(parameters, q_ref, S_ref)
+        line, self.mine = closed_loop.empty_arrays(TICKS)
+        self.other = np.empty_like(self.mine)
+        self.in_python = partial(closed_loop.simulate, rig, tuning, x, controller, inputs, line, self.mine)
+        self.in_c = partial(twin.simulate, rig, tuning, x, controller, inputs, self.other)
+
+
 def _against_twin(twin: CTwin, parameters: PlantParameters) -> tuple[float, str]:
-    q_ref, S_ref = steps(TICKS)
-    tuning = cascade_tuning(parameters, Lambdas())
-    rig = closed_loop.rig_of(parameters)
-    x, controller = closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0])
-    inputs = closed_loop.inputs_of(parameters, q_ref, S_ref)
-    line, mine = closed_loop.empty_arrays(TICKS)
-    other = np.empty_like(mine)
-    in_python = partial(closed_loop.simulate, rig, tuning, x, controller, inputs, line, mine)
-    in_c = partial(twin.simulate, rig, tuning, x, controller, inputs, other)
+    run = BothWays(twin, parameters)
+    in_python, in_c = run.in_python, run.in_c
     in_python()
     in_c()
-    difference = float(np.max(np.abs(mine - other)))
+    difference = float(np.max(np.abs(run.mine - run.other)))
     if not difference <= AGREEMENT:
         raise DisagreementError(f"C twin and compiled Python differ by {difference:g} on {parameters.name}")
     pairs = [(seconds(in_python), seconds(in_c)) for _ in range(REPEATS)]

@@ -18,16 +18,13 @@ from backend.loop.commands import SetMode, SetReferences
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.ring import Ring
-from backend.tuning import closed_loop
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.bench.c_twin import CompilerMissingError, CTwin
-from tests.bench.closed_loop_bench import HIGH, seconds, steps
+from tests.bench.closed_loop_bench import HIGH, TICKS, BothWays, seconds
 from tests.bench.table import Ratio, print_ratios
 
-TICKS, REPEATS = 20_000, 15
+REPEATS = 15
 MAX_TICK_US = 5.0
 RUNS, RUNS_A_MINUTE = 8, 120.0
 FAST_PERIOD_S, FAST_WATCHED_S, FAST_PRIORITY = 2e-4, 20.0, 60
@@ -54,7 +51,7 @@ def _headless() -> list[Ratio]:
     parameters = load_parameters("lab")
     with tempfile.TemporaryDirectory() as folder:
         twin = CTwin(Path(folder), ("-O3",))
-        loop, twin_run = loop_in_run(parameters), _twin_run(twin, parameters)
+        loop, twin_run = loop_in_run(parameters), BothWays(twin, parameters).in_c
         sides = iter([HIGH, -HIGH] * REPEATS)
 
         def batches(ticks: int) -> None:
@@ -74,16 +71,6 @@ def _headless() -> list[Ratio]:
         Ratio.at_most("headless tick / 5 µs", tick_us / MAX_TICK_US, 1.0, detail),
         Ratio("headless tick / tick of the C twin without checks and modes", median(a / b for a, b in whole)),
     ]
-
-
-def _twin_run(twin: CTwin, parameters: PlantParameters) -> partial[int]:
-    q_ref, S_ref = steps(TICKS)
-    tuning = cascade_tuning(parameters, Lambdas())
-    rig = closed_loop.rig_of(parameters)
-    x, controller = closed_loop.at_rest(rig, tuning, q_ref[0], S_ref[0])
-    inputs = closed_loop.inputs_of(parameters, q_ref, S_ref)
-    _, out = closed_loop.empty_arrays(TICKS)
-    return partial(twin.simulate, rig, tuning, x, controller, inputs, out)
 
 
 def _experiments() -> list[Ratio]:
