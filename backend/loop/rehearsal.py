@@ -1,11 +1,16 @@
 """Go through every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline."""
 
+from backend.controllers.decoupler import decoupler_for
+from backend.controllers.limits import bounds_for
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
+from backend.loop.homing import Homing
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
-from backend.loop.motion import BASELINES
+from backend.loop.motion import BASELINES, Rest
 from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, VoltageStep
 from backend.loop.ring import Ring
+from backend.loop.tuned import tuning_of
+from backend.tick.decision import NO_REFERENCE
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -27,7 +32,7 @@ class RehearsalError(Exception):
 
 
 def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
-    """Run pretension, run, compliance, every kind of program and a soft stop. Raises RehearsalError."""
+    """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises RehearsalError."""
     ring = Ring.create(capacity=16)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
@@ -46,6 +51,15 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
         loop.tick()
     loop.close()
     ring.close()
+    _bring_up(parameters, tuning)
+
+
+def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
+    """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
+    plant = Simulator(parameters)
+    gains = tuning_of(tuning, decoupler_for(parameters), bounds_for(parameters))
+    homing = Homing(Rest(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
+    homing.step(gains, plant.read())
 
 
 def _order(loop: Loop, command: Command) -> None:

@@ -2,10 +2,24 @@
 
 import dataclasses
 import sys
+from collections.abc import Sequence
 
 from numba.core.dispatcher import Dispatcher
 
-from backend.loop.commands import Push, Reset, RunProgram, SetMode, SetReferences, Stop
+from backend.loop.commands import (
+    Command,
+    Home,
+    ProveDirections,
+    Push,
+    Refused,
+    Reset,
+    RunProgram,
+    SetMode,
+    SetReferences,
+    Stop,
+    TryModule,
+    TryMotor,
+)
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
 from backend.loop.program import Excitation, Law, Program, Segment, Shape
@@ -15,6 +29,8 @@ from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
+from plant.virtual_rig import VirtualRig
+from tests.bring_up.rigs import WIRING
 
 SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)
 EXCITATION = Excitation(amplitude_rad=0.1, chip_s=0.002, levels="+-", periods=2)
@@ -33,34 +49,47 @@ def specialised() -> set[tuple[str, str]]:
     }
 
 
+def ask(loop: Loop, commands: Sequence[Command]) -> None:
+    """Give one command after the other, each when the loop has come to rest again."""
+    for command in commands:
+        loop.handle(0, command)
+        refused = [event.reason for event in loop.drain_events() if isinstance(event, Refused)]
+        assert not refused, refused
+        for _ in range(30):
+            loop.tick()
+        for _ in range(40_000):
+            if loop.mode in RESTS or loop.pretension_done:
+                break
+            loop.tick()
+    loop.close()
+
+
 def main() -> None:
     lab = load_parameters("lab")
     tuning = tuning_for(lab, Lambdas())
     if "--unrehearsed" not in sys.argv:
         rehearse(lab, tuning)
     loop = Loop(Simulator(lab), lab, Ring.create(16), tuning)
+    rig = VirtualRig(WIRING, Simulator(lab), None, WIRING, directions_proven=True, load_cells_measured=True)
+    brought_up = Loop(rig, lab, Ring.create(16), tuning)
     before = specialised()
-    for command in (
-        SetMode(Mode.PRETENSION),
-        RunProgram(Program(Law.FORCE_HOLD, tension_N=12.0, settle_s=0.01, excitation=EXCITATION)),
-        RunProgram(Program(Law.CASCADE, (SINE,))),
-        RunProgram(Program(Law.COMPLIANCE, (SINE,))),
-        SetMode(Mode.RUN),
-        SetReferences(0.1, 11.0),
-        dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
-        Push(2.0, 1.0),
-        SetMode(Mode.COMPLIANCE),
-        Stop(hard=False),
-        Reset(),
-    ):
-        loop.handle(0, command)
-        for _ in range(30):
-            loop.tick()
-        for _ in range(20_000):
-            if loop.mode in RESTS or loop.pretension_done:
-                break
-            loop.tick()
-    loop.close()
+    ask(
+        loop,
+        (
+            SetMode(Mode.PRETENSION),
+            RunProgram(Program(Law.FORCE_HOLD, tension_N=12.0, settle_s=0.01, excitation=EXCITATION)),
+            RunProgram(Program(Law.CASCADE, (SINE,))),
+            RunProgram(Program(Law.COMPLIANCE, (SINE,))),
+            SetMode(Mode.RUN),
+            SetReferences(0.1, 11.0),
+            dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
+            Push(2.0, 1.0),
+            SetMode(Mode.COMPLIANCE),
+            Stop(hard=False),
+            Reset(),
+        ),
+    )
+    ask(brought_up, (TryMotor("A"), ProveDirections(proven=True), Home(0.5), SetMode(Mode.PRETENSION), TryModule()))
     for name, signature in sorted(specialised() - before):
         print(name, signature)
 
