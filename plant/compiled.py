@@ -77,7 +77,7 @@ class _Compiled(cast(Any, CPUDispatcher)):  # type: ignore[misc]  # of numba
     """What the interpreter calls; compiled code that calls it has ``inner`` instead.
 
     The way in from the interpreter takes each number out of each tuple, one by one: compiling it for a function that
-    only compiled code calls, and writing that function to disk on its own, cost two fifths of all compiling.
+    only compiled code calls, and writing that function to disk on its own, cost more than a third of all compiling.
     """
 
     @cached_property

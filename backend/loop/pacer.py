@@ -58,7 +58,7 @@ def request_real_time() -> Granted:
 
 
 def _sleep_until(deadline_ns: int) -> None:
-    # To an absolute time within, and again after a signal: a third of the time that calling libc by ctypes takes.
+    # To an absolute time within, and again after a signal; calling libc by ctypes would cost more.
     time.sleep(max(deadline_ns - time.monotonic_ns(), 0) / _NS)
 
 

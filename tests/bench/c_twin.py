@@ -1,4 +1,4 @@
-"""Compile twin.c and run it on what ``backend.tuning.closed_loop.simulate`` runs on."""
+"""The twins in C: twin.c runs on what ``backend.tuning.closed_loop.simulate`` runs on, pacing_twin.c only waits."""
 
 import ctypes
 import shutil
@@ -14,22 +14,33 @@ from backend.tuning.closed_loop import Array, Inputs, Rig
 from plant.dynamics import PlantState
 
 SOURCE = Path(__file__).with_name("twin.c")
+PACING = Path(__file__).with_name("pacing_twin.c")
 
 
 class CompilerMissingError(RuntimeError):
     """There is no gcc on this machine."""
 
 
+class PacingTwin:
+    """A bare loop in C that waits for one deadline after the other, compiled by gcc into ``folder``."""
+
+    def __init__(self, folder: Path) -> None:
+        self._program = folder / "pacing_twin"
+        _compile(PACING, self._program, "-std=gnu11", "-O3")
+
+    def lateness_us(self, periods: int, priority: int, period_s: float) -> Array:
+        """Let it wait at ``priority`` of SCHED_FIFO, 0 for ordinary; how late each period was [µs]."""
+        command = [str(self._program), str(periods), str(priority), str(round(1e9 * period_s))]
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        return 1e-3 * np.array([float(line) for line in said.split()])
+
+
 class CTwin:
     """The C twin, compiled by gcc with ``flags`` into the empty ``folder``."""
 
     def __init__(self, folder: Path, flags: Sequence[str]) -> None:
-        gcc = shutil.which("gcc")
-        if gcc is None:
-            raise CompilerMissingError("gcc is not installed: apt-get install gcc, then run the bench again")
         library = folder / "twin.so"
-        warnings = ["-std=c11", "-Wall", "-Wextra", "-Werror"]
-        subprocess.run([gcc, *warnings, *flags, "-shared", "-fPIC", "-o", library, SOURCE, "-lm"], check=True)
+        _compile(SOURCE, library, "-std=c11", *flags, "-shared", "-fPIC")
         self._simulate = ctypes.CDLL(str(library)).simulate
         self._simulate.restype = ctypes.c_int64
 
@@ -59,6 +70,13 @@ def struct_of(value: Any) -> ctypes.Structure:
     made = type(type(value).__name__, (ctypes.Structure,), {"_fields_": fields})(*values)
     assert isinstance(made, ctypes.Structure)
     return made
+
+
+def _compile(source: Path, made: Path, *flags: str) -> None:
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        raise CompilerMissingError("gcc is not installed: apt-get install gcc, then run the bench again")
+    subprocess.run([gcc, "-Wall", "-Wextra", "-Werror", *flags, "-o", made, source, "-lm"], check=True)
 
 
 def _converted(part: Any) -> Any:

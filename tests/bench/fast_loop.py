@@ -12,7 +12,7 @@ import numpy as np
 
 from backend.loop.pacer import Pacer, request_real_time
 from plant.parameters import load_parameters
-from tests.bench.tick_bench import loop_in_run
+from tests.bench.tick_bench import loop_in_run, require_run
 
 
 def main(periods: int, period_s: float) -> None:
@@ -30,6 +30,7 @@ def main(periods: int, period_s: float) -> None:
         lateness[k] = pacer.wait()
         loop.tick(lateness[k], 0)
     busy_s, taken_s = time.process_time() - busy_s, time.monotonic() - begun
+    require_run(loop)
     loop.close()
     print(1e6 * float(np.percentile(lateness, 99.0)), pacer.overruns, busy_s / taken_s)
 

@@ -2,9 +2,7 @@
 
 import asyncio
 import resource
-import shutil
 import socket
-import subprocess
 import tempfile
 import time
 from contextlib import AsyncExitStack
@@ -21,7 +19,7 @@ from backend.api.live import PATIENCE_S
 from backend.operating.live_stream import HISTORY_S
 from backend.sample import INDEX, STORED_NAMES
 from plant.interface import T_s
-from tests.bench.c_twin import CompilerMissingError
+from tests.bench.c_twin import PacingTwin
 from tests.bench.table import Ratio, print_ratios
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
@@ -29,7 +27,6 @@ VIEWERS, SILENT = 100, 20
 WATCHED_S = 20.0
 MAX_DELAY_MS, MAX_GROWTH_MB, MAX_LATENESS_RATIO = 50.0, 50.0, 1.2
 OVERRUNS = STORED_NAMES.index("overruns")
-PACING_TWIN = Path(__file__).with_name("pacing_twin.c")
 
 
 def bench(console: Console) -> bool:
@@ -45,23 +42,16 @@ def bench(console: Console) -> bool:
 
 def _beside_c(loop: Loop, folder: Path) -> list[Ratio]:
     """Lateness and processor time of the loop over those of the C loop, both at the same time on the same machine."""
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        raise CompilerMissingError("gcc is not installed: apt-get install gcc, then run the bench again")
-    program = folder / "pacing_twin"
-    subprocess.run([gcc, "-std=gnu11", "-O3", "-Wall", "-Wextra", "-Werror", "-o", program, PACING_TWIN], check=True)
+    twin = PacingTwin(folder)
     priority = _fifo_priority(loop.pid)
     begun, before_s, theirs_before_s = loop.ring.count, _processor_s(loop.pid), _of_children_s()
     periods = round(WATCHED_S / T_s)
-    said = subprocess.run(
-        [program, str(periods), str(priority), str(round(1e9 * T_s))], capture_output=True, text=True, check=True
-    ).stdout
+    theirs = float(np.percentile(twin.lateness_us(periods, priority, T_s), 99.0))
     ticks = loop.ring.count - begun
     busy_us, bare_us = (
         1e6 * (_processor_s(loop.pid) - before_s) / ticks,
         1e6 * (_of_children_s() - theirs_before_s) / periods,
     )
-    theirs = 1e-3 * np.percentile([float(line) for line in said.split()], 99.0)
     _, rows, _ = loop.ring.read(begun, ticks)
     ours = 1e6 * float(np.percentile(rows[:, INDEX["lateness_s"]], 99.0))
     detail = f"{ours:.0f} µs against {theirs:.0f} µs, FIFO priority {priority}, {WATCHED_S:g} s side by side"

@@ -1,13 +1,14 @@
 """What a tick costs: headless beside the C twin, in whole experiments on one core and on two, and live at 5 kHz."""
 
-import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import IO
 
 import numpy as np
 from rich.console import Console
@@ -20,7 +21,7 @@ from backend.loop.mode import Mode
 from backend.loop.ring import Ring
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
-from tests.bench.c_twin import CompilerMissingError, CTwin
+from tests.bench.c_twin import CTwin, PacingTwin
 from tests.bench.closed_loop_bench import HIGH, TICKS, BothWays, seconds
 from tests.bench.table import Ratio, print_ratios
 
@@ -47,6 +48,12 @@ def loop_in_run(parameters: PlantParameters) -> Loop:
     return loop
 
 
+def require_run(loop: Loop) -> None:
+    """Refuse to tell what a tick costs of a loop that has tripped: it would have done less."""
+    if loop.mode != Mode.RUN:
+        raise RuntimeError(f"the loop was to be in run until the end, and is in {loop.mode.name.lower()}")
+
+
 def _headless() -> list[Ratio]:
     parameters = load_parameters("lab")
     with tempfile.TemporaryDirectory() as folder:
@@ -64,6 +71,7 @@ def _headless() -> list[Ratio]:
         twin_run()
         whole = [(seconds(partial(batches, 1000)), seconds(twin_run)) for _ in range(REPEATS)]
         sliced = median(seconds(partial(batches, 100)) for _ in range(REPEATS // 2)) / TICKS
+        require_run(loop)
         loop.close()
     tick_us = 1e6 * median(ours for ours, _ in whole) / TICKS
     detail = f"{tick_us:.2f} µs a tick in batches of 1 s, {1e6 * sliced:.2f} µs in those of 0.1 s"
@@ -86,51 +94,51 @@ def _experiments() -> list[Ratio]:
 
 def _runs_a_minute(cores: Sequence[int]) -> float:
     """Let as many processes play as there are cores named, each kept on its own, at the same time."""
-    command = [sys.executable, "-m", "tests.bench.experiment_runs", str(RUNS)]
-    players = [
-        subprocess.Popen([*command, str(core)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        for core in cores
-    ]
-    for player in players:
-        assert player.stdout is not None
-        player.stdout.readline()  # ready: everything is loaded
-    said = [_told(player) for player in _begun(players)]
-    return sum(60.0 * RUNS / taken_s for taken_s in said)
+    with ExitStack() as stack:
+        players = [stack.enter_context(_ready("experiment_runs", str(RUNS), str(core))) for core in cores]
+        for player in players:
+            _input(player).close()  # begin
+        return sum(60.0 * RUNS / _told(player)[0] for player in players)
 
 
-def _begun(players: Sequence["subprocess.Popen[str]"]) -> Sequence["subprocess.Popen[str]"]:
-    for player in players:
-        assert player.stdin is not None
-        player.stdin.close()
-    return players
+@contextmanager
+def _ready(module: str, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    """Start a module of the bench; wait until it says that it is ready."""
+    command = [sys.executable, "-m", f"tests.bench.{module}", *arguments]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            if _output(process).readline() != "ready\n":
+                raise RuntimeError(f"{module} was to get ready, and has ended: exit code {process.wait()}")
+            yield process
+        finally:
+            process.kill()
 
 
-def _told(player: "subprocess.Popen[str]") -> float:
-    assert player.stdout is not None
-    said = float(player.stdout.read())
-    if player.wait() != 0:
-        raise RuntimeError("a process that played experiments has failed")
-    return said
+def _told(process: "subprocess.Popen[str]") -> list[float]:
+    said = _output(process).read()
+    if process.wait() != 0:
+        raise RuntimeError(f"{process.args!r} has failed: exit code {process.returncode}")
+    return [float(word) for word in said.split()]
+
+
+def _input(process: "subprocess.Popen[str]") -> IO[str]:
+    assert process.stdin is not None
+    return process.stdin
+
+
+def _output(process: "subprocess.Popen[str]") -> IO[str]:
+    assert process.stdout is not None
+    return process.stdout
 
 
 def _fast() -> list[Ratio]:
     """The loop in run at five times its rate, beside a bare C loop: each whole tick has 0.2 ms."""
     periods = round(FAST_WATCHED_S / FAST_PERIOD_S)
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        raise CompilerMissingError("gcc is not installed: apt-get install gcc, then run the bench again")
     with tempfile.TemporaryDirectory() as folder:
-        bare = Path(folder) / "pacing_twin"
-        source = Path(__file__).with_name("pacing_twin.c")
-        subprocess.run([gcc, "-std=gnu11", "-O3", "-Wall", "-Wextra", "-Werror", "-o", bare, source], check=True)
-        theirs = [str(bare), str(periods), str(FAST_PRIORITY), str(round(1e9 * FAST_PERIOD_S))]
-        ours = [sys.executable, "-m", "tests.bench.fast_loop", str(periods), str(FAST_PERIOD_S)]
-        with subprocess.Popen(ours, stdout=subprocess.PIPE, text=True) as loop:
-            assert loop.stdout is not None
-            loop.stdout.readline()  # it ticks now
-            bare_ns = subprocess.run(theirs, capture_output=True, text=True, check=True).stdout
-            lateness_us, missed, busy = map(float, loop.stdout.read().split())
-    bare_us = 1e-3 * float(np.percentile([float(line) for line in bare_ns.split()], 99.0))
+        twin = PacingTwin(Path(folder))
+        with _ready("fast_loop", str(periods), str(FAST_PERIOD_S)) as loop:
+            bare_us = float(np.percentile(twin.lateness_us(periods, FAST_PRIORITY, FAST_PERIOD_S), 99.0))
+            lateness_us, missed, busy = _told(loop)
     detail = f"p99 {lateness_us:.0f} µs against {bare_us:.0f} µs, side by side for {FAST_WATCHED_S:g} s"
     return [
         Ratio.at_most("at 5 kHz: lateness, loop / bare C loop", lateness_us / bare_us, MAX_FAST_LATENESS_RATIO, detail),
