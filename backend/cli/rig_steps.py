@@ -3,7 +3,8 @@
 import asyncio
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from backend.bring_up.steps import INSTEAD, STEP, STEPS, StepId
@@ -73,7 +74,7 @@ def not_done(settings: Settings) -> list[StepId]:
 def show(settings: Settings, *, as_json: bool) -> None:
     """Tell how the steps stand; nothing is started."""
     with database_of(settings) as database:
-        _shown(_document(settings, _states_at_rest(settings, database), database), as_json=as_json)
+        _show(_standing_of(settings, _states_at_rest(settings, database), database), as_json=as_json)
 
 
 def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
@@ -85,14 +86,14 @@ def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
     try:
         with only_service_on(settings.data), database_of(settings) as database:
             _require_free(settings, database, orders)
-            document = asyncio.run(_played(settings, database, orders))
+            stands = asyncio.run(_played(settings, database, orders))
     except AlreadyRunningError as error:
         address = address_of_service(settings.data)
         fail(f"{error}" if not address else f"{error}. Or bring the rig up on its page Bring-up at {address}")
         return
-    _shown(document, as_json=as_json)
-    if document["ended"]:
-        fail(document["ended"])
+    _show(stands, as_json=as_json)
+    if stands.ended:
+        fail(stands.ended)
 
 
 def _require_free(settings: Settings, database: "Database", orders: Sequence[Order]) -> None:
@@ -105,7 +106,7 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ord
         fail(f"{first.title}: {blocked}; sinew rig bring-up plays all that is to be done")
 
 
-async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> dict[str, Any]:
+async def _played(settings: Settings, database: "Database", orders: Sequence[Order]) -> "_BringUp":
     from backend.bring_up.session import BlockedError, Person, session
     from backend.bring_up.standing import brought_up_of
     from backend.experiments.banks.bank_building import tuning_command
@@ -147,7 +148,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ord
         say("The drives stay off where the rig is driven next, until somebody there switches them on.")
     if any(order.step in INSTEAD for order in orders):
         say("The zero ends with this command's loop: set it again where the rig is driven next.")
-    return {**_document(settings, states, database), "ended": ended}
+    return _standing_of(settings, states, database, ended)
 
 
 async def _one(at_rig: "Session", terminal: Terminal, order: Order) -> "StepResult":
@@ -180,40 +181,73 @@ async def _numbers(terminal: Terminal, step: StepId) -> dict[str, float]:
             say(f"  {wrong}: type a number", style="red")
 
 
-def _document(settings: Settings, states: "dict[StepId, Standing]", database: "Database") -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Result:
+    """What a step came to, as it is printed for programs."""
+
+    passed: bool
+    text: str
+    figures: Sequence[dict[str, Any]]
+    who: str
+    at: datetime
+
+
+@dataclass(frozen=True)
+class _Step:
+    """How a step stands, and ``why``; what it is ``blocked`` by."""
+
+    id: StepId
+    title: str
+    state: str
+    why: str
+    blocked: str
+    result: _Result | None
+
+
+@dataclass(frozen=True)
+class _BringUp:
+    """How all steps stand; ``ended`` says what ended the command before its end, empty where nothing did."""
+
+    plant: str
+    wiring: str
+    steps: tuple[_Step, ...]
+    ended: str
+
+
+def _standing_of(
+    settings: Settings, states: "dict[StepId, Standing]", database: "Database", ended: str = ""
+) -> _BringUp:
     from backend.bring_up import standing
 
     results = standing.newest(database)
-    steps = [
-        {
-            "id": step.id,
-            "title": step.title,
-            "state": states[step.id].state,
-            "why": states[step.id].why,
-            "blocked": standing.blocked_by(step, states),
-            "result": _result(results.get(step.id)),
-        }
+    steps = tuple(
+        _Step(
+            step.id,
+            step.title,
+            states[step.id].state,
+            states[step.id].why,
+            standing.blocked_by(step, states),
+            _result(results.get(step.id)),
+        )
         for step in STEPS
         if step.id in states
-    ]
-    return {"plant": settings.plant_choice.name, "wiring": settings.wiring, "steps": steps, "ended": ""}
+    )
+    return _BringUp(settings.plant_choice.name, settings.wiring, steps, ended)
 
 
-def _result(result: "StepResult | None") -> dict[str, Any] | None:
-    if result is None:
-        return None
-    return {name: getattr(result, name) for name in ("passed", "text", "figures", "who", "at")}
+def _result(result: "StepResult | None") -> _Result | None:
+    return None if result is None else _Result(result.passed, result.text, result.figures, result.who, result.at)
 
 
-def _shown(document: dict[str, Any], *, as_json: bool) -> None:
+def _show(bring_up: _BringUp, *, as_json: bool) -> None:
     if as_json:
-        print_json(document)
+        print_json(asdict(bring_up))
         return
     rows = []
-    for step in document["steps"]:
-        done = step["result"]
-        who, at = (done["who"], f"{done['at'].astimezone():%Y-%m-%d %H:%M}") if done else ("", "")
-        rows.append((step["id"], _STANDS[step["state"]], who, at, in_words(step["why"], angles())))
+    for step in bring_up.steps:
+        done = step.result
+        who, at = (done.who, f"{done.at.astimezone():%Y-%m-%d %H:%M}") if done else ("", "")
+        rows.append((step.id, _STANDS[step.state], who, at, in_words(step.why, angles())))
     print_table(("step", "stands", "by", "on", "because"), rows)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from backend.documents.actuator import CHANNELS
+from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.run_settings import DeclaredValue
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
@@ -149,12 +150,12 @@ def parameter_section(source: Source) -> Section:
     rows = tuple(
         (
             f"{section}.{entry}",
-            _chosen(item["value"], item["unit"], source.angles),
-            shown_unit(item["unit"], source.angles),
-            str(item["source"]),
+            _chosen(number.value, number.unit, source.angles),
+            shown_unit(number.unit, source.angles),
+            number.source,
         )
-        for section, entries in source.run.parameters.items()
-        for entry, item in entries.items()
+        for section, entries in PLANT_NUMBERS.read(source.run.parameters, f"run {source.run.id}").items()
+        for entry, number in entries.items()
     )
     columns = (
         Column("Parameter", number=False),

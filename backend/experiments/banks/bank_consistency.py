@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Any
 
 from backend.controllers.decoupler import decoupler_for, stiffness_slope
+from backend.documents.plant_numbers import PLANT_NUMBERS, PlantNumber
 from backend.experiments.banks.default_choice import default_lam_motor
 from backend.identification.validation import MAX_GAIN_ERROR_PERCENT
 from backend.storage.bank_entry import entry_name
@@ -65,13 +66,14 @@ def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]
 
 def require_same_parameters(parameters: PlantParameters, name: str, recorded: Mapping[str, Any]) -> None:
     """Raise BankError where a run was made with other numbers than those in use: its model is of another plant."""
-    for section, entries in parameters.document().items():
-        for entry, described in entries.items():
-            then = recorded.get(section, {}).get(entry, {}).get("value")
-            if then != described["value"]:
+    then = PLANT_NUMBERS.read(recorded, name)
+    for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items():
+        for entry, now in entries.items():
+            was = then.get(section, {}).get(entry, PlantNumber(None)).value
+            if was != now.value:
                 raise BankError(
-                    f"{name} was made with other parameters: {section}.{entry} was {then}, it is {described['value']} "
-                    "now; identify again, or use the parameters of that run"
+                    f"{name} was made with other parameters: {section}.{entry} was {was}, it is {now.value} now; "
+                    "identify again, or use the parameters of that run"
                 )
 
 

@@ -5,6 +5,7 @@ import json
 from dataclasses import dataclass
 
 from backend.documents.kept_tuning import KEPT, KeptTuning
+from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.storage import Database, Session, settings
 from backend.storage.settings import StoredSetting
@@ -65,7 +66,7 @@ def _read(kept: StoredSetting) -> KeptTuning:
 def digest(parameters: PlantParameters) -> str:
     """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
     values = {
-        section: {name: entry["value"] for name, entry in entries.items()}
-        for section, entries in parameters.document().items()
+        section: {name: number.value for name, number in entries.items()}
+        for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items()
     }
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
