@@ -81,9 +81,10 @@ def operator(browser: Browser, service: Service, request: pytest.FixtureRequest)
 
 
 def witnessed(watched: Watched, service: Service, picture: Path) -> str:
-    """Tell what page and service were like; a picture of the page is kept."""
+    """Tell what page and service were like; a picture of the page is kept, where it is still open."""
     picture.parent.mkdir(parents=True, exist_ok=True)
-    watched.page.screenshot(path=picture)
+    if not watched.page.is_closed():
+        watched.page.screenshot(path=picture)
     with closing(sqlite3.connect(f"file:{service.data / 'sinew.db'}?mode=ro", uri=True)) as database:
         events = ["  ".join(row) for row in database.execute(LAST_EVENTS)]
     told = {

@@ -96,6 +96,7 @@ def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operato
         operator.wait(lambda: difference(before, canvas.screenshot()) > 0.01, PICTURE_TIMEOUT_MS)
         page.get_by_role("button", name="STOP", exact=True).click()
         operator.expect_mode("tripped")
+        page.close()  # before its cable is gone: what it asks for next would find nobody
 
 
 def test_a_run_is_replayed_in_3d(operator: Operator) -> None:

@@ -219,3 +219,18 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
     assert first < max(oldest, last - WINDOW_S) + 1.0
     page.get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
+
+
+WRITTEN_ANEW = """() => new Promise((resolve) => {
+  const found = [];
+  const watch = new MutationObserver((changes) => found.push(...changes.map(({ target }) => target.outerHTML)));
+  watch.observe(document.body, { subtree: true, attributes: true, attributeFilter: ["name", "type"] });
+  setTimeout(() => { watch.disconnect(); resolve(found); }, 2000);
+})"""
+"""React writes these of each box that it renders, changed or not."""
+
+
+def test_boxes_that_nobody_touches_are_not_rendered_again(tuning: Operator) -> None:
+    tuning.be_in_run()  # references stand still then
+    tuning.wait_for_samples(1000)
+    assert tuning.page.evaluate(WRITTEN_ANEW) == []

@@ -3,7 +3,7 @@
 import { Button, SegmentedControl } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { type FormEvent, useEffect, useState } from "react";
+import { type FormEvent, useEffect, useMemo, useState } from "react";
 import { Card } from "../../components/Card";
 import { ChoiceField } from "../../components/ChoiceField";
 import { NumberField } from "../../components/NumberField";
@@ -70,8 +70,11 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const { data: banks = [] } = useQuery(banksQuery);
   const tuning = tuningOf(state);
   const start = useStartIdentification();
-  const values = valuesOf(kind, changed);
-  const asked = requestOf(kind, values, kind.kind === "actuator" ? tensions : "");
+  const values = useMemo(() => valuesOf(kind, changed), [kind, changed]);
+  const asked = useMemo(
+    () => requestOf(kind, values, kind.kind === "actuator" ? tensions : ""),
+    [kind, values, tensions],
+  );
   const [request] = useDebouncedValue(asked.request, 300);
   const [from] = useDebouncedValue(useWhereabouts(), 300);
   const prediction = useQuery(predictionQuery(request, from));

@@ -1,11 +1,11 @@
 /** A push on the joint, as by a hand: where the plant is simulated, held for a time, let go of by the loop itself. */
 
 import { Button } from "@mantine/core";
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
-import { useLive, useLiveStore, useNow } from "../../live/react";
+import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { usePush } from "../../service/commands";
 import { RefusedFields } from "../../service/refusedFields";
@@ -13,6 +13,7 @@ import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
 
 const LONGEST_S = 10;
+const LOOK_MS = 100;
 
 export function PushCard() {
   const F_push_max = useLive((live) => live.state?.limits.F_push_max ?? 0);
@@ -20,16 +21,13 @@ export function PushCard() {
 }
 
 function PushControls({ F_push_max }: { F_push_max: number }) {
-  const state = useLive((live) => live.state);
-  const store = useLiveStore();
+  const mode = useLive((live) => live.state?.mode);
+  const felt = useFelt();
   const push = usePush();
   const [F_push, setForce] = useState(10);
   const [duration_s, setDuration] = useState(2);
   const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
-  useNow(100);
-  const felt = store.window.newest("F_push");
-  const pushed = Number.isFinite(felt) && felt !== 0;
-  const reason = whyNoPush(state);
+  const reason = whyNoPush(mode);
   const problem = problems.find((one) => one !== null) ?? null;
   const refusal = problem === null && reason === null ? push.error : null;
   const about = [F_push, duration_s];
@@ -87,7 +85,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
           error={refusal}
           about={about}
           forFields
-          text={problem ?? (pushed ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
+          text={problem ?? (felt !== 0 ? `Pushed with ${fixed(felt, 1)} N.` : reason)}
           hint={`${fixed(-F_push_max, 0)} … ${fixed(F_push_max, 0)} N at the pulley, towards +q; at most ${LONGEST_S} s`}
         />
       </RefusedFields>
@@ -95,8 +93,21 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
   );
 }
 
+/** The push that is at work now [N], to a tenth; 0 while there is none. Only a change of it renders anew. */
+function useFelt(): number {
+  const store = useLiveStore();
+  const [felt, setFelt] = useState(0);
+  useEffect(() => {
+    const timer = window.setInterval(() => {
+      const newest = store.window.newest("F_push");
+      setFelt(Number.isFinite(newest) ? Math.round(10 * newest) / 10 : 0);
+    }, LOOK_MS);
+    return () => window.clearInterval(timer);
+  }, [store]);
+  return felt;
+}
+
 /** Why the joint cannot be pushed now; null when it can. */
-function whyNoPush(state: State | null): string | null {
-  const mode = state?.mode;
+function whyNoPush(mode: State["mode"] | undefined): string | null {
   return mode === "run" || mode === "compliance" ? null : "A push takes the mode run or compliance.";
 }

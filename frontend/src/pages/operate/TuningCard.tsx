@@ -44,11 +44,9 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
   const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
-  const [asked] = useDebouncedValue(
-    { lam_q: drafts.lam_q ?? wanted("lam_q"), lam_S: drafts.lam_S ?? wanted("lam_S") },
-    PREVIEW_AFTER_MS,
-  );
-  const preview = useQuery(previewQuery(asked.lam_q, asked.lam_S, tuningKey(tuning)));
+  const [lam_q] = useDebouncedValue(drafts.lam_q ?? wanted("lam_q"), PREVIEW_AFTER_MS);
+  const [lam_S] = useDebouncedValue(drafts.lam_S ?? wanted("lam_S"), PREVIEW_AFTER_MS);
+  const preview = useQuery(previewQuery(lam_q, lam_S, tuningKey(tuning)));
   const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuningKey(tuning)));
   const missing = preview.error?.message ?? "being computed";
   return (
