@@ -16,7 +16,7 @@ from backend.loop.program import Segment, require_few
 from plant.brought_up import NOT_BROUGHT_UP, BroughtUp
 from plant.choice import PlantChoice
 
-PART_SEGMENTS = 64
+PART_SEGMENTS = 24
 """Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
 
 
@@ -56,17 +56,19 @@ class Failed:
 
 @dataclass(frozen=True)
 class ProgramPart:
-    """Segments of a program that is too long for one packet; all its packets have the same number."""
+    """Segments or tunings of a program that is too long for one packet; all its packets have the same number."""
 
-    segments: tuple[Segment, ...]
+    segments: tuple[Segment, ...] = ()
+    tunings: tuple[SetTuning, ...] = ()
 
 
 @dataclass(frozen=True)
 class LongProgram:
-    """The rest of a program whose ``segments`` segments came ahead in parts, in order."""
+    """The rest of a program whose ``segments`` segments and ``tunings`` tunings came ahead in parts, in order."""
 
     command: RunProgram
     segments: int
+    tunings: int = 0
 
 
 ToLoop = Setup | Command | ProgramPart | LongProgram
@@ -120,14 +122,18 @@ def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
 
 def packets(command: Command, sequence: int) -> list[bytes]:
     """Write a command as packets that follow each other. Raises OutOfRangeError, ChannelError."""
-    if not isinstance(command, RunProgram) or len(command.program.segments) <= PART_SEGMENTS:
+    if not isinstance(command, RunProgram):
         return [encode(command, sequence)]
-    segments = command.program.segments
+    segments, tunings = command.program.segments, command.program.tunings
+    if len(segments) <= PART_SEGMENTS and not tunings:
+        return [encode(command, sequence)]
     require_few(segments)
     starts = range(0, len(segments), PART_SEGMENTS)
-    parts = [encode(ProgramPart(segments[start : start + PART_SEGMENTS]), sequence) for start in starts]
-    rest = LongProgram(replace(command, program=replace(command.program, segments=())), len(segments))
-    return [*parts, encode(rest, sequence)]
+    parts = [ProgramPart(segments[start : start + PART_SEGMENTS]) for start in starts]
+    parts += [ProgramPart(tunings=(tuning,)) for tuning in tunings]
+    bare = replace(command.program, segments=(), tunings=())
+    rest = LongProgram(replace(command, program=bare), len(segments), len(tunings))
+    return [*(encode(part, sequence) for part in parts), encode(rest, sequence)]
 
 
 def decode_to_loop(packet: bytes) -> tuple[int, ToLoop]:

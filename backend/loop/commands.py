@@ -9,6 +9,9 @@ from backend.faults import Fault
 from backend.loop.causes import Why
 from backend.loop.mode import Mode
 from backend.loop.program import Program
+from backend.loop.set_tuning import EntryGains as EntryGains
+from backend.loop.set_tuning import MotorGains as MotorGains
+from backend.loop.set_tuning import SetTuning as SetTuning
 from plant.breakage import Broken
 from plant.hand import Hand
 from plant.parameter_sections import Side
@@ -28,45 +31,6 @@ class SetReferences:
 
     q_ref: float
     S_ref: float
-
-
-@dataclass(frozen=True)
-class EntryGains:
-    """Gains of the two outer loops at one point of the bank, scaled for the decoupler (erratum E3)."""
-
-    S_nominal: float
-    k_p_q: float
-    k_i_q: float
-    k_r_q: float
-    k_p_S: float
-    k_i_S: float
-    k_r_S: float
-
-
-@dataclass(frozen=True)
-class MotorGains:
-    """Gains of the inner I-PD loops (table 2)."""
-
-    k_p: float
-    k_i: float
-    k_d: float
-    t_f: float
-
-
-@dataclass(frozen=True)
-class SetTuning:
-    """Replace all gains at once, bumpless: the motor voltages do not jump.
-
-    The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
-    scheduling and switching with hysteresis when there is more than one entry.
-    """
-
-    lam_q: float
-    lam_S: float
-    motor_A: MotorGains
-    motor_B: MotorGains
-    entries: tuple[EntryGains, ...]
-    interpolate: bool
 
 
 @dataclass(frozen=True)
@@ -260,6 +224,16 @@ class RunEnded:
 
 
 @dataclass(frozen=True)
+class TuningChanged:
+    """A program has put its tuning ``number`` into use, 0: the one from before it, which is back; λ in s."""
+
+    tick: int
+    number: int
+    lam_q: float
+    lam_S: float
+
+
+@dataclass(frozen=True)
 class PlantFailing:
     """The plant cannot be read or written since ``tick``; told once, whatever else is latched."""
 
@@ -294,6 +268,7 @@ Event = (
     | PushReleased
     | Stopped
     | RunEnded
+    | TuningChanged
     | PlantFailing
     | PlantAnswers
     | ReadinessChanged

@@ -41,7 +41,7 @@ from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
 from backend.tick.batch import DECIDED, Stretch
 from backend.tick.decision import AT_REST
-from backend.tick.desk import DONE, FOUND, PUSHES, QUIET
+from backend.tick.desk import DONE, FOUND, PUSHES, QUIET, TUNES
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError
@@ -118,27 +118,24 @@ class Loop:
         else:
             events.append(Accepted(sequence, tick))
 
-    def _now(self) -> Now:
-        return Now(self._newest_tick, self._desk.m)
-
     def _carry_out(self, command: Command) -> None:
         if isinstance(command, bring_up.Asked):
-            bring_up.carry_out(command, self._machine, self._plant, self._now())
+            bring_up.carry_out(command, self._machine, self._plant, Now(self._newest_tick, self._desk.m))
             if isinstance(command, Zero):
                 self._desk.stands_at(command.q)
             return
         match command:
             case Stop():
-                self._machine.begin_stop(command, command.detail, self._now())
+                self._machine.begin_stop(command, command.detail, Now(self._newest_tick, self._desk.m))
             case SetMode():
-                self._machine.set_mode(command, self._now())
+                self._machine.set_mode(command, Now(self._newest_tick, self._desk.m))
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
                 gains = tuning_of(command, self._decoupler, self.bounds)
                 self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
             case RunProgram():
-                self._machine.run_program(command, self._now())
+                self._machine.run_program(command, Now(self._newest_tick, self._desk.m))
             case Push():
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
@@ -160,7 +157,7 @@ class Loop:
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise RefusedError(f"the cause is still there: {seen}")
-        machine.reset(self._now())
+        machine.reset(Now(self._newest_tick, self._desk.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
         """One period: read, look, decide, write, keep the row. Zero volts on any way out by an error."""
@@ -241,7 +238,7 @@ class Loop:
             self._react(missed)
             desk.order(orders_of(machine))
         if machine.interpreted is not None:
-            decision = desk.decision = machine.interpreted.step(machine.tuning, desk.m)
+            decision = desk.decision = machine.interpreted.step(machine.tunings.gains, desk.m)
             came = DONE if machine.interpreted.done else QUIET
         else:
             if came & FOUND:
@@ -249,6 +246,8 @@ class Loop:
             decision = desk.decision
         if came & PUSHES:
             machine.push.act(decision.target.F_push, decision.target.load)
+        if came & TUNES:
+            machine.tunings.use(decision.target.tuning, self._newest_tick)
         motion, m = machine.motion, desk.m
         if came & DONE and motion is not None:
             motion.done = True
@@ -278,7 +277,7 @@ class Loop:
             self._changed = True
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
-                machine.begin_stop(Stop(fault), str(error), self._now())
+                machine.begin_stop(Stop(fault), str(error), Now(self._newest_tick, self._desk.m))
         except PlantError as error:
             self._plant_failed(error)
             return
@@ -288,7 +287,7 @@ class Loop:
         self._plant_watch.failure = str(error)
         self._changed = True
         if self._machine.mode is not Mode.TRIPPED:
-            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), self._now())
+            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), Now(self._newest_tick, self._desk.m))
 
     def close(self) -> None:
         """Zero volts and let go of the plant. Safe to call twice."""

@@ -40,6 +40,7 @@ from backend.loop.program import IDENTIFYING, Program, mode_of_law, starts_from
 from backend.loop.program_motions import ProgramMotions
 from backend.loop.program_push import ProgramPush
 from backend.loop.tick_desk import TickDesk
+from backend.loop.tunings import Tunings, tunings_of
 from backend.loop.zeros import Zeros
 from backend.tick.decision import NO_REFERENCE, Carry, Target
 from backend.tick.winding import PRETENSION_N
@@ -73,8 +74,7 @@ class ModeMachine:
         self._rest = Rest(tuning.motors)
         self.motion = None
         self.run = 0
-        self.tuning = tuning
-        self.lambdas = lambdas
+        self.tunings = Tunings(desk, events, tuning, lambdas)
         self.bounds = bounds_for(parameters)
         self.zeros = Zeros()
         self.drives_off = False
@@ -143,7 +143,7 @@ class ModeMachine:
             self._brake(now, Cause.ASKED_FOR)
         elif mode in (Mode.RUN, Mode.COMPLIANCE):
             self._require_taut(mode)
-            motion = Tracking(self.tuning, self._carried(now.m), now.m, self.bounds, mode is Mode.RUN)
+            motion = Tracking(self.tunings.gains, self._carried(now.m), now.m, self.bounds, mode is Mode.RUN)
             self._enter(now, mode, motion, Cause.ASKED_FOR, command.run)
         else:
             raise RefusedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
@@ -157,9 +157,11 @@ class ModeMachine:
         if not starts_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise RefusedError(reason, LEGAL[self.mode])
-        motion = self._programs.motion_for(program, self._carried(now.m), now.m, self.tuning, self.lambdas)
+        tunings, own = self.tunings, tunings_of(program, self._geometry, self.bounds)
+        motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
         self._enter(now, mode, motion, Cause.PROGRAM, command.run)
         self._program = program
+        tunings.begin(own)
 
     def try_out(self, made: Callable[[Carry], Motion], cause: Why, now: Now) -> None:
         """Play what the bring-up asks for, from OFF."""
@@ -183,8 +185,7 @@ class ModeMachine:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
         if isinstance(self.motion, Baseline):
             raise RefusedError("the gains of a baseline are fixed while its program plays: wait for its end or stop it")
-        self.tuning, self.lambdas = tuning, lambdas
-        self._desk.retune(tuning)
+        self.tunings.replace(tuning, lambdas)
 
     def set_references(self, command: SetReferences) -> None:
         """Move the operator's references. Raises RefusedError or OutOfRangeError."""
@@ -252,7 +253,7 @@ class ModeMachine:
     def _carried(self, m: Measurement) -> Carry:
         if self.motion is not None:
             return self.motion.carry()
-        gains = self.tuning.motors
+        gains = self.tunings.gains.motors
         return Carry(motors.at_rest(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B)
 
     def _enter(
@@ -266,6 +267,7 @@ class ModeMachine:
             if self._program.law not in IDENTIFYING:
                 self.push.let_go()
             self._program = None
+            self.tunings.end(now.tick)
         self._events.append(ModeChanged(now.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
         self.reached_told = False

@@ -9,7 +9,7 @@ from backend.tick.desk import Orders
 
 def orders_of(machine: ModeMachine) -> Orders:
     """Return what the next tick is to know."""
-    zeros, lambdas, push, motion = machine.zeros, machine.lambdas, machine.push, machine.motion
+    zeros, lambdas, push, motion = machine.zeros, machine.tunings.lambdas, machine.push, machine.motion
     trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
     return Orders(
         zeros.offset_A,
@@ -22,6 +22,7 @@ def orders_of(machine: ModeMachine) -> Orders:
         machine.reached_told,
         push.F_push,
         push.load,
+        machine.tunings.number,
         MODE_CODE[machine.mode],
         machine.run,
         lambdas.lam_q,

@@ -9,11 +9,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from backend.loop.mode import LEGAL, Mode, RefusedError
+from backend.loop.set_tuning import SetTuning
 from backend.refusal import require_within
 from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
 
 MAX_SEGMENTS = 1000
-"""Most segments of a program: sixteen packets, each taken in a tick of its own."""
+"""Most segments of a program: forty packets, each taken in a tick of its own."""
+
+MAX_TUNINGS = 50
+"""Most changes of the tuning in a program, each a packet of its own."""
 
 
 class Law(StrEnum):
@@ -51,6 +55,13 @@ class Shape(StrEnum):
     STEP = "step"
     RAMP = "ramp"
     SINE = "sine"
+    SWEEP = "sweep"
+    PRBS = "prbs"
+    MULTISINE = "multisine"
+
+
+OSCILLATING = (Shape.SINE, Shape.SWEEP, Shape.PRBS, Shape.MULTISINE)
+"""Shapes that move around the previous values, with the difference to their own as amplitude."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +69,13 @@ class Segment:
     """One stretch of a program.
 
     ``STEP`` jumps to the values at once and holds them; ``RAMP`` moves linearly and arrives at the end;
-    ``SINE`` oscillates around the previous values with the difference as amplitude and ``period_s``. ``load_A`` and
-    ``load_B`` [N·m] load the motors' shafts, for the whole of the segment whatever its shape.
+    ``SINE`` oscillates around the previous values with the difference as amplitude and ``period_s``; ``SWEEP`` likewise
+    from ``period_s`` to ``period_end_s``, its frequency growing or falling by the same factor in equal times;
+    ``PRBS`` is a maximum-length sequence of a register of ``count`` bits with chips of ``period_s``; ``MULTISINE`` the
+    sum of the first ``count`` harmonics of ``period_s``, divided by its largest value ``peak``. After the last three
+    the references are back where they were before. ``load_A`` and ``load_B`` [N·m] load the motors' shafts, for the
+    whole of the segment whatever its shape. From its first tick on ``tuning`` is in force, a number in the program's
+    ``tunings`` from 1 on; 0 leaves what is.
     """
 
     duration_s: float
@@ -70,6 +86,10 @@ class Segment:
     period_s: float = 1.0
     load_A: float = 0.0
     load_B: float = 0.0
+    period_end_s: float = 1.0
+    count: int = 0
+    peak: float = 1.0
+    tuning: int = 0
 
 
 def require_few(segments: Collection[Segment]) -> None:
@@ -137,7 +157,8 @@ class Program:
     identification, figure 5 of the paper) theta_B_ref is 0, a slow force loop holds ``tension_N``, and after
     ``settle_s`` the excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts
     after ``settle_s`` at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``,
-    and go through ``legs``.
+    and go through ``legs``. ``tunings`` are those that segments put into use; the one from before the program is back
+    after it, however it ends.
     """
 
     law: Law
@@ -147,6 +168,7 @@ class Program:
     excitation: Excitation | None = None
     steps: tuple[VoltageStep, ...] = ()
     legs: tuple[TensionLeg, ...] = ()
+    tunings: tuple[SetTuning, ...] = ()
 
     @property
     def duration_s(self) -> float:

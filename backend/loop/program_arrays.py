@@ -6,11 +6,18 @@ import numpy as np
 
 from backend.controllers import brake, force_hold
 from backend.loop.program import Excitation, Program, Segment, Shape
-from backend.tick import player, tension_hold, tension_sweep, voltage_steps
+from backend.tick import player, tension_hold, tension_sweep, voltage_steps, waveforms
 from backend.tick.decision import Carry, Target
 from plant.interface import T_s
 
-_SHAPES = {Shape.STEP: player.STEP, Shape.RAMP: player.RAMP, Shape.SINE: player.SINE}
+_SHAPES = {
+    Shape.STEP: player.STEP,
+    Shape.RAMP: player.RAMP,
+    Shape.SINE: player.SINE,
+    Shape.SWEEP: player.SWEEP,
+    Shape.PRBS: player.PRBS,
+    Shape.MULTISINE: player.MULTISINE,
+}
 
 
 def player_of(segments: Sequence[Segment], start: Target) -> player.Player:
@@ -26,10 +33,14 @@ def player_of(segments: Sequence[Segment], start: Target) -> player.Player:
             segment.period_s,
             segment.load_A,
             segment.load_B,
+            segment.period_end_s,
+            segment.count,
+            segment.peak,
+            segment.tuning,
         )
         for segment in segments
     ]
-    return player.Player(np.array(rows, dtype=np.float64).reshape(-1, 9), 0, 0, start)
+    return player.Player(np.array(rows, dtype=np.float64).reshape(-1, player.COLUMNS), 0, 0, waveforms.FIRST, start)
 
 
 def tension_hold_of(program: Program, excitation: Excitation, carry: Carry, theta_A: float) -> tension_hold.State:

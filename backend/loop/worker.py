@@ -13,7 +13,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 
 from backend.faults import Fault
 from backend.loop.channel import (
@@ -30,9 +29,9 @@ from backend.loop.channel import (
 from backend.loop.channel_ends import Channel, ChannelClosedError
 from backend.loop.commands import Heartbeat, ReadinessChanged, Refused, Stop, SwitchDrives
 from backend.loop.loop import Loop
-from backend.loop.mode import Mode
+from backend.loop.mode import Mode, RefusedError
 from backend.loop.pacer import Pacer, request_real_time
-from backend.loop.program import MAX_SEGMENTS, Segment
+from backend.loop.program_parts import ProgramParts
 from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from plant.card import Card
@@ -69,8 +68,7 @@ class Worker:
         self._service_alive = True
         self._terminated = False
         self._readiness: tuple[str, bool] | None = None
-        self._ahead: list[Segment] = []
-        self._ahead_of = 0
+        self._parts = ProgramParts()
         self._paused = False
         if drives_off:  # a line that does not fall leaves the loop locked all the same
             loop.handle(0, SwitchDrives(on=False))
@@ -135,26 +133,17 @@ class Worker:
                 pass
             case Setup():
                 self.tell(Refused(sequence, self._tick, "the loop is set up once, at its start"))
-            case ProgramPart(segments):
-                self._keep(sequence, segments)
-            case LongProgram(command, expected):
-                self._keep(sequence, ())
-                whole, self._ahead = tuple(self._ahead), []
-                if len(whole) == expected:
-                    self._loop.handle(sequence, replace(command, program=replace(command.program, segments=whole)))
-                else:
-                    reason = f"{len(whole)} of the program's {expected} segments arrived: send it again"
-                    self.tell(Refused(sequence, self._tick, reason))
+            case ProgramPart():
+                self._parts.keep(sequence, message)
+            case LongProgram():
+                try:
+                    self._loop.handle(sequence, self._parts.whole(sequence, message))
+                except RefusedError as refused:
+                    self.tell(Refused(sequence, self._tick, str(refused)))
             case command:
                 self._loop.handle(sequence, command)
                 # The card's watchdog may have been tried, at zero volts, which takes its time.
                 self._paused = self._paused or (isinstance(command, SwitchDrives) and command.on)
-
-    def _keep(self, sequence: int, segments: tuple[Segment, ...]) -> None:
-        if sequence != self._ahead_of:  # the rest of another one never came
-            self._ahead_of, self._ahead = sequence, []
-        if len(self._ahead) <= MAX_SEGMENTS:
-            self._ahead += segments
 
     def _send(self) -> None:
         try:

@@ -16,6 +16,7 @@ from backend.loop.commands import (
     Refused,
     RunEnded,
     Stopped,
+    TuningChanged,
 )
 from backend.messages.live import MarkKind
 
@@ -37,6 +38,10 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.MODE, "pretension reached", tick)
         case PushReleased(tick, why):
             return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
+        case TuningChanged(tick, 0, lam_q, lam_S):
+            return Mark(MarkKind.TUNING, f"as before the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+        case TuningChanged(tick, _, lam_q, lam_S):
+            return Mark(MarkKind.TUNING, f"by the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=seen):

@@ -19,6 +19,7 @@ from backend.loop.commands import (
     Refused,
     RunEnded,
     Stopped,
+    TuningChanged,
 )
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
@@ -153,7 +154,7 @@ class PresentState:
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case Accepted() | Refused() | RunEnded() | PushReleased():
+            case Accepted() | Refused() | RunEnded() | PushReleased() | TuningChanged():
                 pass
             case _:
                 assert_never(event)

@@ -15,12 +15,16 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 
 
 class Target(NamedTuple):
-    """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m]."""
+    """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
+
+    ``tuning`` is the number of the program's tuning that is wanted, 0 for the one that it began with.
+    """
 
     q_ref: float
     S_ref: float
     F_push: float
     load: ShaftLoad = NO_LOAD
+    tuning: int = 0
 
 
 class Carry(NamedTuple):

@@ -29,9 +29,9 @@ from plant.cell import Cell, keep
 from plant.compiled import STRICT, compiled
 from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 
-QUIET, FOUND, DONE, PUSHES = 0, 1, 2, 4
+QUIET, FOUND, DONE, PUSHES, TUNES = 0, 1, 2, 4, 16
 """What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
-load is not the one in force."""
+load, or its tuning, is not the one in force."""
 
 
 class Orders(NamedTuple):
@@ -39,7 +39,8 @@ class Orders(NamedTuple):
 
     Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
     be a fault; ``deaf``: the safety module's trip is not heard, ``tripped``: it is in any case; ``reached``: that the
-    motion is done is known. Push [N] and loads [N·m] in force. Mode, run, λ [s] and fault as the row shows them.
+    motion is done is known. Push [N], loads [N·m] and number of the program's tuning in force. Mode, run, λ [s] and
+    fault as the row shows them.
     """
 
     offset_A: float
@@ -52,6 +53,7 @@ class Orders(NamedTuple):
     reached: bool
     F_push: float
     load: ShaftLoad
+    tuning: int
     mode: int
     run: int
     lam_q: float
@@ -59,7 +61,7 @@ class Orders(NamedTuple):
     fault: int
 
 
-NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, False, False, False, 0.0, NO_LOAD, 0, 0, 0.0, 0.0, 0)
+NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0.0, 0.0, 0)
 """Those of a loop that is just being made."""
 
 
@@ -164,6 +166,8 @@ def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
     other_load = load.load_A != orders.load.load_A or load.load_B != orders.load.load_B
     if decision.pushes and (other_push or other_load):
         came |= PUSHES
+    if decision.pushes and target.tuning != orders.tuning:
+        came |= TUNES
     return came, decision.u_A, decision.u_B
 
 

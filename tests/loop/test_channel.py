@@ -26,11 +26,16 @@ from backend.loop.channel import (
 )
 from backend.loop.channel_ends import MAX_BYTES, Channel, ChannelClosedError, channel_pair
 from backend.loop.commands import Accepted, RunProgram, SetMode, Shutdown
-from backend.loop.mode import Mode
-from backend.loop.program import MAX_SEGMENTS, Excitation, Law, Program, Segment
+from backend.loop.mode import Mode, RefusedError
+from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, Excitation, Law, Program, Segment, Shape
+from backend.loop.program_parts import ProgramParts
+from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
 from backend.refusal import OutOfRangeError
 from plant.hand import Hand
 
+# As they are sent: a tuning is a packet of its own.
+st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))
+st.register_type_strategy(ProgramPart, st.builds(ProgramPart, tunings=st.tuples(st.from_type(SetTuning))))
 COMMANDS = st.one_of([st.from_type(one) for one in (Setup, ProgramPart, *get_args(commands.Command))])
 EVENTS = st.one_of([st.from_type(one) for one in (Ready, Failed, *get_args(commands.Event))])
 SEQUENCES = st.integers(0, 2**53)
@@ -141,14 +146,29 @@ def test_sender_never_waits_for_a_reader_that_does_not_read(ends: tuple[Channel,
 
 def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Channel]) -> None:
     ours, theirs = ends
-    segment = Segment(-1.0471975511965976e-100, -1.0471975511965976, 12.345678901234567, -29.123456789012345)
-    longest = RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS), 7)
+    segment = Segment(
+        -1.0471975511965976e-100,
+        -1.0471975511965976,
+        12.345678901234567,
+        -29.123456789012345,
+        Shape.MULTISINE,
+        load_A=-1.0471975511965976e-100,
+        load_B=-1.0471975511965976e-100,
+        period_s=-1.0471975511965976e-100,
+        period_end_s=-1.0471975511965976e-100,
+        count=1000,
+        peak=-1.0471975511965976e-100,
+        tuning=50,
+    )
+    gains = EntryGains(*(-1.0471975511965976e-100 for _ in range(7)))
+    motor = MotorGains(*(-1.0471975511965976e-100 for _ in range(4)))
+    tuning = SetTuning(0.5, 0.5, motor, motor, (gains,) * 40, interpolate=False)
+    longest = RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS, tunings=(tuning,) * MAX_TUNINGS), 7)
     sent = packets(longest, 3)
     assert max(map(len, sent)) <= MAX_BYTES
+    parts = ProgramParts()
     for packet in sent:
-        assert ours.send(packet), "the queue does not hold a whole program"
-    arrived: list[Segment] = []
-    while True:
+        assert ours.send(packet), "the road takes no more"
         received = theirs.receive()
         assert received is not None
         sequence, message = decode_to_loop(received)
@@ -156,9 +176,22 @@ def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Chan
         if isinstance(message, LongProgram):
             break
         assert isinstance(message, ProgramPart)
-        arrived += message.segments
-    assert (tuple(arrived), message.segments) == (longest.program.segments, MAX_SEGMENTS)
-    assert message.command == RunProgram(Program(Law.CASCADE), 7)
+        parts.keep(sequence, message)
+    assert isinstance(message, LongProgram)
+    assert parts.whole(3, message) == longest
+
+
+def test_a_program_of_which_a_part_never_came_is_refused() -> None:
+    segment = Segment(duration_s=0.1, q_ref=0.0, S_ref=10.0)
+    sent = packets(RunProgram(Program(Law.CASCADE, (segment,) * 30)), 2)
+    parts = ProgramParts()
+    _, first = decode_to_loop(sent[0])
+    _, rest = decode_to_loop(sent[-1])
+    assert isinstance(first, ProgramPart)
+    assert isinstance(rest, LongProgram)
+    parts.keep(2, first)
+    with pytest.raises(RefusedError, match="24 of the program's 30 segments arrived: send it again"):
+        parts.whole(2, rest)
 
 
 def test_too_many_segments_and_too_long_a_packet_are_refused_with_their_number() -> None:

@@ -45,12 +45,23 @@ SEGMENTS = (
     Segment(0.4, -0.3, 12.0, F_push=4.0, shape=Shape.RAMP),
     Segment(0.5, 0.1, 10.0, F_push=-2.0, shape=Shape.SINE, period_s=0.2),
     Segment(0.3, 0.0, 10.0, load_A=0.01, load_B=0.02),
+    Segment(0.4, 0.1, 10.5, shape=Shape.SWEEP, period_s=0.3, period_end_s=0.05),
+    Segment(0.4, 0.1, 10.5, shape=Shape.PRBS, period_s=0.02, count=5),
+    Segment(0.4, 0.1, 10.5, shape=Shape.MULTISINE, period_s=0.2, count=6, peak=4.0),
 )
+RETUNED = (
+    Segment(0.3, 0.2, 11.0),
+    Segment(0.4, -0.3, 12.0, tuning=1),
+    Segment(0.3, 0.1, 10.0),
+    Segment(0.3, 0.0, 10.0, tuning=2),
+)
+RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9)))
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
 PROGRAMS = {
     "cascade": Program(Law.CASCADE, SEGMENTS),
     "compliance": Program(Law.COMPLIANCE, SEGMENTS),
+    "cascade with other tunings": Program(Law.CASCADE, RETUNED, tunings=RETUNINGS),
     "single loop": Program(Law.SINGLE_LOOP, SEGMENTS),
     "feedback linearization": Program(Law.FEEDBACK_LINEARIZATION, SEGMENTS),
     "force hold": Program(Law.FORCE_HOLD, tension_N=15.0, settle_s=0.2, excitation=EXCITATION),

@@ -1,7 +1,7 @@
 """Own sequences of references, written as JSON: what a person types, sends or keeps beside the data."""
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from backend.controllers.limits import STIFFNESS_RANGE
@@ -22,8 +22,9 @@ _EXAMPLE = """[
   {"duration_s": 4, "q_ref": -0.5, "S_ref": 12, "shape": "ramp"},
   {"duration_s": 8, "q_ref": -0.2, "S_ref": 12, "shape": "sine", "period_s": 4}
 ]"""
-_NAMES = tuple(field.name for field in fields(Segment))
 _NEEDED = ("duration_s", "q_ref", "S_ref")
+_NAMES = (*_NEEDED, "F_push", "shape", "period_s")
+_SHAPES = (Shape.STEP, Shape.RAMP, Shape.SINE)
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,10 @@ def _segment(position: int, item: Any) -> Segment:
         reason = f"it needs {', '.join(_NEEDED)}; it may have {', '.join(_NAMES[3:])}"
         raise SettingError("segments", item, reason, legal=_NAMES, words=words, path=place)
     shape = item.get("shape", Shape.STEP)
-    if shape not in tuple(Shape):
-        reason = f"choose one of {', '.join(Shape)}"
+    if shape not in _SHAPES:
+        reason = f"choose one of {', '.join(_SHAPES)}"
         where: Path = (*place, "shape")
-        raise SettingError("shape", shape, reason, legal=tuple(Shape), words=f"{words}, shape", path=where)
+        raise SettingError("shape", shape, reason, legal=_SHAPES, words=f"{words}, shape", path=where)
     bounds = {
         "duration_s": (0.01, 600.0, "s"),
         "q_ref": (-Q_REF_MAX, Q_REF_MAX, "rad"),
@@ -90,6 +91,12 @@ def _segment(position: int, item: Any) -> Segment:
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SettingError(name, value, "it needs a number", unit=unit, words=named, path=where)
         require_within(name, value, minimum, maximum, unit, words=named, path=where)
-    values = {name: float(value) for name, value in numbers.items()}
-    values["duration_s"] = round(values["duration_s"], 3)  # whole milliseconds, as the loop plays them
-    return Segment(**values, shape=Shape(shape))
+    values = {"F_push": 0.0, "period_s": 1.0} | {name: float(value) for name, value in numbers.items()}
+    return Segment(
+        round(values["duration_s"], 3),  # whole milliseconds, as the loop plays them
+        values["q_ref"],
+        values["S_ref"],
+        values["F_push"],
+        Shape(shape),
+        values["period_s"],
+    )

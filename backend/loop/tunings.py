@@ -1,0 +1,74 @@
+"""The tuning in force in the loop: the operator's, or the one that a program has put into use until it ends."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from backend.controllers.cascade import Tuning
+from backend.controllers.decoupler import Decoupler
+from backend.controllers.limits import Bounds
+from backend.loop.commands import Event, TuningChanged
+from backend.loop.mode import RefusedError
+from backend.loop.motion import BASELINES
+from backend.loop.program import IDENTIFYING, MAX_TUNINGS, Program
+from backend.loop.tick_desk import TickDesk
+from backend.loop.tuned import tuning_of
+from backend.refusal import require_within
+from backend.tuning.models import Lambdas
+
+
+class InForce(NamedTuple):
+    """Gains, and the λ that they are of."""
+
+    gains: Tuning
+    lambdas: Lambdas
+
+
+class Tunings:
+    """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
+
+    def __init__(self, desk: TickDesk, events: list[Event], gains: Tuning, lambdas: Lambdas) -> None:
+        self.gains, self.lambdas = gains, lambdas
+        self.number = 0
+        self._desk = desk
+        self._events = events
+        self._of_program: tuple[InForce, ...] = ()  # the operator's first
+
+    def replace(self, gains: Tuning, lambdas: Lambdas) -> None:
+        """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
+        if self._of_program:
+            raise RefusedError("the program changes the tuning by itself: wait for its end or stop it")
+        self._put(InForce(gains, lambdas))
+
+    def begin(self, changed: Sequence[InForce]) -> None:
+        """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""
+        self._of_program = (InForce(self.gains, self.lambdas), *changed) if changed else ()
+
+    def use(self, number: int, tick: int) -> None:
+        """Put a tuning of the program into use."""
+        self.number = number
+        self._put(self._of_program[number])
+        self._events.append(TuningChanged(tick, number, self.lambdas.lam_q, self.lambdas.lam_S))
+
+    def end(self, tick: int) -> None:
+        """Put the operator's back into use, where a program has changed it."""
+        if self.number:
+            self.use(0, tick)
+        self._of_program = ()
+
+    def _put(self, tuning: InForce) -> None:
+        self.gains, self.lambdas = tuning
+        self._desk.retune(tuning.gains)
+
+
+def tunings_of(program: Program, decoupler: Decoupler, bounds: Bounds) -> tuple[InForce, ...]:
+    """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
+    require_within("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
+    if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
+        raise RefusedError(f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning")
+    for segment in program.segments:
+        if not 0 <= segment.tuning <= len(program.tunings):
+            raise RefusedError(f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}")
+    return tuple(
+        InForce(tuning_of(command, decoupler, bounds), Lambdas(command.lam_q, command.lam_S))
+        for command in program.tunings
+    )
