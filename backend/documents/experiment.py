@@ -1,0 +1,255 @@
+"""An experiment as data: what a person writes, keeps, sends and runs. Pure.
+
+Angles in rad, stiffness in N·m/rad, forces in N, times in s. Wherever a number stands an expression may stand as well, a
+text such as "2 * hold_s", of the experiment's settings, pi, and the index of the repetitions around it.
+"""
+
+from collections.abc import Mapping
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, TypeAdapter
+from pydantic.dataclasses import dataclass as validated
+
+FORMAT = 1
+"""Version of this form; another one is refused."""
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
+Words = Annotated[str, Field(max_length=1000)]
+Number = int | float | Annotated[str, Field(max_length=200)]
+
+_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Measure(StrEnum):
+    """What is measured of a run, each with figures of its own."""
+
+    STEPS = "steps"
+    COMPLIANCE = "compliance"
+    LOADS = "loads"
+    RESPONSE = "response"
+    DISTURBANCE = "disturbance"
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Hold:
+    """Stay at the references as they are."""
+
+    do: Literal["hold"]
+    duration_s: Number
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Step:
+    """Jump to the references that are named, and stay there."""
+
+    do: Literal["step"]
+    duration_s: Number
+    q_ref: Number | None = None
+    S_ref: Number | None = None
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Ramp:
+    """Move evenly to the references that are named, and arrive at the end."""
+
+    do: Literal["ramp"]
+    duration_s: Number
+    q_ref: Number | None = None
+    S_ref: Number | None = None
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Pulse:
+    """Jump to the references that are named for ``duration_s``, and back for ``rest_s``."""
+
+    do: Literal["pulse"]
+    duration_s: Number
+    rest_s: Number
+    q_ref: Number | None = None
+    S_ref: Number | None = None
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Sine:
+    """Oscillate around the references as they are."""
+
+    do: Literal["sine"]
+    duration_s: Number
+    period_s: Number
+    q_amplitude: Number = 0.0
+    S_amplitude: Number = 0.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Sweep:
+    """Oscillate from one frequency to another, by the same factor in equal times."""
+
+    do: Literal["sweep"]
+    duration_s: Number
+    from_Hz: Number
+    to_Hz: Number
+    q_amplitude: Number = 0.0
+    S_amplitude: Number = 0.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Prbs:
+    """Jump between two levels by a maximum-length sequence of a register of ``bits``, ``periods`` times."""
+
+    do: Literal["prbs"]
+    chip_s: Number
+    bits: Number
+    periods: Number = 1
+    q_amplitude: Number = 0.0
+    S_amplitude: Number = 0.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Multisine:
+    """Add the first ``lines`` harmonics of ``period_s``, all alike, ``periods`` times; the sum keeps the amplitude."""
+
+    do: Literal["multisine"]
+    period_s: Number
+    lines: Number
+    periods: Number = 2
+    q_amplitude: Number = 0.0
+    S_amplitude: Number = 0.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Push:
+    """Push the joint, where the plant can be pushed by command (the simulator)."""
+
+    do: Literal["push"]
+    F_push: Number
+    duration_s: Number
+    shape: Literal["step", "ramp", "smooth"] = "step"
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Hand:
+    """Push like a person: smooth, of different strength, length and direction; the same seed gives the same pushes."""
+
+    do: Literal["hand"]
+    F_push: Number
+    pushes: Number
+    pause_s: Number
+    seed: Number = 0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Load:
+    """Load the motors' shafts, where the plant can (the simulator)."""
+
+    do: Literal["load"]
+    duration_s: Number
+    load_A: Number = 0.0
+    load_B: Number = 0.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Tuning:
+    """Change λ, b, the bank or how its entries are used, from the next motion on; what is not named stays."""
+
+    do: Literal["tuning"]
+    lam_q: Number | None = None
+    lam_S: Number | None = None
+    lam_motor: Number | None = None
+    b: Number | None = None
+    bank: Number | None = None
+    interpolate: bool | None = None
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Choose:
+    """Play the parts under the value of the setting ``by``."""
+
+    do: Literal["choose"]
+    by: Name
+    of: Mapping[str, tuple["Part", ...]]
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Repeat:
+    """Play parts so many times; ``index`` counts from 0 in their expressions."""
+
+    do: Literal["repeat"]
+    times: Number
+    parts: tuple["Part", ...]
+    index: Name = "i"
+
+
+Motion = Hold | Step | Ramp | Pulse | Sine | Sweep | Prbs | Multisine | Push | Hand | Load
+Part = Annotated[Motion | Tuning | Choose | Repeat, Field(discriminator="do")]
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Declared:
+    """A setting of an experiment. ``unit`` is SI, "1" for counts; a text among ``choices``, a whole number or a number."""
+
+    name: Name
+    kind: Literal["number", "integer", "choice", "boolean"] = "number"
+    symbol: Words
+    unit: Words = "1"
+    meaning: Words
+    default: bool | Number
+    minimum: Number | None = None
+    maximum: Number | None = None
+    choices: tuple[Words, ...] = ()
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Section:
+    """A named stretch of an experiment; the report draws each, and figures may be of one."""
+
+    name: Name
+    title: Words
+    parts: Annotated[tuple[Part, ...], Field(min_length=1)]
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Rule:
+    """A comparison of settings that has to hold, "S_low < S_high", and what to do where it does not."""
+
+    that: Annotated[str, Field(max_length=200)]
+    remedy: Words
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Bound:
+    """A figure of the result that has to stay below or above a bound, for the run to pass.
+
+    The bound may also name figures of the plant and the tuning: u_max [V], F_max [N], r_j, r_m [m], lam_q, lam_S,
+    lam_motor [s], and ``ideal``, true of the parameter set of that name.
+    """
+
+    figure: Name
+    below: Number | None = None
+    above: Number | None = None
+    title: Words = ""
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class Experiment:
+    """An experiment. ``law`` is the control law that it runs under, or the setting that chooses it."""
+
+    format: Literal[1]
+    name: Name
+    title: Annotated[str, Field(min_length=1, max_length=100)]
+    description: Words = ""
+    law: Name = "cascade"
+    settings: Annotated[tuple[Declared, ...], Field(max_length=40)] = ()
+    rules: tuple[Rule, ...] = ()
+    phases: Annotated[tuple[Section, ...], Field(min_length=1, max_length=100)]
+    measures: tuple[Measure, ...] = (Measure.STEPS,)
+    criteria: Annotated[tuple[Bound, ...], Field(max_length=50)] = ()
+
+
+EXPERIMENT: TypeAdapter[Experiment] = TypeAdapter(Experiment)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of an experiment, for editors and for whoever writes one by a program."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **EXPERIMENT.json_schema()}

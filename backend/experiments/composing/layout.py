@@ -1,0 +1,286 @@
+"""Lays the parts of an experiment out: what the loop plays, one after the other, and where it was written. Pure."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import singledispatchmethod
+from typing import Any
+
+from backend.documents import experiment as form
+from backend.documents.result import Phase
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing.expressions import ExpressionError, Names, number_of
+from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
+from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
+from backend.experiments.settings import describe
+from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, Segment, Shape
+from backend.refusal import Path, require_within
+from backend.tick.waveforms import LEAST_BITS, MOST_BITS, MOST_LINES
+
+LONGEST_S = 3600.0
+Q_REF_MAX = 1.4
+"""Largest joint reference of an experiment [rad]; the plant's own bound is looked at before a start."""
+
+S_LOWEST, S_HIGHEST = 8.0, 15.0
+F_PUSH_MAX = 30.0
+LOAD_MAX_NM = 0.5
+LONGEST_PART_S = 600.0
+_FASTEST_HZ = 50.0
+_MOST_PARTS = 4 * MAX_SEGMENTS
+_TUNED = {setting.name: setting for setting in describe(TuningChoice)}
+
+
+@dataclass(frozen=True)
+class Laid:
+    """What the loop plays. ``places`` (one of each segment) say where it was written.
+
+    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start.
+    """
+
+    segments: tuple[Segment, ...]
+    places: tuple[Path, ...]
+    phases: tuple[Phase, ...]
+    changes: tuple[Mapping[str, float | bool], ...]
+
+
+def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
+    """Lay an experiment out with these values of its settings. Raises ExperimentError naming line and bound."""
+    return _Layout(experiment, values, lines).laid()
+
+
+class _Layout:
+    def __init__(self, experiment: form.Experiment, values: Names, lines: Lines) -> None:
+        self._experiment, self._lines = experiment, lines
+        self._names = dict(values)
+        self._segments: list[Segment] = []
+        self._places: list[Path] = []
+        self._changes: list[Mapping[str, float | bool]] = []
+        self._unused_change = False
+        self._q, self._S, self._F = 0.0, 10.0, 0.0
+        self._duration_s = 0.0
+        self._parts = 0
+        self._path: Path = ()
+
+    def laid(self) -> Laid:
+        phases: list[Phase] = []
+        for place, section in enumerate(self._experiment.phases):
+            path: Path = ("phases", place)
+            if any(phase.name == section.name for phase in phases):
+                raise self._refused("another phase has this name: give each its own", (*path, "name"))
+            start_s = self._duration_s
+            self._play(section.parts, (*path, "parts"))
+            phases.append(Phase(section.name, section.title, start_s, self._duration_s))
+        if self._unused_change:
+            raise self._refused("nothing is played after this change of the tuning: leave it out", self._path)
+        if not self._segments:
+            raise self._refused("it plays nothing: give it a motion", ("phases",))
+        return Laid(tuple(self._segments), tuple(self._places), tuple(phases), tuple(self._changes))
+
+    def _play(self, parts: Sequence[Any], path: Path) -> None:
+        for place, part in enumerate(parts):
+            self._path = (*path, place)
+            self._parts += 1
+            if self._parts > _MOST_PARTS:
+                raise self._refused(f"{_MOST_PARTS} parts are the most, all repetitions counted", self._path)
+            self._lay(part)
+
+    @singledispatchmethod
+    def _lay(self, part: Any) -> None:
+        raise TypeError(f"no layout for {type(part).__name__}")
+
+    @_lay.register
+    def _hold(self, part: form.Hold) -> None:
+        self._stay(self._time(part.duration_s))
+
+    @_lay.register
+    def _step(self, part: form.Step) -> None:
+        self._aim(part.q_ref, part.S_ref)
+        self._stay(self._time(part.duration_s))
+
+    @_lay.register
+    def _ramp(self, part: form.Ramp) -> None:
+        self._aim(part.q_ref, part.S_ref)
+        self._add(Segment(self._time(part.duration_s), self._q, self._S, shape=Shape.RAMP))
+
+    @_lay.register
+    def _pulse(self, part: form.Pulse) -> None:
+        before = self._q, self._S
+        self._aim(part.q_ref, part.S_ref)
+        self._stay(self._time(part.duration_s))
+        self._q, self._S = before
+        self._stay(self._time(part.rest_s, "rest_s"))
+
+    @_lay.register
+    def _sine(self, part: form.Sine) -> None:
+        period_s = self._number("period_s", part.period_s, 0.02, LONGEST_PART_S, "s")
+        duration_s = self._time(part.duration_s)
+        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.SINE, period_s=period_s))
+        end = math.sin(2.0 * math.pi * duration_s / period_s)
+        self._q, self._S = self._q + end * q, self._S + end * S
+
+    @_lay.register
+    def _sweep(self, part: form.Sweep) -> None:
+        low = 1.0 / LONGEST_PART_S
+        from_Hz = self._number("from_Hz", part.from_Hz, low, _FASTEST_HZ, "Hz")
+        to_Hz = self._number("to_Hz", part.to_Hz, low, _FASTEST_HZ, "Hz")
+        duration_s = self._time(part.duration_s)
+        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+        periods = {"period_s": 1.0 / from_Hz, "period_end_s": 1.0 / to_Hz}
+        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.SWEEP, **periods))
+
+    @_lay.register
+    def _prbs(self, part: form.Prbs) -> None:
+        chip_s = round(self._number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
+        bits = self._whole("bits", part.bits, LEAST_BITS, MOST_BITS)
+        periods = self._whole("periods", part.periods, 1, 1000)
+        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+        duration_s = self._time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
+        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
+
+    @_lay.register
+    def _multisine(self, part: form.Multisine) -> None:
+        period_s = round(self._number("period_s", part.period_s, 0.1, LONGEST_PART_S, "s"), 3)
+        lines = self._whole("lines", part.lines, 1, MOST_LINES)
+        with at((*self._path, "lines"), self._lines):
+            fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
+            require_within("lines", lines / period_s, None, _FASTEST_HZ, "Hz", fastest, words="highest frequency")
+        periods = self._whole("periods", part.periods, 1, 1000)
+        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+        duration_s = self._time(periods * period_s, "periods", "time of all periods")
+        excited = {"period_s": period_s, "peak": peak_of(lines)}
+        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.MULTISINE, count=lines, **excited))
+
+    @_lay.register
+    def _push(self, part: form.Push) -> None:
+        F = self._number("F_push", part.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        duration_s = self._time(part.duration_s)
+        if part.shape == "smooth":
+            self._press(smooth(self._F, F, duration_s))
+        else:
+            self._press([PushPiece(duration_s, F, Shape(part.shape))])
+
+    @_lay.register
+    def _hand(self, part: form.Hand) -> None:
+        F = self._number("F_push", part.F_push, 0.0, F_PUSH_MAX, "N")
+        pushes = self._whole("pushes", part.pushes, 1, 100)
+        pause_s = self._number("pause_s", part.pause_s, 0.05, 60.0, "s")
+        self._press(pushes_of_a_hand(F, pushes, pause_s, self._whole("seed", part.seed, 0, 2**31 - 1)))
+
+    @_lay.register
+    def _load(self, part: form.Load) -> None:
+        load_A = self._number("load_A", part.load_A, 0.0, LOAD_MAX_NM, "N·m")
+        load_B = self._number("load_B", part.load_B, 0.0, LOAD_MAX_NM, "N·m")
+        self._add(Segment(self._time(part.duration_s), self._q, self._S, load_A=load_A, load_B=load_B))
+
+    @_lay.register
+    def _tuning(self, part: form.Tuning) -> None:
+        if len(self._changes) == MAX_TUNINGS:
+            raise self._refused(f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path)
+        change: dict[str, float | bool] = dict(self._changes[-1]) if self._changes else {}
+        for name, setting in _TUNED.items():
+            wanted = getattr(part, name)
+            if isinstance(wanted, bool):
+                change[name] = wanted
+            elif wanted is not None and setting.minimum is not None and setting.maximum is not None:
+                number = self._number(name, wanted, setting.minimum, setting.maximum, setting.unit)
+                change[name] = int(number) if setting.kind == "integer" else number
+        self._changes.append(change)
+        self._unused_change = True
+
+    @_lay.register
+    def _choose(self, part: form.Choose) -> None:
+        chosen, path = self._names.get(part.by), self._path
+        declared = next((one for one in self._experiment.settings if one.name == part.by), None)
+        if declared is None or declared.kind != "choice":
+            raise self._refused(f"{part.by!r} is no setting with choices", (*path, "by"))
+        if set(part.of) != set(declared.choices):
+            raise self._refused(f"it needs parts for each of {', '.join(declared.choices)}", (*path, "of"))
+        self._play(part.of[str(chosen)], (*path, "of", str(chosen)))
+
+    @_lay.register
+    def _repeat(self, part: form.Repeat) -> None:
+        path, outer = self._path, self._names.get(part.index)
+        times = self._whole("times", part.times, 1, MAX_SEGMENTS)
+        for turn in range(times):
+            self._names[part.index] = turn
+            self._play(part.parts, (*path, "parts"))
+        if outer is None:
+            del self._names[part.index]
+        else:
+            self._names[part.index] = outer
+
+    def _press(self, pieces: Any) -> None:
+        for piece in pieces:
+            self._F = float(piece.F_push)
+            self._add(Segment(round(piece.duration_s, 3), self._q, self._S, self._F, piece.shape), pushed=True)
+
+    def _stay(self, duration_s: float) -> None:
+        self._add(Segment(duration_s, self._q, self._S))
+
+    def _aim(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
+        if q_ref is not None:
+            self._q = self._number("q_ref", q_ref, -Q_REF_MAX, Q_REF_MAX, "rad")
+        if S_ref is not None:
+            self._S = self._number("S_ref", S_ref, S_LOWEST, S_HIGHEST, "N·m/rad")
+
+    def _amplitudes(self, q: float | str, S: float | str) -> tuple[float, float]:
+        """Return the amplitudes; the references stay within their bounds on both sides."""
+        room_q, room_S = Q_REF_MAX - abs(self._q), min(S_HIGHEST - self._S, self._S - S_LOWEST)
+        about = f"around {self._q:.6g} rad" if self._q else ""
+        amplitude_q = self._number("q_amplitude", q, -room_q, room_q, "rad", f"amplitude of q_ref {about}".strip())
+        words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
+        return amplitude_q, self._number("S_amplitude", S, -room_S, room_S, "N·m/rad", words)
+
+    def _time(self, expression: float | str, name: str = "duration_s", words: str = "") -> float:
+        return round(self._number(name, expression, 0.01, LONGEST_PART_S, "s", words), 3)
+
+    def _whole(self, name: str, expression: float | str, least: int, most: int) -> int:
+        number = self._number(name, expression, least, most, "1")
+        if number != round(number):
+            raise self._refused(f"{number:g} is not a whole number", (*self._path, name))
+        return round(number)
+
+    def _number(
+        self, name: str, expression: float | str, least: float, most: float, unit: str, words: str = ""
+    ) -> float:
+        path = (*self._path, name)
+        try:
+            number = number_of(expression, self._names)
+        except ExpressionError as error:
+            raise self._refused(str(error), path) from None
+        slack = 1e-9 * max(abs(least), abs(most))  # a bound that was computed from the same settings is one to be met
+        clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
+        with at(path, self._lines):
+            require_within(name, clipped, least, most, unit, words=words, path=path)
+        return clipped
+
+    def _add(self, segment: Segment, *, pushed: bool = False) -> None:
+        if not pushed:
+            self._F = 0.0
+        if len(self._segments) == MAX_SEGMENTS:
+            raise self._refused(
+                f"its parts are more than {MAX_SEGMENTS}, all repetitions counted: repeat less, or split it", self._path
+            )
+        if self._unused_change:
+            segment = Segment(**{**vars(segment), "tuning": len(self._changes)})
+            self._unused_change = False
+        self._duration_s += segment.duration_s
+        with at(self._path, self._lines):
+            words = "time of all parts up to here"
+            require_within("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
+        self._segments.append(segment)
+        self._places.append(self._path)
+
+    def _refused(self, why: str, path: Path) -> ExperimentError:
+        return ExperimentError(why, path, line_of(path, self._lines))
+
+
+def peak_of(lines: int) -> float:
+    """Return the largest value of the sum of so many cosines with Schroeder's phases, of over its period."""
+    import numpy as np
+
+    t = np.arange(0.0, 1.0, 1.0 / (64 * lines))
+    k = np.arange(1, lines + 1)
+    total = np.cos(2.0 * np.pi * np.outer(t, k) - np.pi * k * (k - 1) / lines).sum(axis=1)
+    return float(np.abs(total).max()) * 1.01  # between the points it may be a little more

@@ -1,0 +1,73 @@
+"""The settings that an experiment declares, as the page, the command line and the interface know settings. Pure."""
+
+from collections.abc import Mapping
+
+from backend.documents.experiment import Declared, Experiment
+from backend.documents.run_settings import Value
+from backend.experiments.composing.expressions import ExpressionError, number_of, truth_of
+from backend.experiments.composing.refused import ExperimentError, Lines, line_of
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.settings import Setting, SettingError, describe
+from backend.refusal import OutOfRangeError, Path
+
+_TAKEN = {setting.name for setting in describe(LoopSettings)} | {"experiment", "name", "pi", "true", "false"}
+
+
+def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
+    """Return the settings of an experiment. Raises ExperimentError for one that cannot be."""
+    made: list[Setting] = []
+    for place, declared in enumerate(experiment.settings):
+        path: Path = ("settings", place)
+        if declared.name in _TAKEN or any(declared.name == other.name for other in made):
+            why = f"{declared.name!r} is taken: by the tuning, the seed or another setting"
+            raise ExperimentError(why, (*path, "name"), line_of((*path, "name"), lines))
+        try:
+            setting = _setting(declared)
+            setting.parse(setting.default)
+        except (ExpressionError, SettingError, OutOfRangeError, ValueError) as error:
+            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+        made.append(setting)
+    return tuple(made)
+
+
+def parsed(settings: tuple[Setting, ...], values: Mapping[str, object]) -> dict[str, Value]:
+    """Return all settings by name, those that are not named at their defaults. Raises SettingError, OutOfRangeError."""
+    known = {setting.name: setting for setting in settings}
+    for name, value in values.items():
+        if name not in known:
+            legal = tuple(known)
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+    return {name: setting.parse(values.get(name, setting.default)) for name, setting in known.items()}
+
+
+def require_rules(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:
+    """Raise ExperimentError for a rule of the settings that does not hold."""
+    for place, rule in enumerate(experiment.rules):
+        path: Path = ("rules", place, "that")
+        try:
+            held = truth_of(rule.that, values)
+        except ExpressionError as error:
+            raise ExperimentError(str(error), path, line_of(path, lines)) from None
+        if not held:
+            told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in rule.that.split())
+            raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
+
+
+def _setting(declared: Declared) -> Setting:
+    if declared.kind == "choice" and declared.default not in declared.choices:
+        raise ExpressionError(f"the default {declared.default!r} is none of its choices")
+    if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
+        raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
+    numeric = declared.kind in ("number", "integer")
+    default = number_of(declared.default, {}) if numeric else declared.default
+    return Setting(
+        name=declared.name,
+        kind=declared.kind,
+        symbol=declared.symbol,
+        unit=declared.unit,
+        meaning=declared.meaning,
+        default=int(default) if declared.kind == "integer" else default,
+        minimum=None if declared.minimum is None else number_of(declared.minimum, {}),
+        maximum=None if declared.maximum is None else number_of(declared.maximum, {}),
+        choices=declared.choices,
+    )
