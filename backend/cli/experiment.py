@@ -45,5 +45,6 @@ def experiment(
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
-    plan, loop_settings, tuning = ordered(entry_of(name).plan, chosen, in_force(settings))
+    entry = entry_of(name)
+    plan, loop_settings, tuning = ordered(entry.settings, entry.make, chosen, in_force(settings))
     run_headless(settings, Order(plan, loop_settings, current_user()), tuning, out, as_json=as_json)

@@ -145,9 +145,12 @@ def _identify(
 
 
 def _order(plan: "type[IdentificationPlan]", values: dict[str, object], standing: Standing) -> "tuple[Order, str]":
-    from backend.experiments.playing.runner import Order
+    from functools import partial
 
-    chosen, loop_settings, tuning = ordered(plan, values, standing)
+    from backend.experiments.playing.runner import Order
+    from backend.experiments.settings import describe, from_values
+
+    chosen, loop_settings, tuning = ordered(describe(plan), partial(from_values, plan), values, standing)
     return Order(chosen, loop_settings, current_user()), tuning
 
 

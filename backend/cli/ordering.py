@@ -2,7 +2,7 @@
 
 import asyncio
 import getpass
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -17,6 +17,7 @@ from backend.settings import Settings
 if TYPE_CHECKING:
     from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.playing.runner import Order, Outcome
+    from backend.experiments.settings import Setting
     from backend.operating.kept_figures import KeptFigures
     from backend.reports.source import Source
     from plant.parameters import PlantParameters
@@ -62,14 +63,19 @@ class Standing:
     origin: str
 
 
-def ordered(plan: "type[_Plan]", values: dict[str, object], standing: Standing) -> "tuple[_Plan, LoopSettings, str]":
-    """Return plan and loop settings: what is said, else what stands.
+def ordered(
+    settings: "Sequence[Setting]",
+    make: "Callable[[Mapping[str, object]], _Plan]",
+    values: dict[str, object],
+    standing: Standing,
+) -> "tuple[_Plan, LoopSettings, str]":
+    """Return a plan that has ``settings`` and is made by ``make``, and loop settings: what is said, else what stands.
 
     The text says of each part of the tuning where it comes from. Raises SettingError, OutOfRangeError.
     """
     from backend.experiments.plans.loop_settings import split_values
 
-    chosen, loop = split_values(plan, {**standing.parts, **values})
+    chosen, loop = split_values(settings, make, {**standing.parts, **values})
     parts = [f"{text} ({'set' if name in values else standing.origin})" for name, text in loop.parts_in_words().items()]
     return chosen, loop, f"tuning: {', '.join(parts)}"
 

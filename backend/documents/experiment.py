@@ -1,11 +1,10 @@
 """An experiment as data: what a person writes, keeps, sends and runs. Pure.
 
-Angles in rad, stiffness in N·m/rad, forces in N, times in s. Wherever a number stands an expression may stand as well, a
-text such as "2 * hold_s", of the experiment's settings, pi, and the index of the repetitions around it.
+Angles in rad, stiffness in N·m/rad, forces in N, times in s. Wherever a number stands an expression may stand as well,
+a text such as "2 * hold_s", of the experiment's settings, pi, and the index of the repetitions around it.
 """
 
 from collections.abc import Mapping
-
 from enum import StrEnum
 from typing import Annotated, Any, Literal
 
@@ -187,7 +186,7 @@ Part = Annotated[Motion | Tuning | Choose | Repeat, Field(discriminator="do")]
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Declared:
-    """A setting of an experiment. ``unit`` is SI, "1" for counts; a text among ``choices``, a whole number or a number."""
+    """A setting of an experiment. ``unit`` is SI, "1" for counts; a choice is one of ``choices``."""
 
     name: Name
     kind: Literal["number", "integer", "choice", "boolean"] = "number"
@@ -222,10 +221,12 @@ class Bound:
     """A figure of the result that has to stay below or above a bound, for the run to pass.
 
     The bound may also name figures of the plant and the tuning: u_max [V], F_max [N], r_j, r_m [m], lam_q, lam_S,
-    lam_motor [s], and ``ideal``, true of the parameter set of that name.
+    lam_motor [s], and ``ideal``, true of the parameter set of that name. ``name`` is what programs call it, that of the
+    figure where none is given.
     """
 
     figure: Name
+    name: Name | None = None
     below: Number | None = None
     above: Number | None = None
     title: Words = ""

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 from backend.access.people import Person
 from backend.archive.views import dry_run_view
 from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.dry_run import dry_run, get_ready
 from backend.experiments.playing.runner import Order
 from backend.messages.experiment import DryRunView
@@ -81,7 +82,7 @@ class DryRuns:
         finally:
             self._people.remove(person)
         # not what the run says: its bank has another number in a database of its own
-        settings = {**asdict(order.plan), **asdict(order.loop_settings)}
+        settings = {**values_of(order.plan), **asdict(order.loop_settings)}
         return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
     def _require_place(self, person: Person) -> None:

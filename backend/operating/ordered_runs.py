@@ -12,6 +12,7 @@ from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
+from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
@@ -79,7 +80,8 @@ class OrderedRuns:
         present = self._actuator.present
         settings = self._loop_settings()
         self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
-        return run_kinds.experiment_kinds(settings, present.operators_tuning.view(0.0), present.plant.kind)
+        tuning, plant = present.operators_tuning.view(0.0), present.plant.kind
+        return run_kinds.experiment_kinds(experiments().values(), settings, tuning, plant)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
@@ -99,7 +101,7 @@ class OrderedRuns:
         self._require_seed(wanted)
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
-        return ExperimentRequest(name=request.name, settings={**asdict(plan), **asdict(wanted)})
+        return ExperimentRequest(name=request.name, settings={**values_of(plan), **asdict(wanted)})
 
     async def dry_run(
         self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
@@ -243,7 +245,7 @@ class OrderedRuns:
     def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
         """Return what is asked for, with the operator's tuning where nothing else is said."""
         entry = experiment(request.name)
-        return split_values(entry.plan, {**asdict(self._loop_settings()), **request.settings})
+        return split_values(entry.settings, entry.make, {**asdict(self._loop_settings()), **request.settings})
 
     def _loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)

@@ -1,11 +1,9 @@
 """What there is to be run, with the settings of each: what a form offers is what the service takes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
-from functools import cache
-from typing import Any
 
-from backend.experiments.plans.catalogue import EXPERIMENTS, IDENTIFICATIONS
+from backend.experiments.plans.catalogue import IDENTIFICATIONS, Entry
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import Setting, describe
@@ -19,8 +17,10 @@ from plant.choice import PlantKind
 _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
 
 
-def experiment_kinds(in_force: LoopSettings, tuning: TuningView, plant: PlantKind) -> list[ExperimentKind]:
-    """Return the experiments there are, with their settings and those of the loop as ``in_force``.
+def experiment_kinds(
+    entries: Iterable[Entry], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+) -> list[ExperimentKind]:
+    """Return experiments with their settings and those of the loop as ``in_force``.
 
     λ is offered as far as it is safe with the models of ``tuning``, and the seed is the service's own.
     """
@@ -32,16 +32,17 @@ def experiment_kinds(in_force: LoopSettings, tuning: TuningView, plant: PlantKin
     }
     values = asdict(in_force)
     of_the_loop = [_view(_within(setting, offered), values[setting.name]) for setting in describe(LoopSettings)]
+    moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
     return [
         ExperimentKind(
-            name=name,
+            name=entry.name,
             title=entry.title,
             description=entry.description,
-            duration_s=_usual_duration_s(name),
-            settings=[*_DECLARED[entry.plan], *of_the_loop],
-            why_not=_beyond(name) if plant in _MOVED_BY_MOTORS_ALONE else "",
+            duration_s=entry.usual.program().duration_s,
+            settings=[*views_of(entry.settings), *of_the_loop],
+            why_not=_beyond(entry) if moved_by_motors_alone else "",
         )
-        for name, entry in EXPERIMENTS.items()
+        for entry in entries
     ]
 
 
@@ -52,28 +53,22 @@ def identification_kinds() -> list[IdentificationKind]:
             kind=kind,
             title=entry.title,
             description=entry.description,
-            settings=_DECLARED[entry.plan],
+            settings=views_of(describe(entry.plan)),
         )
         for kind, entry in IDENTIFICATIONS.items()
     ]
 
 
-@cache
-def _beyond(name: str) -> str:
+def _beyond(entry: Entry) -> str:
     """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
-    if name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
+    if entry.name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
         return ""
     try:
-        for segment in EXPERIMENTS[name].plan().program().segments:
+        for segment in entry.usual.program().segments:
             require_able(segment, pushes=False, loads_shafts=False)
     except RefusedError as refused:
         return str(refused)
     return ""
-
-
-@cache
-def _usual_duration_s(name: str) -> float:
-    return EXPERIMENTS[name].plan().program().duration_s
 
 
 def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
@@ -93,8 +88,6 @@ def _view(setting: Setting, default: float | int | str) -> SettingView:
     )
 
 
-_PLANS: list[type[Any]] = [
-    *(entry.plan for entry in EXPERIMENTS.values()),
-    *(entry.plan for entry in IDENTIFICATIONS.values()),
-]
-_DECLARED = {plan: [_view(setting, setting.default) for setting in describe(plan)] for plan in _PLANS}
+def views_of(settings: Iterable[Setting]) -> list[SettingView]:
+    """Return declared settings as a form shows them."""
+    return [_view(setting, setting.default) for setting in settings]

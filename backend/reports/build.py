@@ -5,6 +5,7 @@ from dataclasses import replace
 from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
+from backend.reports.composed import composed_report
 from backend.reports.document import NO_FIGURE, Block, Figure, Paragraph, Report, Table
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
@@ -18,6 +19,7 @@ _BUILDERS = {
     RunKind.TRACKING: tracking_report,
     RunKind.COMPLIANCE: compliance_report,
     RunKind.ROBUSTNESS: robustness_report,
+    RunKind.EXPERIMENT: composed_report,
     RunKind.ACTUATOR_IDENTIFICATION: actuator_identification_report,
     RunKind.MOTOR_IDENTIFICATION: motor_identification_report,
     RunKind.SPRING_IDENTIFICATION: spring_identification_report,

@@ -45,7 +45,7 @@ def tracking_report(source: Source) -> Report:
     if source.columns["t"].size:
         seen.append(_figures(source, metrics, steps))
     if steps:
-        seen.append(Section("Steps", _steps(steps, source.angles)))
+        seen.append(Section("Steps", steps_table(steps, source.angles)))
     return experiment_report(source, "Tracking experiment", "tracking experiment", seen, _NOTES)
 
 
@@ -94,7 +94,8 @@ def _constant(column: Any) -> float | None:
     return float(column[0]) if float(np.ptp(column)) < 1e-6 else None
 
 
-def _steps(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ...]:
+def steps_table(steps: Sequence[StepFigures], angles: Angles) -> tuple[Table, ...]:
+    """Return a table of every step, and one of what could not be measured of them."""
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
         Column("Phase", number=False),

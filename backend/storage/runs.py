@@ -27,6 +27,7 @@ class RunKind(StrEnum):
     COMPLIANCE = "compliance"
     ROBUSTNESS = "robustness"
     SEQUENCE = "sequence"
+    EXPERIMENT = "experiment"
 
 
 class EndState(StrEnum):

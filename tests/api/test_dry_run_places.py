@@ -22,7 +22,7 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
-    order = Order(TrackingPlan(), LoopSettings(), VIEWER.name)
+    order = Order(ready_plan("tracking"), LoopSettings(), VIEWER.name)
 
     async def whole() -> None:
         dry_runs = DryRuns(Offload(lambda _cause: None))

@@ -87,7 +87,7 @@ def plants() -> dict[str, tuple[PlantParameters, PlantParameters]]:
 
 def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[str]:
     """Play the tracking experiment; one cell per entry of COLUMNS."""
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     q_ref, S_ref = references(plan)
     trajectory = play(true, known, q_ref, S_ref, np.zeros(q_ref.size))
     if trajectory.tripped_at >= 0:

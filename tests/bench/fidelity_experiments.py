@@ -39,7 +39,7 @@ def played(parameters: PlantParameters, plan: TrackingPlan | CompliancePlan | Ro
 
 
 def figure_7_rows(parameters: PlantParameters) -> Iterator[list[str]]:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     metrics = tracking_metrics(
         played(parameters, plan), plan.program(), plan.phases(), q_count=parameters.sensors.joint_step
     )
@@ -65,10 +65,10 @@ def figure_8_rows(parameters: PlantParameters) -> Iterator[list[str]]:
     prompt = replace(parameters, sensors=replace(parameters.sensors, force_delay=0.0))
     alike = replace(parameters, asymmetry=replace(parameters.asymmetry, spring_A=1.0, spring_B=1.0))
     yield ["paper", f"{PAPER_RMSE_N:.3f}", "", "", ""]
-    yield pushed_row("hand, as shipped", parameters, CompliancePlan())
-    yield pushed_row("hand, load cells without delay", prompt, CompliancePlan())
-    yield pushed_row("hand, both springs alike", alike, CompliancePlan())
-    yield pushed_row("steps of ±10 and ±20 N", parameters, CompliancePlan(profile="steps"))
+    yield pushed_row("hand, as shipped", parameters, ready_plan("compliance"))
+    yield pushed_row("hand, load cells without delay", prompt, ready_plan("compliance"))
+    yield pushed_row("hand, both springs alike", alike, ready_plan("compliance"))
+    yield pushed_row("steps of ±10 and ±20 N", parameters, ready_plan("compliance", profile="steps"))
 
 
 def pushed_row(name: str, parameters: PlantParameters, plan: CompliancePlan) -> list[str]:
@@ -85,8 +85,8 @@ def pushed_row(name: str, parameters: PlantParameters, plan: CompliancePlan) -> 
 
 def robustness_rows(parameters: PlantParameters, ideal: PlantParameters) -> Iterator[list[str]]:
     yield ["paper", f"{PAPER_LOAD_NM} N·m", "", "", "", ""]
-    yield loaded_row("here, `ideal`", ideal, RobustnessPlan())
-    yield loaded_row("here, `lab`", parameters, RobustnessPlan())
+    yield loaded_row("here, `ideal`", ideal, ready_plan("robustness"))
+    yield loaded_row("here, `lab`", parameters, ready_plan("robustness"))
 
 
 def loaded_row(name: str, parameters: PlantParameters, plan: RobustnessPlan) -> list[str]:

@@ -65,7 +65,7 @@ def test_time_constant_of_the_first_order_fit_rises_with_tension() -> None:
 def test_compliance_on_the_page_is_that_of_the_code(lab: PlantParameters) -> None:
     name = "steps of ±10 and ±20 N"
     on_page = next(row for row in written("figure 8") if row[0] == name)
-    computed = pushed_row(name, lab, CompliancePlan(profile="steps"))
+    computed = pushed_row(name, lab, ready_plan("compliance", profile="steps"))
     assert numbers(computed) == pytest.approx(numbers(on_page), abs=2e-3)
 
 
@@ -79,7 +79,7 @@ def test_what_the_page_says_of_the_delay_follows_from_its_own_table() -> None:
 def test_robustness_on_the_page_is_that_of_the_code() -> None:
     name = "here, `ideal`"
     on_page = next(row for row in written("robustness") if row[0] == name)
-    computed = loaded_row(name, load_parameters("ideal"), RobustnessPlan())
+    computed = loaded_row(name, load_parameters("ideal"), ready_plan("robustness"))
     assert numbers(computed) == pytest.approx(numbers(on_page), abs=2e-3)
 
 

@@ -20,7 +20,7 @@ SETTINGS = LoopSettings(seed=3)
 
 
 @pytest.mark.parametrize(
-    "plan", [TrackingPlan(q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)]
+    "plan", [ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)]
 )
 def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)
@@ -47,7 +47,7 @@ def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_pa
 
     with headless_station(database, load_parameters("ideal"), SETTINGS) as station:
         object.__setattr__(station, "compute", compute)
-        plan = TrackingPlan(q_duration_s=0.6, S_duration_s=0.5)
+        plan = ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
         outcome = asyncio.run(run_experiment(station, Order(plan, SETTINGS, "Ana")))
         running = create_run(station, Order(plan, SETTINGS, "Ana"))
     assert (outcome.run.end_state, outcome.evaluation.result) == (EndState.COMPLETED, None)

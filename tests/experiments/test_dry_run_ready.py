@@ -20,7 +20,7 @@ def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
     if ready:
         get_ready(parameters, settings)
     before = len(compiled._KNOWN)
-    order = Order(TrackingPlan(q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
+    order = Order(ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
     played = dry_run(parameters, order, None, ("q",), 10, folder)
     assert played.run.end_state == EndState.COMPLETED
     return len(compiled._KNOWN) - before

@@ -20,7 +20,7 @@ from backend.recording.columns import recorded_columns
 from backend.storage import open_database
 from plant.parameters import load_parameters
 
-PLAN = CompliancePlan(profile="steps", hold_s=0.5, F_push=10.0)
+PLAN = ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
 
 
 @pytest.fixture

@@ -132,7 +132,7 @@ def tracked(plan: TrackingPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coup
 
 
 def test_steps_of_tracking_follow_the_references() -> None:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     steps = steps_of(plan.program(), plan.phases())
     assert [(s.signal, s.alone) for s in steps if s.phase == "position"] == [("q", True)] * 4
     assert [(s.signal, s.alone) for s in steps if s.phase == "stiffness"] == [("S", True)] * 5
@@ -156,7 +156,7 @@ def test_ramps_and_sines_are_not_steps() -> None:
 
 
 def test_tracking_metrics_of_a_known_loop() -> None:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     coupling = 0.02
     columns = tracked(plan, coupling=coupling)
     metrics = tracking_metrics(columns, plan.program(), plan.phases(), lambda turn: 0.1 * turn)
@@ -177,7 +177,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
 
 
 def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     columns = {name: column[:20_500] for name, column in tracked(plan).items()}
     metrics = tracking_metrics(columns, plan.program(), plan.phases())
     assert not metrics.complete
@@ -190,7 +190,7 @@ def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
 
 
 def test_criteria_judge_each_figure_against_its_own_bound() -> None:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     columns = tracked(plan, coupling=0.1)  # deviates by about 0.15 N·m/rad: too much for ideal, fine for lab
     columns["F_A"] = columns["F_A"].copy()
     columns["F_A"][40_000] = 4.5

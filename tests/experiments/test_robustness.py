@@ -37,7 +37,7 @@ from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.loop.bench_top import BenchTop
 
-PLAN = RobustnessPlan(hold_s=2.5)
+PLAN = ready_plan("robustness", hold_s=2.5)
 LAM = LoopSettings().lam_motor
 COUNT_RAD = 2.0 * np.pi / 8000
 
@@ -132,7 +132,7 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
 
 def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: Path) -> None:
     """On ``lab`` friction grows with the load, to half of it; 0.05 rad of hunting are far more than 5 % of 0.1 rad."""
-    plan = RobustnessPlan(hold_s=3.5)
+    plan = ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
         with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
             outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))

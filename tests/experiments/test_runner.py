@@ -26,7 +26,7 @@ from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 
 SETTINGS = LoopSettings(seed=3)
-HASTY = TrackingPlan(q_duration_s=0.6, S_duration_s=0.5)
+HASTY = ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Station
 def test_tracking_keeps_what_it_promises(
     station: Station, overshoot: float, deviation_S: float, tension: float
 ) -> None:
-    plan = TrackingPlan(q_duration_s=4.0, S_duration_s=4.0)
+    plan = ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
     outcome = perform(station, plan)
     assert outcome.evaluation.result is not None
     figures = {item.name: item.value for item in outcome.evaluation.result.metrics.figures if item.value is not None}
@@ -184,7 +184,7 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Stat
 
 @pytest.mark.parametrize("parameters", ["lab"])
 def test_compliance_agrees_with_the_commanded_stiffness_once_the_sensor_delay_is_out(station: Station) -> None:
-    outcome = perform(station, CompliancePlan(pushes=2, hold_s=1.0))
+    outcome = perform(station, ready_plan("compliance", pushes=2, hold_s=1.0))
     result = outcome.evaluation.result
     assert result is not None
     figures = {item.name: item.value for item in result.metrics.figures if item.value is not None}

@@ -67,7 +67,7 @@ def test_settings_are_checked_against_each_other() -> None:
 
 
 def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
-    plan = TrackingPlan()
+    plan = ready_plan("tracking")
     program, phases = plan.program(), plan.phases()
     assert program.law is Law.CASCADE
     assert [phase.name for phase in phases] == ["lead_in", "position", "stiffness", "both"]
@@ -145,8 +145,8 @@ def test_own_sequences_are_checked_segment_by_segment() -> None:
 @pytest.mark.parametrize(
     "plan",
     [
-        TrackingPlan(q_duration_s=1.23456, S_duration_s=0.98765),
-        CompliancePlan(push_seed=4),
+        ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
+        ready_plan("compliance", push_seed=4),
         SequencePlan('[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'),
     ],
 )
@@ -169,7 +169,7 @@ def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: 
 
 
 def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:
-    first, second = (CompliancePlan(push_seed=seed).program().segments for seed in (1, 2))
+    first, second = (ready_plan("compliance", push_seed=seed).program().segments for seed in (1, 2))
     assert first != second
     for before, after in itertools.pairwise(first):
         assert after.shape is Shape.RAMP or after.F_push == pytest.approx(before.F_push)

@@ -29,8 +29,8 @@ ALIKE = {"rad": 0.004, "N": 0.1, "N·m/rad": 0.05, "s": 0.02, "V": 0.02, "%": 0.
 
 # Each second at the card takes about as long as three at the simulator: what more of the same would show is left out.
 PLANS: dict[str, Plan] = {
-    "tracking": TrackingPlan(q_duration_s=2.0, S_duration_s=2.0),
-    "compliance": CompliancePlan(pushes=3, hold_s=1.0),
+    "tracking": ready_plan("tracking", q_duration_s=2.0, S_duration_s=2.0),
+    "compliance": ready_plan("compliance", pushes=3, hold_s=1.0),
     "motors": MotorIdentificationPlan(levels=2),
     "springs": SpringIdentificationPlan(sweep_s=4.0, cycles=1),
 }

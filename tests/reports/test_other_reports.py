@@ -23,7 +23,7 @@ def names_of_figures(report: Report) -> list[str]:
 
 
 def compliance_source() -> Source:
-    plan = CompliancePlan(profile="steps", hold_s=0.5)
+    plan = ready_plan("compliance", profile="steps", hold_s=0.5)
     tracked = source_of(samples(PLAN))
     t = np.arange(round(plan.program().duration_s * 1000)) * 1e-3
     columns = {name: np.zeros_like(t) for name in tracked.columns} | {"t": t}

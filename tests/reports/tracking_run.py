@@ -20,7 +20,7 @@ from plant.parameters import load_parameters
 
 Array = NDArray[np.float64]
 BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
-PLAN = TrackingPlan(q_duration_s=4.0, S_duration_s=3.0)
+PLAN = ready_plan("tracking", q_duration_s=4.0, S_duration_s=3.0)
 
 
 def samples(plan: TrackingPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:

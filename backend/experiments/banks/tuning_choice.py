@@ -43,6 +43,10 @@ class TuningChoice:
         known = {setting.name for setting in describe(cls)}
         return from_values(cls, {name: value for name, value in values.items() if name in known and value is not None})
 
+    def with_parts(self, parts: Mapping[str, Any]) -> "TuningChoice":
+        """Return the tuning with other values of some of its parts."""
+        return TuningChoice(**{**self.document(), **parts})
+
     @property
     def lambdas(self) -> Lambdas:
         """The tuning parameters and b alone."""

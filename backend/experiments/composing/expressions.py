@@ -123,4 +123,5 @@ def _evaluate(node: ast.AST, names: Names) -> Any:
             )
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
-    raise ExpressionError("it cannot be evaluated")
+        case _:
+            raise ExpressionError("it cannot be evaluated")

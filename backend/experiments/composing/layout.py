@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatchmethod
 from typing import Any
 
@@ -34,13 +34,15 @@ _TUNED = {setting.name: setting for setting in describe(TuningChoice)}
 class Laid:
     """What the loop plays. ``places`` (one of each segment) say where it was written.
 
-    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start.
+    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
+    ``change_places`` where they were written.
     """
 
     segments: tuple[Segment, ...]
     places: tuple[Path, ...]
     phases: tuple[Phase, ...]
     changes: tuple[Mapping[str, float | bool], ...]
+    change_places: tuple[Path, ...]
 
 
 def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
@@ -55,6 +57,7 @@ class _Layout:
         self._segments: list[Segment] = []
         self._places: list[Path] = []
         self._changes: list[Mapping[str, float | bool]] = []
+        self._change_places: list[Path] = []
         self._unused_change = False
         self._q, self._S, self._F = 0.0, 10.0, 0.0
         self._duration_s = 0.0
@@ -74,7 +77,13 @@ class _Layout:
             raise self._refused("nothing is played after this change of the tuning: leave it out", self._path)
         if not self._segments:
             raise self._refused("it plays nothing: give it a motion", ("phases",))
-        return Laid(tuple(self._segments), tuple(self._places), tuple(phases), tuple(self._changes))
+        return Laid(
+            tuple(self._segments),
+            tuple(self._places),
+            tuple(phases),
+            tuple(self._changes),
+            tuple(self._change_places),
+        )
 
     def _play(self, parts: Sequence[Any], path: Path) -> None:
         for place, part in enumerate(parts):
@@ -126,8 +135,9 @@ class _Layout:
         to_Hz = self._number("to_Hz", part.to_Hz, low, _FASTEST_HZ, "Hz")
         duration_s = self._time(part.duration_s)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
-        periods = {"period_s": 1.0 / from_Hz, "period_end_s": 1.0 / to_Hz}
-        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.SWEEP, **periods))
+        end_s = 1.0 / to_Hz
+        swept = Segment(duration_s, self._q + q, self._S + S, 0.0, Shape.SWEEP, 1.0 / from_Hz, period_end_s=end_s)
+        self._add(swept)
 
     @_lay.register
     def _prbs(self, part: form.Prbs) -> None:
@@ -148,8 +158,8 @@ class _Layout:
         periods = self._whole("periods", part.periods, 1, 1000)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * period_s, "periods", "time of all periods")
-        excited = {"period_s": period_s, "peak": peak_of(lines)}
-        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.MULTISINE, count=lines, **excited))
+        peak, shape = peak_of(lines), Shape.MULTISINE
+        self._add(Segment(duration_s, self._q + q, self._S + S, 0.0, shape, period_s, count=lines, peak=peak))
 
     @_lay.register
     def _push(self, part: form.Push) -> None:
@@ -186,6 +196,7 @@ class _Layout:
                 number = self._number(name, wanted, setting.minimum, setting.maximum, setting.unit)
                 change[name] = int(number) if setting.kind == "integer" else number
         self._changes.append(change)
+        self._change_places.append(self._path)
         self._unused_change = True
 
     @_lay.register
@@ -263,7 +274,7 @@ class _Layout:
                 f"its parts are more than {MAX_SEGMENTS}, all repetitions counted: repeat less, or split it", self._path
             )
         if self._unused_change:
-            segment = Segment(**{**vars(segment), "tuning": len(self._changes)})
+            segment = replace(segment, tuning=len(self._changes))
             self._unused_change = False
         self._duration_s += segment.duration_s
         with at(self._path, self._lines):

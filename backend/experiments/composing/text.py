@@ -21,7 +21,7 @@ MAX_CHARACTERS = 100_000
 _DEEPEST = 40
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without types
     """Composes nodes; numbers and words as YAML 1.2 and JSON have them: "no" is a text, 1e3 a number."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its parent declares it
@@ -122,7 +122,8 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int) -> Any:
             return int(node.value)
         case "float" if math.isfinite(float(node.value)):
             return float(node.value)
-    raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
+        case _:
+            raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
 
 
 def _place(document: Any, loc: tuple[int | str, ...]) -> Path:

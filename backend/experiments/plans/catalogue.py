@@ -1,49 +1,72 @@
 """The experiments that can be ordered by name, from the browser and from the command line alike."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
 
-from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.documents.experiment import Experiment
+from backend.experiments.composing.ready_made import NAMES, ready_made
+from backend.experiments.composing.refused import Lines
+from backend.experiments.composing.settings import settings_of
+from backend.experiments.plans.composed_plan import KIND, composed
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, TrackingPlan
-from backend.experiments.plans.robustness_plan import RobustnessPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import SettingError
+from backend.experiments.plans.stored_plan import OF_THE_PAPER
+from backend.experiments.settings import Setting, SettingError, describe, from_values
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An experiment with the words that present it."""
+    """An experiment that can be ordered: the words that present it, its settings, and what makes a plan of values.
 
-    plan: type[TrackingPlan] | type[CompliancePlan] | type[RobustnessPlan] | type[SequencePlan]
+    ``run_kind`` is the kind of its runs; ``written`` the experiment where it is data.
+    """
+
+    name: str
     title: str
     description: str
+    settings: tuple[Setting, ...]
+    make: Callable[[Mapping[str, Any]], Plan]
+    run_kind: str
+    written: Experiment | None = None
+
+    @cached_property
+    def usual(self) -> Plan:
+        """The plan with all settings at their defaults."""
+        return self.make({})
 
 
-EXPERIMENTS: dict[str, Entry] = {
-    TrackingPlan.kind: Entry(
-        TrackingPlan,
-        "Tracking of position and stiffness",
-        "Experiment 1 of the paper (figure 7): position steps at constant stiffness, stiffness pulses at constant "
-        "position, then both at once.",
-    ),
-    CompliancePlan.kind: Entry(
-        CompliancePlan,
-        "Compliance under pushes",
-        "Experiment 2 of the paper (figure 8): pushes on the joint with the position loop open; the measured force "
-        "against the one that stiffness and geometry expect.",
-    ),
-    RobustnessPlan.kind: Entry(
-        RobustnessPlan,
-        "Robustness under a load",
-        "The paper's disturbance: 0.375 N·m at the gearbox shaft, 50 N more on the reel, on and off at one motor after "
-        "the other. On the simulator; a rig that cannot load its shafts to order refuses it.",
-    ),
-    SequencePlan.kind: Entry(
-        SequencePlan,
+def entry_of(experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND) -> Entry:
+    """Return the entry of an experiment that is data. Raises ExperimentError for one that cannot be played."""
+    where = {} if lines is None else lines
+    entry = Entry(
+        name or experiment.name,
+        experiment.title,
+        experiment.description,
+        settings_of(experiment, where),
+        lambda values: composed(experiment, values, run_kind, where),
+        run_kind,
+        experiment,
+    )
+    _ = entry.usual
+    return entry
+
+
+@cache
+def experiments() -> Mapping[str, Entry]:
+    """Return the experiments that come with Sinew, by name."""
+    ready = {name: entry_of(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES}
+    sequence = Entry(
+        SequencePlan.kind,
         "Own sequence",
         "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
-    ),
-}
+        describe(SequencePlan),
+        lambda values: from_values(SequencePlan, values),
+        SequencePlan.kind,
+    )
+    return {**ready, sequence.name: sequence}
 
 
 @dataclass(frozen=True)
@@ -76,7 +99,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
 
 def experiment(name: str) -> Entry:
     """Return the experiment of this name. Raises SettingError with those there are."""
-    if name not in EXPERIMENTS:
-        known = tuple(EXPERIMENTS)
-        raise SettingError("name", name, f"there is no such experiment; known: {', '.join(known)}", legal=known)
-    return EXPERIMENTS[name]
+    known = experiments()
+    if name not in known:
+        raise SettingError("name", name, f"there is no such experiment; known: {', '.join(known)}", legal=tuple(known))
+    return known[name]

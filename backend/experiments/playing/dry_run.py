@@ -11,7 +11,7 @@ from pathlib import Path
 
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.play import play
 from backend.experiments.playing.runner import Order, run_experiment
@@ -25,8 +25,6 @@ from plant.catalog import make_plant
 from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters
 
-_SHORTEST = TrackingPlan(q_duration_s=0.5, S_duration_s=0.5)
-
 
 @dataclass(frozen=True)
 class DryRun:
@@ -39,9 +37,10 @@ class DryRun:
 
 def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Play the shortest tracking there is and keep nothing of it: what a dry run takes is loaded then."""
+    shortest = ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)
     tuning = tuning_command(parameters, replace(settings, bank=0), None)
     with closing(Headless(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
-        asyncio.run(play(loop, _SHORTEST.program(), 1, lambda _phase, _elapsed_s: None))
+        asyncio.run(play(loop, shortest.program(), 1, lambda _phase, _elapsed_s: None))
 
 
 def dry_run(

@@ -17,11 +17,14 @@ from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import IdentificationPlan, Plan
+from backend.experiments.plans.stored_plan import declared, kept_values
 from backend.experiments.playing.play import SLICE_S, NotPlayedError, play, require_ready
+from backend.experiments.playing.playable import playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
 from backend.loop.access import LoopAccess, LoopDiedError
+from backend.refusal import RefusedValueError
 from backend.storage import Database, StorageError, runs
 from backend.storage.runs import EndState, NewRun, Run, RunKind
 from plant.parameters import PlantParameters
@@ -70,17 +73,18 @@ def create_run(station: Station, order: Order) -> Run:
     """Store the run before anything moves.
 
     Raises NotReadyError when the loop could not start it now, OutOfRangeError where an identification would take
-    joint or springs out of their range.
+    joint or springs out of their range, ExperimentError for what this plant cannot play.
     """
     require_ready(station.loop)
     if isinstance(order.plan, IdentificationPlan):
         start = start_from(station.loop.ring.newest())
         told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
+    playable(station.database, station.parameters, order.plan, order.loop_settings.tuning)
     settings = RunSettings(
-        plan=asdict(order.plan),
+        plan=kept_values(order.plan),
         loop=KeptLoop(**asdict(order.loop_settings)),
-        declared=declared_values(order.plan, order.loop_settings),
+        declared=(*declared(order.plan), *declared_values(order.loop_settings)),
         versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
     )
     new = NewRun(
@@ -120,9 +124,11 @@ async def played(
     know of, a program that the loop never took and one that is given up here, is written by this.
     """
     try:
-        await play(station.loop, order.plan.program(), run.id, notify)
+        tuning = order.loop_settings.tuning
+        program = await asyncio.to_thread(playable, station.database, station.parameters, order.plan, tuning)
+        await play(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)
-    except NotPlayedError as refused:
+    except (NotPlayedError, RefusedValueError) as refused:
         closed = _close(station, run.id, EndState.STOPPED, str(refused))
     except LoopDiedError as died:
         closed = await _recorded(station, run.id, or_else=(EndState.LINK_LOST, str(died)))

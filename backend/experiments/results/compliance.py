@@ -10,9 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import Criterion
-from backend.experiments.plans.compliance_plan import LEAD_IN_S
-from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import NoSamplesError, figure, rms
 from plant.interface import T_s
 
@@ -52,15 +49,20 @@ class ComplianceFigures:
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def compliance_figures(columns: Columns, r_j: float) -> ComplianceFigures:
+def compliance_figures(columns: Columns, r_j: float, first_push_s: float) -> ComplianceFigures:
     """Compare measured and expected force. ``columns`` holds q, S, S_ref, F_A, F_B, u_A, u_B, one sample a millisecond.
 
-    ``r_j`` [m] is the joint pulley's radius. Raises NoSamplesError when the run ended before its first push.
+    ``r_j`` [m] is the joint pulley's radius. Raises NoSamplesError when the run ended before its first push, or when
+    there was no rest before it to count from.
     """
-    pushed = round(LEAD_IN_S / T_s)
+    pushed = round(first_push_s / T_s)
+    if pushed < round(REST_S / T_s):
+        raise NoSamplesError(
+            f"the first push begins at {first_push_s:g} s: forces are counted from {REST_S:g} s of rest before it"
+        )
     longest = round(MAX_DELAY_S / T_s)
     if columns["q"].size < pushed + 10 * longest:
-        raise NoSamplesError(f"the run ended before the pushes began at {LEAD_IN_S:g} s")
+        raise NoSamplesError(f"the run ended before the pushes began at {first_push_s:g} s")
     measured = columns["F_A"] - columns["F_B"]
     expected = -columns["S_ref"] * columns["q"] / r_j
     rest = slice(pushed - round(REST_S / T_s), pushed)
@@ -83,18 +85,6 @@ def compliance_figures(columns: Columns, r_j: float) -> ComplianceFigures:
         max_tension_N=float(tensions.max()),
         peak_voltage_V=float(np.abs(np.concatenate([columns["u_A"], columns["u_B"]])).max()),
         reasons=reasons,
-    )
-
-
-def compliance_criteria(figures: ComplianceFigures, reason: str = "") -> tuple[Criterion, ...]:
-    """Judge the agreement of measured and expected force, and that neither tendon went slack.
-
-    ``reason`` says why the run was not seen whole, if it was not: nothing passes then.
-    """
-    aligned = figures.reasons.get("rmse_aligned_N", "") or reason
-    return (
-        judge("rmse_aligned", "Force error, aligned", "<", BOUND_ALIGNED_N, figures.rmse_aligned_N, "N", aligned),
-        judge("min_tension", "Smallest tendon tension", ">", 1.0, figures.min_tension_N, "N", reason),
     )
 
 

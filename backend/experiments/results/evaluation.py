@@ -5,24 +5,21 @@ from functools import partial
 
 from backend import __version__
 from backend.documents.result import Criterion, Metrics
-from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan, TrackingPlan
-from backend.experiments.plans.robustness_plan import RobustnessPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.results import actuator_identification, motor_identification, spring_identification
-from backend.experiments.results.compliance import compliance_criteria, compliance_figures
-from backend.experiments.results.criteria import bounds_for, ended_early, tracking_criteria, unseen
+from backend.experiments.results.composed import composed_result
 from backend.experiments.results.document import figure_documents, tracking_document
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
-from backend.experiments.results.robustness import robustness_criteria, robustness_figures
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
-from backend.tuning.models import LAM_MOTOR
+from backend.tuning.models import Lambdas
 from backend.tuning.speed_bound import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -47,12 +44,13 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
         match plan:
             case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
                 metrics, estimate, problem = _identified(columns, parameters, plan, run)
-            case CompliancePlan():
-                metrics, criteria = _complied(columns, parameters, plan, run, missed)
-            case RobustnessPlan():
-                metrics, criteria = _loaded(columns, parameters, plan, run, missed)
-            case TrackingPlan() | SequencePlan():
-                metrics, criteria = _tracked(columns, parameters, plan, run, missed)
+            case ComposedPlan():
+                outline = _outline(columns, plan, run)
+                if columns["t"].size == 0:
+                    raise NoSamplesError("the run holds no samples of its program")
+                metrics, criteria = composed_result(columns, parameters, plan, _lambdas(run), outline, missed)
+            case SequencePlan():
+                metrics = _followed(columns, parameters, plan)
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
@@ -65,39 +63,17 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     return Evaluation(result, stored, problem)
 
 
-def _tracked(
-    columns: Columns, parameters: PlantParameters, plan: TrackingPlan | SequencePlan, run: Run, missed: int
-) -> tuple[Metrics, tuple[Criterion, ...]]:
+def _followed(columns: Columns, parameters: PlantParameters, plan: SequencePlan) -> Metrics:
     bound = partial(least_reach_time, parameters)
     metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound, parameters.sensors.joint_step)
-    criteria: tuple[Criterion, ...] = ()
-    if isinstance(plan, TrackingPlan):
-        criteria = tracking_criteria(metrics, bounds_for(run.parameters_name), missed)
-    return tracking_document(metrics, plan.phases()), criteria
+    return tracking_document(metrics, plan.phases())
 
 
-def _complied(
-    columns: Columns, parameters: PlantParameters, plan: CompliancePlan, run: Run, missed: int
-) -> tuple[Metrics, tuple[Criterion, ...]]:
-    outline = _outline(columns, plan, run)
-    figures = compliance_figures(columns, parameters.geometry.r_j)
-    early = "" if outline.complete else ended_early(outline.played_s, outline.planned_s)
-    criteria = compliance_criteria(figures, unseen(missed, early))
-    return replace(outline, figures=figure_documents(figures, figures.reasons)), criteria
-
-
-def _loaded(
-    columns: Columns, parameters: PlantParameters, plan: RobustnessPlan, run: Run, missed: int
-) -> tuple[Metrics, tuple[Criterion, ...]]:
-    outline = _outline(columns, plan, run)
-    figures = robustness_figures(columns, plan.phases(), parameters.sensors.motor_step)
-    early = "" if outline.complete else ended_early(outline.played_s, outline.planned_s)
-    criteria = robustness_criteria(figures, _lam_motor(run), parameters.motor.u_max, unseen(missed, early))
-    return replace(outline, figures=figure_documents(figures, figures.reasons)), criteria
-
-
-def _lam_motor(run: Run) -> float:
-    return LAM_MOTOR if run.set_to.loop.lam_motor is None else run.set_to.loop.lam_motor
+def _lambdas(run: Run) -> Lambdas:
+    """Return the λ that a run began with; what an early version did not keep was the method's."""
+    kept = run.set_to.loop
+    known = {name: getattr(kept, name) for name in ("lam_q", "lam_S", "lam_motor") if getattr(kept, name) is not None}
+    return Lambdas(**known)
 
 
 def _identified(

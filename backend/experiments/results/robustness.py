@@ -1,17 +1,16 @@
 """Metrics of the robustness test: how far a load turns a motor away from its reference, and for how long. Pure."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documents.result import Criterion, Phase
-from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.experiments.results.windows import LoadStep
 from plant.interface import T_s
-from plant.parameter_sections import SIDES
+from plant.parameter_sections import SIDES, Side
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -19,11 +18,6 @@ Columns = Mapping[str, Array]
 BACK_SHARE = 0.05
 """A motor is back where it stays within this share of the largest deviation."""
 
-BACK_LAMBDAS = 18.0
-"""Time to be back, in λ_motor: twice the 9 λ that the loop with its four poles at −1/λ takes without friction while its
-reference stands. The paper names a load and prints no response; a motor with friction may well fail this."""
-
-MIN_TENSION_N = 1.0
 _LEAST_COUNTS = 20.0
 
 
@@ -48,20 +42,18 @@ class RobustnessFigures:
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_rad: float) -> RobustnessFigures:
+def robustness_figures(columns: Columns, steps: Sequence[LoadStep], motor_step_rad: float) -> RobustnessFigures:
     """Measure one run. ``columns`` holds angles, references, q, S, tensions and voltages, one sample a millisecond.
 
     ``motor_step_rad`` is one count of the motor encoders, 0 where they are exact. Raises NoSamplesError when the run
     ended before every load had stepped.
     """
-    steps = {phase.name: slice(round(phase.start_s / T_s), round(phase.end_s / T_s)) for phase in phases}
-    loads = {name: window for name, window in steps.items() if name != "lead_in"}
-    if columns["q"].size < max(window.stop for window in loads.values()):
+    if not steps or columns["q"].size < max(step.window.stop for step in steps):
         raise NoSamplesError("the run ended before both motors had been loaded and let go")
     errors: dict[str, Array] = {side: columns[f"theta_{side}_ref"] - columns[f"theta_{side}"] for side in SIDES}
     deviations, times, reasons, away_still = {"A": 0.0, "B": 0.0}, [0.0], {}, []
-    for name, window in loads.items():
-        side, error = name[0], errors[name[0]][window]
+    for side, window, _ in steps:
+        error = errors[side][window]
         size = np.abs(error)
         deviations[side] = float(np.maximum(deviations[side], size.max()))
         if math.isnan(deviations[side]):
@@ -74,18 +66,18 @@ def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_r
         if away[-1] == size.size - 1:
             off = float(size[size.size // 2 :].max() / size.max())
             since = error[size.argmax() :] / size.max()
-            away_still.append((off, side, bool(since.min() < -BACK_SHARE and since.max() > BACK_SHARE)))
+            away_still.append((off, side, bool(since.min() < -BACK_SHARE and since.max() > BACK_SHARE), size.size))
         times.append(float(away[-1] + 1) * T_s)
     if away_still:
-        reasons["back_s"] = _still_away(*max(away_still), loads["A_on"].stop - loads["A_on"].start)
-    loaded = slice(loads["A_on"].start, None)
+        reasons["back_s"] = _still_away(*max(away_still))
+    loaded = slice(min(step.window.start for step in steps), None)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     return RobustnessFigures(
         deviation_A_rad=deviations["A"],
         deviation_B_rad=deviations["B"],
         back_s=max(times) or None,
-        error_integral_A=float(np.sum(errors["A"][loads["A_on"]]) * T_s),
-        error_integral_B=float(np.sum(errors["B"][loads["B_on"]]) * T_s),
+        error_integral_A=_integral(errors["A"], "A", steps),
+        error_integral_B=_integral(errors["B"], "B", steps),
         deviation_q=float(np.abs(columns["q"] - columns["q_ref"])[loaded].max()),
         deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[loaded].max()),
         min_tension_N=float(tensions.min()),
@@ -93,6 +85,10 @@ def robustness_figures(columns: Columns, phases: tuple[Phase, ...], motor_step_r
         peak_voltage_V=float(np.abs(np.concatenate([columns["u_A"], columns["u_B"]])).max()),
         reasons=reasons,
     )
+
+
+def _integral(error: Array, side: Side, steps: Sequence[LoadStep]) -> float:
+    return float(sum(np.sum(error[step.window]) for step in steps if step.side == side and step.on) * T_s)
 
 
 def _still_away(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
@@ -104,27 +100,4 @@ def _still_away(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
     return (
         f"motor {side} was not back on its reference when the load changed again after {ticks * T_s:g} s: in the "
         f"second half of it the motor was off by up to {100.0 * off:.0f} % of its largest deviation{why}"
-    )
-
-
-def robustness_criteria(
-    figures: RobustnessFigures, lam_motor: float, u_max: float, reason: str = ""
-) -> tuple[Criterion, ...]:
-    """Judge that both motors come back, that neither tendon goes slack and that the voltage is never clipped.
-
-    ``reason`` says why the run was not seen whole, if it was not: nothing passes then.
-    """
-    back = figures.reasons.get("back_s", "") or reason
-    return (
-        judge(
-            "back",
-            f"Motors back within {100 * BACK_SHARE:g} % of their largest deviation",
-            "<",
-            BACK_LAMBDAS * lam_motor,
-            figures.back_s,
-            "s",
-            back,
-        ),
-        judge("min_tension", "Smallest tendon tension", ">", MIN_TENSION_N, figures.min_tension_N, "N", reason),
-        judge("peak_voltage", "Peak voltage", "<", u_max, figures.peak_voltage_V, "V", reason),
     )

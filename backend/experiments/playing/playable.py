@@ -1,0 +1,53 @@
+"""The program of a plan on one plant, with the gains of every tuning that it puts into use, or why it cannot be."""
+
+from dataclasses import replace
+
+from backend.experiments.banks.bank_building import points_of, tuning_command
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing.reach import require_reach
+from backend.experiments.composing.refused import ExperimentError, line_of
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.plan import Plan
+from backend.loop.program import Program
+from backend.loop.set_tuning import SetTuning
+from backend.refusal import Path, RefusedValueError
+from backend.storage import Database, banks
+from backend.storage.records import UnknownRecordError
+from backend.tuning.formulas import TuningError
+from backend.tuning.preview import Previewer
+from plant.parameters import PlantParameters
+
+
+def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> Program:
+    """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
+
+    Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
+    models of its bank, a bank that is not there.
+    """
+    program = plan.program()
+    if not isinstance(plan, ComposedPlan):
+        return program
+    require_reach(plan.laid, parameters, plan.lines)
+    tunings = tuple(
+        _command(database, parameters, plan, tuning.with_parts(change), place)
+        for place, change in zip(plan.laid.change_places, plan.laid.changes, strict=True)
+    )
+    return replace(program, tunings=tunings)
+
+
+def _command(
+    database: Database, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
+) -> SetTuning:
+    line = line_of(path, plan.lines)
+    try:
+        bank = None
+        if choice.bank:
+            with database.reading() as session:
+                bank = banks.get(session, choice.bank)
+        previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer.require_safe(choice.lambdas)
+        return tuning_command(parameters, choice, bank)
+    except RefusedValueError as error:
+        raise ExperimentError(error, path, line) from None
+    except (UnknownRecordError, TuningError) as error:
+        raise ExperimentError(str(error), path, line) from None

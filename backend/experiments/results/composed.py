@@ -1,0 +1,104 @@
+"""The result of an experiment that is data: what it asks to be measured, judged by what it asks for. Pure."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from functools import partial
+from typing import Any
+
+from backend.documents.experiment import Measure
+from backend.documents.result import Criterion, Figure, Metrics
+from backend.experiments.composing.expressions import ExpressionError, number_of
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.results.compliance import Columns, compliance_figures
+from backend.experiments.results.criteria import ended_early, judge, unseen
+from backend.experiments.results.disturbance import disturbance_figures
+from backend.experiments.results.document import figure_documents, tracking_document
+from backend.experiments.results.measures import FIGURES, known_to_bounds, limit_of
+from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
+from backend.experiments.results.response import response_figures
+from backend.experiments.results.robustness import robustness_figures
+from backend.experiments.results.windows import load_steps, pushes
+from backend.tuning.models import Lambdas
+from backend.tuning.speed_bound import least_reach_time
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+
+
+def composed_result(
+    columns: Columns, parameters: PlantParameters, plan: ComposedPlan, lambdas: Lambdas, outline: Metrics, missed: int
+) -> tuple[Metrics, tuple[Criterion, ...]]:
+    """Measure and judge a run that ``outline`` tells the length of; ``lambdas`` are those that it began with.
+
+    What one of several measures could not be made of is told figure by figure. Raises NoSamplesError where none could.
+    """
+    metrics, problems = outline, []
+    for measure in plan.experiment.measures:
+        try:
+            measured = _measured(measure, columns, parameters, plan, metrics)
+        except NoSamplesError as error:
+            problems.append(error)
+            measured = replace(metrics, figures=_not_measured(measure, str(error)))
+        metrics = replace(measured, figures=_joined(metrics.figures, measured.figures))
+    if problems and len(problems) == len(plan.experiment.measures):
+        raise problems[0]
+    early = "" if metrics.complete else ended_early(metrics.played_s, metrics.planned_s)
+    known = known_to_bounds(dict(plan.values), parameters, lambdas)
+    return metrics, tuple(_judged(plan, metrics.figures, known, unseen(missed, early)))
+
+
+def _measured(
+    measure: Measure, columns: Columns, parameters: PlantParameters, plan: ComposedPlan, metrics: Metrics
+) -> Metrics:
+    program = plan.program()
+    figures: Any
+    match measure:
+        case Measure.STEPS:
+            bound = partial(least_reach_time, parameters)
+            tracked = tracking_metrics(columns, program, plan.phases(), bound, parameters.sensors.joint_step)
+            return tracking_document(tracked, plan.phases())
+        case Measure.COMPLIANCE:
+            pushed = pushes(program)
+            if not pushed:
+                raise NoSamplesError("nothing pushes the joint")
+            figures = compliance_figures(columns, parameters.geometry.r_j, pushed[0].start * T_s)
+        case Measure.LOADS:
+            figures = robustness_figures(columns, load_steps(program), parameters.sensors.motor_step)
+        case Measure.RESPONSE:
+            figures = response_figures(columns, program)
+        case Measure.DISTURBANCE:
+            figures = disturbance_figures(columns, program)
+    return replace(metrics, figures=figure_documents(figures, figures.reasons))
+
+
+def _not_measured(measure: Measure, reason: str) -> tuple[Figure, ...]:
+    declared = (item for item in fields(FIGURES[measure]) if item.metadata)
+    return tuple(Figure(name=item.name, **item.metadata, value=None, reason=reason) for item in declared)
+
+
+def _joined(figures: Sequence[Figure], more: Sequence[Figure]) -> tuple[Figure, ...]:
+    """Return all of both; a figure that both have is that of the first, unless only the second could be measured."""
+    by_name = {item.name: item for item in figures}
+    for item in more:
+        known = by_name.get(item.name)
+        if known is None or (known.value is None and item.value is not None):
+            by_name[item.name] = item
+    return tuple(by_name.values())
+
+
+def _judged(
+    plan: ComposedPlan, figures: Sequence[Figure], known: Mapping[str, bool | int | float | str], reason: str
+) -> list[Criterion]:
+    by_name = {item.name: item for item in figures}
+    judged = []
+    for bound in plan.experiment.criteria:
+        found = by_name[bound.figure]
+        relation = "<" if bound.below is not None else ">"
+        why = found.reason or reason
+        try:
+            limit = number_of(limit_of(bound), known)
+        except ExpressionError as error:  # a bound without a value is one that nothing passes
+            limit, why = 0.0, f"its bound could not be had: {error}"
+            found = replace(found, value=None)
+        title = bound.title or found.label
+        judged.append(judge(bound.name or bound.figure, title, relation, limit, found.value, found.unit, why))
+    return judged

@@ -1,0 +1,128 @@
+"""The report of an experiment that is data: the figures that go with what it measures, of whatever it plays."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from backend.documents.experiment import Measure
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.stored_plan import stored_plan
+from backend.experiments.results.response import Response, responses
+from backend.experiments.results.windows import pushes
+from backend.reading import Angles
+from backend.recording.columns import Columns
+from backend.reports.compliance import force_panels
+from backend.reports.document import Figure, Report, Section
+from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.experiment import experiment_report
+from backend.reports.robustness import error_panels
+from backend.reports.source import Source
+from backend.reports.tracking import steps_table
+from backend.reports.tracking_figures import tension_panel, tracking_panels
+from plant.interface import T_s
+
+_NOTES = (
+    "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
+    "not a direct measurement of stiffness.",
+    "Tension is counted from the start of the program, after pretension; load-cell noise and delay are part of it. "
+    "Root mean squares include the steps themselves and therefore mostly measure how fast λ lets the loop move.",
+)
+_ON_RESPONSES = (
+    "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
+    "phase are those of the closed loop, from the reference to what is measured, its dead time and the governor included."
+)
+
+
+def composed_report(source: Source) -> Report:
+    """Build the report; a run without result says why it has none."""
+    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    if not isinstance(plan, ComposedPlan):
+        raise TypeError(f"run {source.run.id} is of no experiment that is data")
+    seen = list(_seen(source, plan)) if source.columns["t"].size else []
+    notes = (*_NOTES, _ON_RESPONSES) if Measure.RESPONSE in plan.experiment.measures else _NOTES
+    name = plan.experiment.name.replace("_", " ")
+    return experiment_report(source, plan.experiment.title, name, seen, notes)
+
+
+def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+    columns, run = source.columns, source.run
+    u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
+    drawn = [
+        Figure(
+            "whole",
+            tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABC", "whole", u_max, source.angles),
+            "The whole experiment: (A) joint position, (B) joint stiffness, (C) motor voltages. References dashed.",
+        ),
+    ]
+    if plan.laid.changes:
+        drawn.append(
+            Figure(
+                "tuning",
+                _lambda_panel(columns, "tuning"),
+                "λ of both loops as each sample was controlled with; the experiment changes the tuning on its way.",
+            )
+        )
+    drawn += _of_measures(source, plan)
+    drawn.append(
+        Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
+    )
+    yield Section("Figures", tuple(drawn))
+    steps = source.result.metrics.steps if source.result else None
+    if steps:
+        yield Section("Steps", steps_table(steps, source.angles))
+
+
+def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
+    columns, program = source.columns, plan.program()
+    measures = plan.experiment.measures
+    pushed = pushes(program)
+    if Measure.COMPLIANCE in measures and source.result is not None and pushed:
+        delay_s = source.result.metrics.value_of("delay_s") or 0.0
+        first_s, r_j = pushed[0].start * T_s, source.run.number("geometry", "r_j")
+        yield Figure(
+            "forces",
+            force_panels(columns, r_j, first_s, delay_s, "forces", source.angles),
+            "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness and "
+            "position let expect, (C) their difference as measured (grey) and aligned.",
+        )
+    if Measure.LOADS in measures or Measure.DISTURBANCE in measures:
+        yield Figure(
+            "errors",
+            error_panels(columns, "errors", source.angles),
+            "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+        )
+    found = responses(columns, program) if Measure.RESPONSE in measures else ()
+    if found:
+        yield Figure(
+            "responses",
+            bode_panels(found, "responses"),
+            "Frequency responses of the closed loops: (A) gain, (B) phase, at each line or band that was excited.",
+        )
+
+
+def bode_panels(found: tuple[Response, ...], name: str) -> str:
+    """Draw gain [dB] and phase [°] of each response over frequency [Hz]."""
+    with figure(2, height_in=4.0, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
+        for response in found:
+            colour, label = COLOURS[response.signal], f"${response.signal}$"
+            axes[0].semilogx(response.f, 20.0 * np.log10(np.abs(response.H)), ".-", color=colour, label=label)
+            axes[1].semilogx(response.f, np.degrees(np.unwrap(np.angle(response.H))), ".-", color=colour, label=label)
+        axes[0].set_ylabel("Gain [dB]")
+        axes[1].set_ylabel("Phase [°]")
+        axes[1].set_xlabel("f [Hz]")
+        for panel, letter in zip(axes, "AB", strict=True):
+            upper_legend(panel)
+            panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+def _lambda_panel(columns: Columns, name: str) -> str:
+    t = columns["t"]
+    with figure(1, height_in=1.6) as (drawn, axes):
+        panel = axes[0] if isinstance(axes, list | tuple | np.ndarray) else axes
+        for signal in ("q", "S"):
+            lam = in_unit(columns[f"lam_{signal}"], "s", Angles.RADIANS)
+            panel.plot(*thinned(t, lam), color=COLOURS[signal], label=rf"$\lambda_{signal}$")
+        panel.set(xlabel="t [s]", ylabel=axis_label("λ", "s", Angles.RADIANS), xlim=(t[0], t[-1]))
+        upper_legend(panel)
+        return to_svg(drawn, name)
