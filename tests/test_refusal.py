@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.plans.plan import TrackingPlan
 from backend.experiments.plans.sequence_plan import SequencePlan
-from backend.experiments.settings import SettingError, from_values
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.settings import SettingError
 from backend.reading import Angles
 from backend.refusal import OutOfRangeError, bound_text, require_within
 
@@ -35,12 +35,12 @@ def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
 
 def test_a_setting_is_named_as_its_form_labels_it() -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        from_values(TrackingPlan, {"q_amplitude": 2.0})
+        ready_plan("tracking", **{"q_amplitude": 2.0})
     assert said(refused.value).startswith(
         "joint position steps between ±q_max: 114.592 deg is outside 0.573 to 80.21 deg"
     )
     with pytest.raises(SettingError) as odd:
-        from_values(TrackingPlan, {"q_amplitude": "wide"})
+        ready_plan("tracking", **{"q_amplitude": "wide"})
     assert said(odd.value) == "joint position steps between ±q_max: 'wide' is refused: it needs a number in deg"
     assert said(odd.value, RAD).endswith("it needs a number in rad")
 

@@ -9,7 +9,7 @@ from backend.access.people import Person
 from backend.archive.stored_banks import StoredBanks
 from backend.experiments.forecasts.forecast import expected_s, forecast
 from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.catalogue import experiment, experiments
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of

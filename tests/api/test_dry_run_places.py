@@ -8,7 +8,7 @@ import pytest
 
 from backend.access.people import BEARER, Person
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.runner import Order
 from backend.messages.session import Role
 from backend.offload import Offload

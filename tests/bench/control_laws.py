@@ -7,7 +7,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.metrics import Overall, tracking_metrics
 from backend.loop.program_arrays import player_of
 from backend.tick import player
@@ -107,7 +108,7 @@ def pushed(play: Law, true: PlantParameters, known: PlantParameters) -> str:
     return "tripped" if trajectory.tripped_at >= 0 else f"{np.max(np.abs(trajectory.q)):.3f}"
 
 
-def references(plan: TrackingPlan) -> tuple[Array, Array]:
+def references(plan: ComposedPlan) -> tuple[Array, Array]:
     """Return q_ref and S_ref (ticks,) of the whole program, from its first reference on."""
     segments = plan.program().segments
     target = Target(segments[0].q_ref, segments[0].S_ref, 0.0)

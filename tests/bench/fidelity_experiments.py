@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from backend.experiments.plans.compliance_plan import LEAD_IN_S, CompliancePlan
+from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import TrackingPlan
-from backend.experiments.plans.robustness_plan import PAPER_LOAD_NM, RobustnessPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.compliance import compliance_figures
@@ -27,7 +26,7 @@ _SMOOTHED = 20
 """Ticks over which the expected force is averaged before its rate is taken: encoder counts are no pushes."""
 
 
-def played(parameters: PlantParameters, plan: TrackingPlan | CompliancePlan | RobustnessPlan) -> Columns:
+def played(parameters: PlantParameters, plan: ComposedPlan) -> Columns:
     """Play an experiment headless with the default tuning and seed 0; its recorded columns."""
     with tempfile.TemporaryDirectory() as folder:
         database = open_database(Path(folder))
@@ -71,7 +70,7 @@ def figure_8_rows(parameters: PlantParameters) -> Iterator[list[str]]:
     yield pushed_row("steps of ±10 and ±20 N", parameters, ready_plan("compliance", profile="steps"))
 
 
-def pushed_row(name: str, parameters: PlantParameters, plan: CompliancePlan) -> list[str]:
+def pushed_row(name: str, parameters: PlantParameters, plan: ComposedPlan) -> list[str]:
     """One row: RMSE raw and aligned, the difference at rest before the first push, and how fast the pushes are."""
     columns, r_j = played(parameters, plan), parameters.geometry.r_j
     figures = compliance_figures(columns, r_j)
@@ -89,7 +88,7 @@ def robustness_rows(parameters: PlantParameters, ideal: PlantParameters) -> Iter
     yield loaded_row("here, `lab`", parameters, ready_plan("robustness"))
 
 
-def loaded_row(name: str, parameters: PlantParameters, plan: RobustnessPlan) -> list[str]:
+def loaded_row(name: str, parameters: PlantParameters, plan: ComposedPlan) -> list[str]:
     """One row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
     found = robustness_figures(played(parameters, plan), plan.phases(), parameters.sensors.motor_step)
     back = f"{found.back_s:.2f}" if not found.reasons else f"not within {plan.hold_s:g}"

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.plans.compliance_plan import CompliancePlan
-from backend.experiments.plans.robustness_plan import RobustnessPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.fidelity import default_plan, gain_rows, motor_rows

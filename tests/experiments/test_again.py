@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, create_run, run_experiment
 from backend.experiments.results.again import NotEvaluableError, evaluate_again
@@ -20,7 +21,8 @@ SETTINGS = LoopSettings(seed=3)
 
 
 @pytest.mark.parametrize(
-    "plan", [ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)]
+    "plan",
+    [ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5), ActuatorIdentificationPlan(tension_N=20.0, bits=6)],
 )
 def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.dry_run import dry_run, get_ready
 from backend.experiments.playing.runner import Order
 from backend.storage.runs import EndState

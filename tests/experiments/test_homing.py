@@ -10,8 +10,8 @@ import pytest
 
 from backend.experiments.forecasts.forecast import expected_s
 from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.compliance_plan import LEAD_IN_S, CompliancePlan
 from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.loop.commands import Accepted, SetMode, SetReferences

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from backend.documents.result import Phase
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.criteria import BOUNDS_IDEAL, BOUNDS_LAB, bounds_for, tracking_criteria
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.steps import Step, step_metrics, steps_of
@@ -112,7 +113,7 @@ def test_what_never_happened_has_no_figure() -> None:
     assert result.settling_s is None
 
 
-def tracked(plan: TrackingPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0) -> dict[str, Array]:
+def tracked(plan: ComposedPlan, *, lam_q: float = 0.5, lam_S: float = 0.42, coupling: float = 0.0) -> dict[str, Array]:
     """Samples of a loop that is exactly 1/(λs+1)² in both signals, plus a deviation of S proportional to dq/dt."""
     program = plan.program()
     t = np.arange(round(program.duration_s / T_s), dtype=float) * T_s

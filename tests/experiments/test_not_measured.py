@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from backend.documents.result import Criterion
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.compliance import compliance_criteria, compliance_figures
 from backend.experiments.results.criteria import BOUNDS_IDEAL, judge, tracking_criteria
 from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
@@ -17,7 +18,7 @@ from tests.experiments.test_metrics import T_s, double_lag, step, tracked
 SHORT_HOLDS = ready_plan("tracking", q_duration_s=1.5, S_duration_s=2.0)
 
 
-def measured(plan: TrackingPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
+def measured(plan: ComposedPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
     return tracking_metrics(tracked(plan, lam_q=lam_q, lam_S=lam_S), plan.program(), plan.phases())
 
 

@@ -12,8 +12,9 @@ import pytest
 from scipy.signal import lsim
 
 from backend.experiments.plans.catalogue import EXPERIMENTS
+from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.robustness_plan import LEAD_IN_S, RobustnessPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.metrics import NoSamplesError
@@ -256,6 +257,6 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
 
 def test_it_is_offered_with_the_papers_load() -> None:
     offered = EXPERIMENTS["robustness"].plan()
-    assert isinstance(offered, RobustnessPlan)
+    assert isinstance(offered, ComposedPlan)
     r_m = load_parameters("lab").geometry.r_m
     assert offered.load_Nm == pytest.approx(50.0 * r_m)

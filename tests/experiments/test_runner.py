@@ -9,9 +9,9 @@ import pytest
 
 from backend.experiments.banks.bank_building import build_bank, points_of, tuning_command
 from backend.experiments.banks.bank_consistency import BankError
-from backend.experiments.plans.compliance_plan import CompliancePlan
 from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.playing.progress import Doing

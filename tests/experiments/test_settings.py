@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import pytest
 
-from backend.experiments.plans.compliance_plan import CompliancePlan
-from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan, TrackingPlan
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.settings import SettingError, describe, from_values
 from backend.loop.program import Law, Segment, Shape
 from backend.refusal import OutOfRangeError
@@ -29,7 +29,7 @@ def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
 
 
 def test_words_of_a_command_line_become_numbers() -> None:
-    plan = from_values(TrackingPlan, {"q_amplitude": "0.5", "S_low": 9})
+    plan = ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
     assert (plan.q_amplitude, plan.S_low, plan.S_high) == (0.5, 9.0, 14.0)
     assert from_values(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
 
@@ -37,8 +37,8 @@ def test_words_of_a_command_line_become_numbers() -> None:
 @pytest.mark.parametrize(("name", "value"), [("q_amplitude", 1.6), ("q_amplitude", math.nan), ("S_low", "1e400")])
 def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value: object) -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        from_values(TrackingPlan, {name: value})
-    setting = next(item for item in describe(TrackingPlan) if item.name == name)
+        ready_plan("tracking", **{name: value})
+    setting = next(item for item in ready_plan("tracking").settings if item.name == name)
     assert refused.value.quantity == name
     assert (refused.value.minimum, refused.value.maximum) == (setting.minimum, setting.maximum)
     assert refused.value.unit == setting.unit
@@ -47,13 +47,13 @@ def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value
 @pytest.mark.parametrize("value", ["wide", True, None, [1.0]])
 def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
     with pytest.raises(SettingError, match="needs a number in rad") as refused:
-        from_values(TrackingPlan, {"q_amplitude": value})
+        ready_plan("tracking", **{"q_amplitude": value})
     assert (refused.value.quantity, refused.value.value, refused.value.unit) == ("q_amplitude", value, "rad")
 
 
 def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
     with pytest.raises(SettingError, match="unknown setting") as unknown:
-        from_values(TrackingPlan, {"q_amplitud": 1.0})
+        ready_plan("tracking", **{"q_amplitud": 1.0})
     assert "q_amplitude" in unknown.value.legal
     with pytest.raises(SettingError, match="whole number"):
         from_values(ActuatorIdentificationPlan, {"bits": 7.5})
@@ -61,7 +61,7 @@ def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
 
 def test_settings_are_checked_against_each_other() -> None:
     with pytest.raises(OutOfRangeError, match="below the upper level"):
-        from_values(TrackingPlan, {"S_low": 12, "S_high": 11})
+        ready_plan("tracking", **{"S_low": 12, "S_high": 11})
     with pytest.raises(OutOfRangeError, match="shorter chip"):
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
 
@@ -157,7 +157,7 @@ def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> 
 
 @pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
 def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: str) -> None:
-    plan = from_values(CompliancePlan, {"profile": profile, "F_push": 12.0, "pushes": 20})
+    plan = ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
     program = plan.program()
     forces = [segment.F_push for segment in program.segments]
     assert program.law is Law.COMPLIANCE
@@ -165,7 +165,7 @@ def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: 
     assert 3.0 < max(forces) <= 12.0
     assert forces[0] == forces[-1] == 0.0
     assert {(segment.q_ref, segment.S_ref) for segment in program.segments} == {(0.0, 10.0)}
-    assert from_values(CompliancePlan, {"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
+    assert ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
 
 
 def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:

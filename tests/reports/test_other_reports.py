@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.documents.result import Metrics
-from backend.experiments.plans.compliance_plan import CompliancePlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.compliance import compliance_criteria, compliance_figures
 from backend.experiments.results.document import figure_documents
 from backend.reports.build import build_report

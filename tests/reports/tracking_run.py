@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.experiments.plans.plan import TrackingPlan
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.results.criteria import bounds_for, tracking_criteria
 from backend.experiments.results.document import tracking_document
 from backend.experiments.results.metrics import tracking_metrics
@@ -23,7 +24,7 @@ BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
 PLAN = ready_plan("tracking", q_duration_s=4.0, S_duration_s=3.0)
 
 
-def samples(plan: TrackingPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
+def samples(plan: ComposedPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> dict[str, Array]:
     program = plan.program()
     t = np.arange(round(program.duration_s / T_s)) * T_s
     columns = {name: np.zeros_like(t) for name in STORED_NAMES} | {"t": t}

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
-from backend.documents.experiment import Measure
+from backend.documents.experiment import Experiment, Measure
 from backend.documents.result import Criterion, Figure, Metrics
 from backend.experiments.composing.expressions import ExpressionError, number_of
 from backend.experiments.plans.composed_plan import ComposedPlan
@@ -43,7 +43,7 @@ def composed_result(
         raise problems[0]
     early = "" if metrics.complete else ended_early(metrics.played_s, metrics.planned_s)
     known = known_to_bounds(dict(plan.values), parameters, lambdas)
-    return metrics, tuple(_judged(plan, metrics.figures, known, unseen(missed, early)))
+    return metrics, criteria_of(plan.experiment, metrics.figures, known, unseen(missed, early))
 
 
 def _measured(
@@ -85,20 +85,26 @@ def _joined(figures: Sequence[Figure], more: Sequence[Figure]) -> tuple[Figure, 
     return tuple(by_name.values())
 
 
-def _judged(
-    plan: ComposedPlan, figures: Sequence[Figure], known: Mapping[str, bool | int | float | str], reason: str
-) -> list[Criterion]:
+def criteria_of(
+    experiment: Experiment,
+    figures: Sequence[Figure],
+    known: Mapping[str, bool | int | float | str],
+    reason: str = "",
+) -> tuple[Criterion, ...]:
+    """Judge figures by the criteria of an experiment; ``known`` are what its bounds may speak of.
+
+    ``reason`` says why the run was not seen whole, if it was not: nothing passes then.
+    """
     by_name = {item.name: item for item in figures}
     judged = []
-    for bound in plan.experiment.criteria:
+    for bound in experiment.criteria:
         found = by_name[bound.figure]
         relation = "<" if bound.below is not None else ">"
-        why = found.reason or reason
+        value, why = found.value, found.reason or reason
         try:
             limit = number_of(limit_of(bound), known)
         except ExpressionError as error:  # a bound without a value is one that nothing passes
-            limit, why = 0.0, f"its bound could not be had: {error}"
-            found = replace(found, value=None)
+            limit, value, why = 0.0, None, f"its bound could not be had: {error}"
         title = bound.title or found.label
-        judged.append(judge(bound.name or bound.figure, title, relation, limit, found.value, found.unit, why))
-    return judged
+        judged.append(judge(bound.name or bound.figure, title, relation, limit, value, found.unit, why))
+    return tuple(judged)
