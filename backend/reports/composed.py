@@ -29,7 +29,7 @@ _NOTES = (
 )
 _ON_RESPONSES = (
     "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
-    "phase are those of the closed loop, from the reference to what is measured, its dead time and the governor included."
+    "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
 )
 
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 
 from backend.documents.experiment import Declared, Experiment
 from backend.documents.run_settings import Value
-from backend.experiments.composing.expressions import ExpressionError, number_of, truth_of
+from backend.experiments.banks.tuning_choice import NAMES
+from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, ExpressionError, number_of, truth_of
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
-from backend.experiments.plans.loop_settings import LoopSettings
-from backend.experiments.settings import Setting, SettingError, describe
+from backend.experiments.settings import Setting, SettingError
 from backend.refusal import OutOfRangeError, Path
 
-_TAKEN = {setting.name for setting in describe(LoopSettings)} | {"experiment", "name", "pi", "true", "false"}
+_TAKEN = {*NAMES, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
 
 
 def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:

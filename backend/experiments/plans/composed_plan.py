@@ -11,7 +11,6 @@ from backend.experiments.composing import text
 from backend.experiments.composing.layout import Laid, laid
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import parsed, require_rules, settings_of
-from backend.experiments.results.measures import require_measurable
 from backend.experiments.settings import Setting
 from backend.loop.program import IDENTIFYING, Law, Program
 
@@ -72,6 +71,5 @@ def composed(
     values = parsed(settings_of(experiment, where), given)
     plan = ComposedPlan(experiment, values, kind, where)
     require_rules(experiment, values, where)
-    require_measurable(experiment, values, where)
     plan.program()
     return plan

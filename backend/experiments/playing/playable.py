@@ -8,6 +8,7 @@ from backend.experiments.composing.reach import require_reach
 from backend.experiments.composing.refused import ExperimentError, line_of
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.plan import Plan
+from backend.experiments.results.measures import require_measurable
 from backend.loop.program import Program
 from backend.loop.set_tuning import SetTuning
 from backend.refusal import Path, RefusedValueError
@@ -27,6 +28,7 @@ def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning
     program = plan.program()
     if not isinstance(plan, ComposedPlan):
         return program
+    require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
         _command(database, parameters, plan, tuning.with_parts(change), place)

@@ -1,5 +1,6 @@
 """What can be measured of an experiment, each measure with its figures; what bounds of them may speak of."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -51,7 +52,7 @@ def known_to_bounds(
 _OF_PLANT_AND_TUNING = ("u_max", "F_max", "r_j", "r_m", "lam_q", "lam_S", "lam_motor", "ideal")
 
 
-def require_measurable(experiment: Experiment, values: dict[str, Value], lines: Lines) -> None:
+def require_measurable(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:
     """Raise ExperimentError for a criterion that no run could be judged by."""
     legal = names_of(experiment.measures)
     known = {**values, **dict.fromkeys(_OF_PLANT_AND_TUNING, 1.0)}

@@ -39,8 +39,9 @@ class Response:
     @property
     def gain(self) -> Array:
         """Gain of each line over that of the lowest, which is exactly 1."""
-        size = np.abs(self.H)
-        return size / size[0]
+        size: Array = np.abs(self.H)
+        gain: Array = size / size[0]
+        return gain
 
 
 @dataclass(frozen=True, kw_only=True)
