@@ -17,6 +17,7 @@ from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
+from backend.archive.own_experiments import OwnExperiments
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
@@ -141,8 +142,9 @@ def assemble(
         processes.computing.prepare(evaluate, *SCIENCE)
         downloads.prepare()
 
+    experiments = OwnExperiments(database)
     ordered_runs = OrderedRuns(
-        station, actuator, banks, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop
+        station, actuator, banks, experiments, prepare, SEED, DryRuns(processes.dry_runs), supervision, safe_stop
     )
     evaluations.done = ordered_runs.evaluated
 
@@ -171,6 +173,7 @@ def assemble(
         actuator=actuator,
         control=control,
         ordered_runs=ordered_runs,
+        experiments=experiments,
         saved_tunings=SavedTunings(database),
         bring_up=bring_up,
         live=live,

@@ -21,6 +21,7 @@ from backend.api.routes import (
     flights,
     identifications,
     operate,
+    own_experiments,
     preferences,
     runs,
     session,
@@ -84,6 +85,7 @@ def create_app(
         tuning,
         identifications,
         banks,
+        own_experiments,  # its names come before the numbers of runs
         experiments,
         runs,
         system,

@@ -13,6 +13,7 @@ from starlette.requests import HTTPConnection
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks.bank_consistency import BankError
+from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.settings import SettingError
@@ -118,6 +119,10 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
     async def setting_refused(request: Request, error: SettingError) -> JSONResponse:
         return await answer(request, 422, partial(_setting_problem, error))
 
+    @app.exception_handler(ExperimentError)
+    async def experiment_refused(request: Request, error: ExperimentError) -> JSONResponse:
+        return await answer(request, 422, partial(_experiment_problem, error))
+
     @app.exception_handler(NotReadyError)
     async def not_ready(_request: Request, error: NotReadyError) -> JSONResponse:
         return _answer(409, Problem(code="not_ready", message=str(error), legal=[str(m) for m in LEGAL[error.mode]]))
@@ -189,6 +194,16 @@ def _setting_problem(error: SettingError, angles: Angles) -> Problem:
         value=_plain(error.value),
         unit=error.unit or None,
         legal=list(error.legal) or None,
+    )
+
+
+def _experiment_problem(error: ExperimentError, angles: Angles) -> Problem:
+    return Problem(
+        code="bad_experiment",
+        message=error.sentence(angles),
+        quantity=error.quantity,
+        words=error.words,
+        path=list(error.path) or None,
     )
 
 

@@ -14,6 +14,7 @@ from backend.archive.downloads import Downloads
 from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
+from backend.archive.own_experiments import OwnExperiments
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import Retention
@@ -36,6 +37,7 @@ class Service:
     actuator: Actuator
     control: Control
     ordered_runs: OrderedRuns
+    experiments: OwnExperiments
     saved_tunings: SavedTunings
     bring_up: BringUp
     live: LiveStream

@@ -1,5 +1,6 @@
 """From stored records to what the interface shows of them; no record is changed here."""
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -23,10 +24,20 @@ from backend.sample import STORED
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
-from backend.storage.runs import Run
+from backend.storage.runs import Run, RunKind
 from plant.interface import T_s
 
 _UNITS = {field.name: field.unit for field in STORED}
+
+
+def title_of(run: Run) -> str:
+    """Return what was run, in words; of an experiment that is data its own title."""
+    if run.kind == RunKind.EXPERIMENT:
+        try:
+            return str(json.loads(str((run.set_to.plan or {})["experiment"]))["title"])
+        except (UnreadableDocumentError, ValueError, KeyError):
+            return "Experiment that cannot be read"
+    return run.kind.replace("_", " ").capitalize()
 
 
 def run_view(
@@ -46,6 +57,7 @@ def run_view(
     return RunView(
         id=run.id,
         kind=run.kind,
+        title=title_of(run),
         plant=run.plant,
         parameters=run.parameters_name,
         who=run.who,

@@ -8,7 +8,7 @@ import sys
 import typer
 from pydantic import ValidationError
 
-from backend.cli import bank, database, doctor, experiment, identify, rig, runs, serve, token
+from backend.cli import bank, database, doctor, experiment, experiments, identify, rig, runs, serve, token
 from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail
 from backend.refusal import RefusedValueError
@@ -25,6 +25,7 @@ app = typer.Typer(
 app.command()(serve.serve)
 app.command()(serve.link)
 app.command()(experiment.experiment)
+app.add_typer(experiments.app, name="experiments")
 app.add_typer(identify.app, name="identify")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
@@ -61,6 +62,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.data_folder import AlreadyRunningError, DataFolderError
     from backend.documents.edge import UnreadableDocumentError
     from backend.experiments.banks.bank_consistency import BankError
+    from backend.experiments.composing.refused import ExperimentError
     from backend.experiments.results.again import NotEvaluableError
     from backend.experiments.settings import SettingError
     from backend.loop.access import LoopDiedError
@@ -81,6 +83,7 @@ def _expected() -> tuple[type[Exception], ...]:
         BackupError,
         BankError,
         CannotListenError,
+        ExperimentError,
         DataFolderError,
         LoopDiedError,
         NotEvaluableError,

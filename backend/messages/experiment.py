@@ -31,6 +31,7 @@ class ExperimentKind(Schema):
     name: str
     title: str
     description: str
+    run_kind: str = Field(description="kind of its runs")
     duration_s: float = quantity("s", "length with the settings at their defaults")
     settings: list[SettingView]
     why_not: str = Field(description="why what is driven cannot play it, only a dry run; empty where it can")
@@ -45,7 +46,7 @@ class ExperimentKindList(Schema):
 class ExperimentRequest(Schema):
     """Which experiment to start, with settings that differ from the defaults."""
 
-    name: str = Field(min_length=1, max_length=40)
+    name: str = Field(min_length=1, max_length=60)
     settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
 
 

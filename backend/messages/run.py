@@ -34,6 +34,7 @@ class RunView(Schema):
 
     id: int
     kind: str
+    title: str = Field(description="what was run, in words")
     plant: str
     parameters: str
     who: str

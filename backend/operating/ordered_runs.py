@@ -6,14 +6,16 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
 
 from backend.access.people import Person
+from backend.archive.own_experiments import OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.forecasts.forecast import expected_s, forecast
 from backend.experiments.forecasts.way import start_from
-from backend.experiments.plans.catalogue import experiment, experiments
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
+from backend.experiments.playing.playable import playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.results.evaluation import Evaluation
@@ -21,6 +23,7 @@ from backend.experiments.settings import SettingError
 from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
 from backend.messages.identification import IdentificationRequest, Prediction
+from backend.messages.own_experiment import CheckedExperiment, OwnExperiment
 from backend.operating import run_kinds
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
@@ -32,6 +35,7 @@ from backend.refusal import Because, RefusalError
 from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
+from plant.parameters import PlantParameters
 
 _log = logging.getLogger(__name__)
 
@@ -44,6 +48,7 @@ class OrderedRuns:
         station: Station,
         actuator: Actuator,
         banks: StoredBanks,
+        experiments: OwnExperiments,
         prepare_report: Callable[[], None],
         seed: int,
         dry_runs: DryRuns,
@@ -53,6 +58,7 @@ class OrderedRuns:
         self._station = station
         self._actuator = actuator
         self._banks = banks
+        self._experiments = experiments
         self._prepare_report = prepare_report
         self._seed = seed
         self._dry_runs = dry_runs
@@ -75,17 +81,18 @@ class OrderedRuns:
             self._problem, self._without_result = "", None
             self._actuator.changed()
 
-    def experiment_kinds(self) -> list[ExperimentKind]:
+    async def experiment_kinds(self) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         present = self._actuator.present
         settings = self._loop_settings()
         self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
+        offered = await asyncio.to_thread(self._experiments.all)
         tuning, plant = present.operators_tuning.view(0.0), present.plant.kind
-        return run_kinds.experiment_kinds(experiments().values(), settings, tuning, plant)
+        return run_kinds.experiment_kinds(offered, settings, tuning, plant)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
-        plan, wanted = self._order(request)
+        plan, wanted = await asyncio.to_thread(self._order, request)
         self._require_seed(wanted)
         async with self._actuator.starting:
             self._require_free()
@@ -97,17 +104,29 @@ class OrderedRuns:
 
         Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
-        plan, wanted = self._order(request)
+        plan, wanted = await asyncio.to_thread(self._order, request)
         self._require_seed(wanted)
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
+        await asyncio.to_thread(playable, self._station.database, tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(name=request.name, settings={**values_of(plan), **asdict(wanted)})
+
+    async def check_experiment(self, written: str) -> CheckedExperiment:
+        """Look an own experiment over on this plant and the tuning in force. Raises ExperimentError."""
+        return (await asyncio.to_thread(self._experiments.checked, written, *self._here())).view()
+
+    async def keep_experiment(self, written: str, who: str) -> OwnExperiment:
+        """Keep an own experiment as the next version of its name. Raises ExperimentError."""
+        return view_of(await asyncio.to_thread(self._experiments.keep, written, who, *self._here()))
+
+    def _here(self) -> tuple[PlantParameters, TuningChoice]:
+        return self._actuator.present.tuning.parameters, self._loop_settings().tuning
 
     async def dry_run(
         self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
     ) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
-        plan, wanted = self._order(request)
+        plan, wanted = await asyncio.to_thread(self._order, request)
         bank = await self._bank_of(wanted)
         order = Order(plan, wanted, person.name)
         return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, bank, person, left)
@@ -244,7 +263,7 @@ class OrderedRuns:
 
     def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
         """Return what is asked for, with the operator's tuning where nothing else is said."""
-        entry = experiment(request.name)
+        entry = self._experiments.entry(request.name)
         return split_values(entry.settings, entry.make, {**asdict(self._loop_settings()), **request.settings})
 
     def _loop_settings(self) -> LoopSettings:

@@ -38,6 +38,7 @@ def experiment_kinds(
             name=entry.name,
             title=entry.title,
             description=entry.description,
+            run_kind=entry.run_kind,
             duration_s=entry.usual.program().duration_s,
             settings=[*views_of(entry.settings), *of_the_loop],
             why_not=_beyond(entry) if moved_by_motors_alone else "",

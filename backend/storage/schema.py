@@ -157,6 +157,19 @@ class BankRow(Numbered, Base):
     created_at: Mapped[datetime]
 
 
+class ExperimentRow(Numbered, Base):
+    """One version of an own experiment, as its text; a change makes the next version of the same name."""
+
+    __tablename__ = "experiment"
+    __table_args__ = (UniqueConstraint("name", "version"), *Numbered.__table_args__)
+
+    name: Mapped[str] = mapped_column(String(40))
+    version: Mapped[int] = mapped_column(Integer)
+    text: Mapped[str] = mapped_column(Text)
+    who: Mapped[str] = mapped_column(String(200))
+    created_at: Mapped[datetime]
+
+
 class BankEntryRow(Base):
     """One nominal point of a bank with the identification it came from (none for an imported bank)."""
 

@@ -19,7 +19,7 @@ router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 @router.get("")
 async def list_experiments(service: ServiceInUse, _person: SignedIn) -> ExperimentKindList:
     """List the kinds of experiments with their settings and units."""
-    return ExperimentKindList(experiments=service.ordered_runs.experiment_kinds())
+    return ExperimentKindList(experiments=await service.ordered_runs.experiment_kinds())
 
 
 @router.post("", status_code=202)

@@ -1,0 +1,44 @@
+"""Experiments as texts: the form, those there are, looking one over, keeping one."""
+
+import asyncio
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path
+
+from backend.api.auth import Operator, SignedIn
+from backend.api.service import ServiceInUse
+from backend.documents.experiment import schema
+from backend.messages.own_experiment import CheckedExperiment, ExperimentText, OwnExperiment, OwnExperimentList
+
+router = APIRouter(prefix="/api/experiments", tags=["experiments"])
+ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own, or a version of an own one: name@2")]
+
+
+@router.get("/schema")
+async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
+    """Return the JSON schema of an experiment."""
+    return schema()
+
+
+@router.get("/own")
+async def list_own_experiments(service: ServiceInUse, _person: SignedIn) -> OwnExperimentList:
+    """List own experiments, the newest version of each."""
+    return OwnExperimentList(experiments=await asyncio.to_thread(service.experiments.views))
+
+
+@router.post("/own", status_code=201)
+async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: Operator) -> OwnExperiment:
+    """Keep an experiment as the next version of its name; one that could not be played here is refused."""
+    return await service.ordered_runs.keep_experiment(body.text, person.name)
+
+
+@router.post("/check")
+async def check_experiment(body: ExperimentText, service: ServiceInUse, _person: SignedIn) -> CheckedExperiment:
+    """Look an experiment over as a start would; nothing moves, nothing is kept."""
+    return await service.ordered_runs.check_experiment(body.text)
+
+
+@router.get("/texts/{name}")
+async def get_experiment_text(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> ExperimentText:
+    """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
+    return ExperimentText(text=await asyncio.to_thread(service.experiments.text_of, name))

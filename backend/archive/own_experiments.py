@@ -1,0 +1,123 @@
+"""Experiments by name: those that come with Sinew, and own ones, which are kept in versions."""
+
+from dataclasses import dataclass
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing import ready_made, text
+from backend.experiments.composing.refused import ExperimentError, line_of
+from backend.experiments.plans.catalogue import Entry, entry_of, experiments
+from backend.experiments.plans.catalogue import experiment as ready
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.playing.playable import playable
+from backend.experiments.settings import SettingError
+from backend.messages.own_experiment import CheckedExperiment, OwnExperiment
+from backend.storage import Database
+from backend.storage import experiments as stored
+from backend.storage.experiments import StoredExperiment
+from backend.storage.records import UnknownRecordError
+from plant.parameters import PlantParameters
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What can be told of an experiment before it is kept or started; its settings are at their defaults."""
+
+    entry: Entry
+    duration_s: float
+    segments: int
+    changes_of_tuning: int
+
+    def view(self) -> CheckedExperiment:
+        """Return it as the page shows it."""
+        written = self.entry.written
+        return CheckedExperiment(
+            name=self.entry.name,
+            title=self.entry.title,
+            duration_s=self.duration_s,
+            segments=self.segments,
+            changes_of_tuning=self.changes_of_tuning,
+            phases=[phase.title for phase in self.entry.usual.phases()],
+            criteria=0 if written is None else len(written.criteria),
+        )
+
+
+class OwnExperiments:
+    """Reads, checks and keeps them. Nothing is overwritten: what is kept under a name again is its next version."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def all(self) -> list[Entry]:
+        """Return every experiment that can be ordered, own ones in their newest version, after the ready-made."""
+        with self._database.reading() as session:
+            own = stored.newest(session)
+        return [*experiments().values(), *(entry for kept in own if (entry := _readable(kept)) is not None)]
+
+    def views(self) -> list[OwnExperiment]:
+        """Return the newest version of each own experiment."""
+        with self._database.reading() as session:
+            return [view_of(kept) for kept in stored.newest(session)]
+
+    def text_of(self, name: str) -> str:
+        """Return the text of an experiment: ready-made, "name" or "name@2". Raises UnknownRecordError."""
+        return ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
+
+    def entry(self, name: str) -> Entry:
+        """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
+
+        Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
+        """
+        if name in experiments():
+            return ready(name)
+        try:
+            kept = self._stored(name)
+        except UnknownRecordError:
+            known = tuple(entry.name for entry in self.all())
+            why = f"there is no such experiment; known: {', '.join(known)}"
+            raise SettingError("name", name, why, legal=known) from None
+        return _entry_of(kept)
+
+    def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StoredExperiment:
+        """Keep an experiment that can be played on this plant. Raises ExperimentError."""
+        entry = self.checked(written, parameters, tuning).entry
+        with self._database.session() as session:
+            return stored.add(session, entry.name, written, who)
+
+    def checked(self, written: str, parameters: PlantParameters, tuning: TuningChoice) -> Checked:
+        """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
+        experiment, lines = text.read(written)
+        if experiment.name in experiments():
+            why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
+            raise ExperimentError(why, ("name",), line_of(("name",), lines))
+        entry = entry_of(experiment, lines)
+        plan = entry.usual
+        assert isinstance(plan, ComposedPlan)
+        program = playable(self._database, parameters, plan, tuning)
+        return Checked(entry, program.duration_s, len(program.segments), len(program.tunings))
+
+    def _stored(self, name: str) -> StoredExperiment:
+        base, at, number = name.partition("@")
+        if at and not (number.isdecimal() and len(number) < 10):
+            raise UnknownRecordError(f"there is no experiment {name}")
+        with self._database.reading() as session:
+            return stored.get(session, base, int(number) if at else None)
+
+
+def view_of(kept: StoredExperiment) -> OwnExperiment:
+    """Return an own experiment as it is listed."""
+    entry = _readable(kept)
+    title = "" if entry is None else entry.title
+    return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
+
+
+def _entry_of(kept: StoredExperiment) -> Entry:
+    experiment, lines = text.read(kept.text)
+    return entry_of(experiment, lines, name=f"{kept.name}@{kept.version}")
+
+
+def _readable(kept: StoredExperiment) -> Entry | None:
+    """Return the entry of an own experiment; one that this version of Sinew does not take any more is not offered."""
+    try:
+        return _entry_of(kept)
+    except ExperimentError:
+        return None

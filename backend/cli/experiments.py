@@ -1,0 +1,109 @@
+"""``sinew experiments``: those there are, looking one over, keeping own ones."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from backend.cli.experiment import entry_of, text_in
+from backend.cli.ordering import current_user, in_force
+from backend.cli.output import AsJson, out, print_json, print_table
+from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.settings import Settings
+
+if TYPE_CHECKING:
+    from backend.experiments.banks.tuning_choice import TuningChoice
+
+app = typer.Typer(
+    help="Experiments: list, show, look over, keep own ones.", no_args_is_help=True, rich_markup_mode=None
+)
+File = Annotated[Path, typer.Argument(help="File of an experiment, YAML or JSON.")]
+Name = Annotated[str, typer.Argument(help="Name of an experiment, name@2 for a version, or a file.")]
+
+
+@app.command("list")
+def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
+    """List all experiments that can be run, own ones in their newest version."""
+    from backend.archive.own_experiments import OwnExperiments
+
+    with database_of(settings_with(data=data)) as database:
+        found = OwnExperiments(database).all()
+    rows = [(entry.name, entry.title, f"{entry.usual.program().duration_s:.6g}") for entry in found]
+    if as_json:
+        print_json([{"name": name, "title": title, "duration_s": float(lasts)} for name, title, lasts in rows])
+    else:
+        print_table(("experiment", "title", "lasts [s]"), rows)
+
+
+@app.command()
+def show(name: Name, data: DataFolder = None, as_json: AsJson = False) -> None:
+    """Show the settings of an experiment, with unit, default and bounds."""
+    entry = entry_of(name, settings_with(data=data))
+    if as_json:
+        print_json([asdict(setting) for setting in entry.settings])
+        return
+    out.print(f"{entry.title}. {entry.description}", highlight=False, markup=False)
+    rows = [
+        (s.name, f"{s.default}", ", ".join(s.choices) or f"{s.minimum} … {s.maximum}", s.unit, s.meaning)
+        for s in entry.settings
+    ]
+    print_table(("setting", "default", "bounds", "unit", "meaning"), rows)
+
+
+@app.command()
+def text(name: Name, data: DataFolder = None) -> None:
+    """Print the text of an experiment, to keep it elsewhere or to begin an own one with."""
+    from backend.archive.own_experiments import OwnExperiments
+
+    with database_of(settings_with(data=data)) as database:
+        print(OwnExperiments(database).text_of(name), end="")
+
+
+@app.command()
+def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
+    """Look an experiment over as a start would: nothing moves, nothing is kept."""
+    from backend.archive.own_experiments import OwnExperiments
+    from plant.parameters import load_parameters
+
+    settings = settings_with(params=params, data=data)
+    tuning = _tuning(settings)
+    with database_of(settings) as database:
+        checked = OwnExperiments(database).checked(text_in(file), load_parameters(settings.params), tuning).view()
+    if as_json:
+        print_json(checked.model_dump())
+    else:
+        changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
+        words = f"{checked.name} can be run: {checked.duration_s:.6g} s in {checked.segments} pieces{changes}"
+        out.print(words, highlight=False, markup=False)
+
+
+@app.command()
+def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
+    """Keep an experiment as the next version of its name; one that could not be run is refused."""
+    from backend.archive.own_experiments import OwnExperiments
+    from plant.parameters import load_parameters
+
+    settings = settings_with(params=params, data=data)
+    tuning = _tuning(settings)
+    with database_of(settings) as database:
+        own = OwnExperiments(database)
+        kept = own.keep(text_in(file), current_user(), load_parameters(settings.params), tuning)
+    if as_json:
+        print_json({"name": kept.name, "version": kept.version})
+    else:
+        out.print(f"kept as {kept.name}@{kept.version}", highlight=False, markup=False)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of an experiment, for editors."""
+    from backend.documents.experiment import schema as schema_of
+
+    print_json(schema_of())
+
+
+def _tuning(settings: Settings) -> "TuningChoice":
+    from backend.experiments.banks.tuning_choice import TuningChoice
+
+    return TuningChoice.of(in_force(settings).parts)

@@ -1,0 +1,55 @@
+"""Own experiments in versions, each as the text that somebody wrote."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import UnknownRecordError, to_record
+from backend.storage.schema import ExperimentRow
+
+
+@dataclass(frozen=True)
+class StoredExperiment:
+    """One version of an experiment."""
+
+    id: int
+    name: str
+    version: int
+    text: str
+    who: str
+    created_at: datetime
+
+
+def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
+    """Store the next version of the experiment of this name; earlier versions stay. The same text again is no other."""
+    newest = _newest(session, name)
+    if newest is not None and newest.text == text:
+        return to_record(StoredExperiment, newest)
+    version = 1 if newest is None else newest.version + 1
+    row = ExperimentRow(name=name, version=version, text=text, who=who, created_at=datetime.now(UTC))
+    session.add(row)
+    session.flush()
+    return to_record(StoredExperiment, row)
+
+
+def get(session: Session, name: str, version: int | None = None) -> StoredExperiment:
+    """Return a version of an experiment, without a number the newest. Raises UnknownRecordError."""
+    query = select(ExperimentRow).where(ExperimentRow.name == name, ExperimentRow.version == version)
+    row = _newest(session, name) if version is None else session.scalar(query)
+    if row is None:
+        raise UnknownRecordError(f"there is no experiment {name}" + ("" if version is None else f"@{version}"))
+    return to_record(StoredExperiment, row)
+
+
+def newest(session: Session) -> list[StoredExperiment]:
+    """Return the newest version of each, by name."""
+    last = select(func.max(ExperimentRow.id)).group_by(ExperimentRow.name)
+    rows = session.scalars(select(ExperimentRow).where(ExperimentRow.id.in_(last)).order_by(ExperimentRow.name))
+    return [to_record(StoredExperiment, row) for row in rows]
+
+
+def _newest(session: Session, name: str) -> ExperimentRow | None:
+    query = select(ExperimentRow).where(ExperimentRow.name == name).order_by(ExperimentRow.version.desc()).limit(1)
+    return session.scalar(query)
