@@ -32,12 +32,17 @@ _UNITS = {field.name: field.unit for field in STORED}
 
 def title_of(run: Run) -> str:
     """Return what was run, in words; of an experiment that is data its own title."""
-    if run.kind == RunKind.EXPERIMENT:
-        try:
-            return str(json.loads(str((run.set_to.plan or {})["experiment"]))["title"])
-        except (UnreadableDocumentError, ValueError, KeyError):
-            return "Experiment that cannot be read"
-    return run.kind.replace("_", " ").capitalize()
+    if run.kind != RunKind.EXPERIMENT:
+        return run.kind.replace("_", " ").capitalize()
+    return _written(run, "title") or "Experiment that cannot be read"
+
+
+def _written(run: Run, part: str) -> str:
+    """Return a part of the experiment that a run has kept, "" where it cannot be read."""
+    try:
+        return str(json.loads(str((run.set_to.plan or {})["experiment"]))[part])
+    except (UnreadableDocumentError, ValueError, KeyError, TypeError):
+        return ""
 
 
 def run_view(
@@ -121,11 +126,12 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
     """Return an experiment run with metrics and criteria, where they have been computed."""
     return ExperimentView(
         id=run.id,
-        name=run.kind,
+        name=_written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind,
+        title=title_of(run),
         status=run.end_state,
         created=run.started_at,
         progress=progress,
-        settings=dict(run.set_to.told()),
+        settings={name: value for name, value in run.set_to.told().items() if name != "experiment"},
         **_judgement(run, result),
         message=message_of(run, result),
     )

@@ -116,6 +116,7 @@ class ExperimentView(Schema):
 
     id: int
     name: str
+    title: str = Field(description="what was run, in words")
     status: str
     created: datetime
     progress: float = Field(ge=0.0, le=1.0)

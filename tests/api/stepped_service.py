@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from backend.access.people import Person
+from backend.archive.own_experiments import OwnExperiments
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
@@ -128,6 +129,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         Station(supervisor, database, "simulator", parameters),
         actuator,
         StoredBanks(database, here, lambda: present.tuning),
+        OwnExperiments(database),
         lambda: None,
         SEED,
         DryRuns(here),

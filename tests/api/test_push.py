@@ -8,6 +8,7 @@ import pytest
 
 from backend.access.control import LOOK_S, LOST_S, Control
 from backend.access.people import Person
+from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.loop.mode import Mode
 from backend.messages.session import Role
@@ -72,15 +73,15 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
-            tuning = parts.present.tuning.view(0.0)
-            return {one.name: one.why_not for one in experiment_kinds(LoopSettings(), tuning, kind)}
+            tuning, offers = parts.present.tuning.view(0.0), experiments().values()
+            return {one.name: one.why_not for one in experiment_kinds(offers, LoopSettings(), tuning, kind)}
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
         for kind in (PlantKind.RIG, PlantKind.REPLAY):
             told = why_not(kind)
             assert "pushes the joint by command" in told["compliance"]
             assert "load its motors' shafts" in told["robustness"]
-            assert told["tracking"] == told["sequence"] == ""
+            assert {name for name, why in told.items() if why} == {"compliance", "robustness", "disturbance_battery"}
 
     stepped(database, load_parameters("ideal"), offered)
 

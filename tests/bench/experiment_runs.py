@@ -37,7 +37,7 @@ def main(count: int, core: int) -> None:
 
 def _play(database: Database, parameters: PlantParameters) -> None:
     settings = LoopSettings()
-    order = Order(experiment("tracking").plan(), settings, "bench")
+    order = Order(experiment("tracking").usual, settings, "bench")
     with headless_station(database, parameters, settings) as station:
         outcome = asyncio.run(run_experiment(station, order))
     if outcome.run.end_state != EndState.COMPLETED or outcome.evaluation.result is None:

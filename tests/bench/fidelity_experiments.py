@@ -16,10 +16,12 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.compliance import compliance_figures
 from backend.experiments.results.metrics import Overall, tracking_metrics
 from backend.experiments.results.robustness import robustness_figures
+from backend.experiments.results.windows import load_steps
 from backend.recording.columns import Columns, recorded_columns
 from backend.storage import open_database
 from plant.interface import T_s
 from plant.parameters import PlantParameters
+from tests.experiments.judging import LEAD_IN_S
 
 PAPER_RMSE_N = 2.239
 _SMOOTHED = 20
@@ -73,7 +75,7 @@ def figure_8_rows(parameters: PlantParameters) -> Iterator[list[str]]:
 def pushed_row(name: str, parameters: PlantParameters, plan: ComposedPlan) -> list[str]:
     """One row: RMSE raw and aligned, the difference at rest before the first push, and how fast the pushes are."""
     columns, r_j = played(parameters, plan), parameters.geometry.r_j
-    figures = compliance_figures(columns, r_j)
+    figures = compliance_figures(columns, r_j, LEAD_IN_S)
     pushed = round(LEAD_IN_S / T_s)
     expected = -columns["S_ref"] * columns["q"] / r_j
     rest = (columns["F_A"] - columns["F_B"] - expected)[pushed - round(1.0 / T_s) : pushed].mean()
@@ -83,16 +85,16 @@ def pushed_row(name: str, parameters: PlantParameters, plan: ComposedPlan) -> li
 
 
 def robustness_rows(parameters: PlantParameters, ideal: PlantParameters) -> Iterator[list[str]]:
-    yield ["paper", f"{PAPER_LOAD_NM} N·m", "", "", "", ""]
+    yield ["paper", "0.375 N·m", "", "", "", ""]
     yield loaded_row("here, `ideal`", ideal, ready_plan("robustness"))
     yield loaded_row("here, `lab`", parameters, ready_plan("robustness"))
 
 
 def loaded_row(name: str, parameters: PlantParameters, plan: ComposedPlan) -> list[str]:
     """One row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
-    found = robustness_figures(played(parameters, plan), plan.phases(), parameters.sensors.motor_step)
-    back = f"{found.back_s:.2f}" if not found.reasons else f"not within {plan.hold_s:g}"
+    found = robustness_figures(played(parameters, plan), load_steps(plan.program()), parameters.sensors.motor_step)
+    back = f"{found.back_s:.2f}" if not found.reasons else f"not within {plan.values['hold_s']:g}"
     return [
-        name, f"{plan.load_Nm} N·m", f"{found.deviation_A_rad:.4f}, {found.deviation_B_rad:.4f}", back,
+        name, f"{plan.values['load_Nm']} N·m", f"{found.deviation_A_rad:.4f}, {found.deviation_B_rad:.4f}", back,
         f"{found.deviation_q:.4f}", f"{found.min_tension_N:.1f} to {found.max_tension_N:.1f}",
     ]  # fmt: skip

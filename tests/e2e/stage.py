@@ -55,12 +55,16 @@ CHANGED: Values = {
 }
 """Every field of a form at another value than what is in force or usual."""
 
-EXPERIMENTS = ("tracking", "compliance", "robustness", "sequence")
+EXPERIMENTS = ("tracking", "compliance", "robustness", "lambda_sweep", "sequence")
+"""Those that are started; the forms of the others are looked at."""
+
+OTHERS = ("step_battery", "stiffness_sweep", "bank_comparison", "disturbance_battery", "frequency_response")
 IDENTIFICATIONS = ("actuator", "motor", "spring")
 LASTING: dict[str, Values] = {
     "tracking": {"q_duration_s": 6.0, "S_duration_s": 5.0},
     "compliance": {"profile": "steps", "hold_s": 5.0},
     "robustness": {"hold_s": 10.0},
+    "lambda_sweep": {"hold_s": 9.0},
     "sequence": {},
     "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 20.0},
     "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 5.0},

@@ -16,7 +16,18 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
-from tests.e2e.stage import EXPERIMENTS, IDENTIFICATIONS, LASTING, STATES, Stage, declared, form_of, let_go, start
+from tests.e2e.stage import (
+    EXPERIMENTS,
+    IDENTIFICATIONS,
+    LASTING,
+    OTHERS,
+    STATES,
+    Stage,
+    declared,
+    form_of,
+    let_go,
+    start,
+)
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -109,10 +120,13 @@ def not_queued(stage: Stage, form: Locator) -> list[str]:
 
 
 def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
-    assert {one["name"] for one in stage.get("/api/experiments")["experiments"]} == set(EXPERIMENTS)
+    assert {one["name"] for one in stage.get("/api/experiments")["experiments"]} == {*EXPERIMENTS, *OTHERS}
     assert {one["kind"] for one in stage.get("/api/identification-kinds")["kinds"]} == set(IDENTIFICATIONS)
     own = stage.in_force()
     wrong: dict[str, list[str]] = {}
+    for kind in OTHERS:
+        form = form_of(stage, kind, {})
+        wrong[f"form of {kind}"] = undeclared(stage, form, declared(stage, kind)["settings"], own)
     for kind in (*EXPERIMENTS, *IDENTIFICATIONS):
         path = "/api/identifications" if kind in IDENTIFICATIONS else "/api/experiments"
         form = form_of(stage, kind, LASTING[kind])

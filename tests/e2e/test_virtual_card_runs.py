@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, expect
 
-from backend.experiments.plans.catalogue import EXPERIMENTS, IDENTIFICATIONS
+from backend.experiments.plans.catalogue import IDENTIFICATIONS, experiment, experiments
+from backend.experiments.plans.plan import Plan
+from backend.experiments.settings import from_values
 from plant.choice import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
@@ -47,10 +49,11 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
     expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text("Ready to run")
     with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
         for name, settings in ORDERS.items():
-            known = (EXPERIMENTS | IDENTIFICATIONS)[name]
-            simulated = beside.submit(performed, tmp_path / name, known.plan(**settings), SIMULATOR, HELD_S)
+            simulated = beside.submit(performed, tmp_path / name, planned(name, settings), SIMULATOR, HELD_S)
             run = (
-                experimented(operator, name, settings) if name in EXPERIMENTS else identified(operator, name, settings)
+                experimented(operator, name, settings)
+                if name in experiments()
+                else identified(operator, name, settings)
             )
             told = get(operator, f"/api/experiments/{run}")
             assert told["status"] == "completed", told["message"]
@@ -60,9 +63,15 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
     assert "virtual card" in report.text()
 
 
+def planned(name: str, settings: Mapping[str, float | str]) -> Plan:
+    return (
+        experiment(name).make(settings) if name in experiments() else from_values(IDENTIFICATIONS[name].plan, settings)
+    )
+
+
 def experimented(operator: Operator, name: str, settings: Mapping[str, float | str]) -> int:
     """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
-    page, title = operator.page, EXPERIMENTS[name].title
+    page, title = operator.page, experiments()[name].title
     operator.go("Experiments")
     page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(name)
     fill(page.get_by_role("form", name=title, exact=True), settings)

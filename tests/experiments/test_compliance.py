@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.plans.compliance_plan import LEAD_IN_S
-from backend.experiments.results.compliance import compliance_criteria, compliance_figures
+from backend.experiments.results.compliance import compliance_figures
 from backend.experiments.results.metrics import NoSamplesError
+from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 
 R_J = 0.075
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def pushed(*, stiffness: float = 10.0, delay_ms: int = 0, offset_N: float = 0.0)
 
 
 def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
-    figures = compliance_figures(pushed(), R_J)
+    figures = compliance_figures(pushed(), R_J, LEAD_IN_S)
     assert figures.rmse_raw_N == pytest.approx(0.0, abs=1e-9)
     assert figures.rmse_aligned_N == pytest.approx(0.0, abs=1e-9)
     assert figures.delay_s == 0.0
@@ -42,7 +42,7 @@ def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
 
 
 def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> None:
-    figures = compliance_figures(pushed(delay_ms=12, offset_N=0.7), R_J)
+    figures = compliance_figures(pushed(delay_ms=12, offset_N=0.7), R_J, LEAD_IN_S)
     assert figures.delay_s == pytest.approx(0.012)
     # an offset and the sine's difference over 12 ms, uncorrelated: 12 N · 2 sin(π·0.5·0.012) / √2
     shift = 12.0 * 2.0 * np.sin(np.pi * 0.5 * 0.012) / np.sqrt(2.0)
@@ -52,7 +52,7 @@ def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> N
 
 
 def test_another_stiffness_is_felt_and_counts_as_error() -> None:
-    figures = compliance_figures(pushed(stiffness=11.0), R_J)
+    figures = compliance_figures(pushed(stiffness=11.0), R_J, LEAD_IN_S)
     assert figures.stiffness_felt == pytest.approx(11.0)
     assert figures.rmse_aligned_N == pytest.approx((1.0 - 10.0 / 11.0) * 12.0 / np.sqrt(2.0), rel=0.01)
     verdicts = {item.name: item.passed for item in compliance_criteria(figures)}
@@ -62,4 +62,4 @@ def test_another_stiffness_is_felt_and_counts_as_error() -> None:
 def test_a_run_without_pushes_has_no_figures() -> None:
     columns = {name: column[:5_000] for name, column in pushed().items()}
     with pytest.raises(NoSamplesError, match="before the pushes"):
-        compliance_figures(columns, R_J)
+        compliance_figures(columns, R_J, LEAD_IN_S)

@@ -19,6 +19,7 @@ from backend.loop.mode import Mode
 from backend.recording.columns import recorded_columns
 from backend.storage import open_database
 from plant.parameters import load_parameters
+from tests.experiments.judging import LEAD_IN_S
 
 PLAN = ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
 

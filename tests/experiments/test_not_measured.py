@@ -8,10 +8,11 @@ import pytest
 from backend.documents.result import Criterion
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.compliance import compliance_criteria, compliance_figures
-from backend.experiments.results.criteria import BOUNDS_IDEAL, judge, tracking_criteria
+from backend.experiments.results.compliance import compliance_figures
+from backend.experiments.results.criteria import judge
 from backend.experiments.results.metrics import TrackingMetrics, tracking_metrics
 from backend.experiments.results.steps import Step, step_metrics
+from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked
 
@@ -27,7 +28,7 @@ def by_name(criteria: tuple[Criterion, ...]) -> dict[str, Criterion]:
 
 
 def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
-    criteria = by_name(tracking_criteria(measured(SHORT_HOLDS), BOUNDS_IDEAL))
+    criteria = by_name(tracking_criteria(measured(SHORT_HOLDS), "ideal"))
     assert {name: item.passed for name, item in criteria.items()} == {
         "overshoot_q": None,
         "overshoot_S": None,
@@ -102,16 +103,16 @@ def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() ->
     swings = (columns["t"] > 2.0) & (columns["t"] < 3.5)
     columns["q"] = np.where(swings, math.pi / 3 * 1.1, columns["q"])
     metrics = tracking_metrics(columns, SHORT_HOLDS.program(), SHORT_HOLDS.phases())
-    failed = by_name(tracking_criteria(metrics, BOUNDS_IDEAL))["overshoot_q"]
+    failed = by_name(tracking_criteria(metrics, "ideal"))["overshoot_q"]
     assert failed.passed is False
     assert failed.figure == pytest.approx(10.0)
 
 
 def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:
     metrics = measured(ready_plan("tracking"))
-    whole = tracking_criteria(metrics, BOUNDS_IDEAL)
+    whole = tracking_criteria(metrics, "ideal")
     assert all(item.passed for item in whole)
-    holes = tracking_criteria(metrics, BOUNDS_IDEAL, missed=12)
+    holes = tracking_criteria(metrics, "ideal", missed=12)
     assert {item.passed for item in holes} == {None}
     assert {item.reason for item in holes} == {"the recording lacks 12 samples"}
     for relation in "<>":
@@ -129,7 +130,7 @@ def test_one_sample_without_a_number_lets_nothing_pass_that_looks_at_it(signal: 
     columns[signal] = columns[signal].copy()
     columns[signal][[17_000, 45_000]] = np.nan  # in a step of q alone, and in one of S alone
     metrics = tracking_metrics(columns, plan.program(), plan.phases())
-    judged = by_name(tracking_criteria(metrics, BOUNDS_IDEAL))
+    judged = by_name(tracking_criteria(metrics, "ideal"))
     assert {name for name, item in judged.items() if item.passed is None} == criteria
     assert all("no number" in judged[name].reason for name in criteria)
 
@@ -138,7 +139,7 @@ def test_a_joint_that_nobody_pushed_does_not_feel_as_stiff_as_it_should() -> Non
     columns = pushed()
     for name, rest in (("q", 0.0), ("F_A", 17.0), ("F_B", 17.0)):
         columns[name] = np.full_like(columns["t"], rest)
-    figures = compliance_figures(columns, R_J)
+    figures = compliance_figures(columns, R_J, LEAD_IN_S)
     assert (figures.stiffness_felt, figures.delay_s, figures.rmse_aligned_N) == (None, None, None)
     criteria = by_name(compliance_criteria(figures))
     assert criteria["rmse_aligned"].passed is None
@@ -147,6 +148,6 @@ def test_a_joint_that_nobody_pushed_does_not_feel_as_stiff_as_it_should() -> Non
 
 
 def test_a_delay_at_the_end_of_what_was_looked_at_is_no_delay() -> None:
-    figures = compliance_figures(pushed(delay_ms=60), R_J)
+    figures = compliance_figures(pushed(delay_ms=60), R_J, LEAD_IN_S)
     assert figures.delay_s is None
     assert "40 ms" in figures.reasons["delay_s"]

@@ -11,20 +11,15 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.experiments.plans.catalogue import EXPERIMENTS
+from backend.experiments.plans.catalogue import experiments
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.experiments.results.metrics import NoSamplesError
-from backend.experiments.results.robustness import (
-    BACK_LAMBDAS,
-    BACK_SHARE,
-    Columns,
-    robustness_criteria,
-    robustness_figures,
-)
+from backend.experiments.results.robustness import BACK_SHARE, Columns, robustness_figures
+from backend.experiments.results.windows import load_steps
 from backend.loop.commands import Accepted, Refused, RunProgram
 from backend.loop.mode import Mode
 from backend.loop.program import Law, Program, Segment, Shape
@@ -36,9 +31,12 @@ from backend.tuning.gains import motor_loops
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
+from tests.experiments.judging import LEAD_IN_S, robustness_criteria
 from tests.loop.bench_top import BenchTop
 
-PLAN = ready_plan("robustness", hold_s=2.5)
+HOLD_S, LOAD_NM = 2.5, 0.375
+PLAN = ready_plan("robustness", hold_s=HOLD_S, load_Nm=LOAD_NM)
+STEPS = load_steps(PLAN.program())
 LAM = LoopSettings().lam_motor
 COUNT_RAD = 2.0 * np.pi / 8000
 
@@ -70,14 +68,14 @@ def linear_turn(parameters: PlantParameters, columns: Columns, side: str, load_s
     loop = np.polyadd(
         np.polymul([motor.J_m, motor.B_m, 0.0], behind), motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
     )
-    window = slice(round(load_s / T_s), round((load_s + PLAN.hold_s) / T_s))
+    window = slice(round(load_s / T_s), round((load_s + HOLD_S) / T_s))
     reference = columns[f"theta_{side}_ref"][window]
     t = np.arange(reference.size) * T_s
     followed = lsim(([motor.K_t * law.k_i], loop), reference - reference[0], t)[1]
-    return np.asarray(followed - lsim((PLAN.load_Nm * behind, loop), np.ones(t.size), t)[1])
+    return np.asarray(followed - lsim((LOAD_NM * behind, loop), np.ones(t.size), t)[1])
 
 
-@pytest.mark.parametrize(("side", "load_s"), [("A", LEAD_IN_S), ("B", LEAD_IN_S + 2.0 * PLAN.hold_s)])
+@pytest.mark.parametrize(("side", "load_s"), [("A", LEAD_IN_S), ("B", LEAD_IN_S + 2.0 * HOLD_S)])
 def test_both_motors_answer_the_load_as_the_linear_loop_does(
     ideal: PlantParameters, columns: Columns, side: str, load_s: float
 ) -> None:
@@ -92,13 +90,13 @@ def test_both_motors_answer_the_load_as_the_linear_loop_does(
 def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     ideal: PlantParameters, columns: Columns
 ) -> None:
-    found = robustness_figures(columns, PLAN.phases(), 0.0)
+    found = robustness_figures(columns, STEPS, 0.0)
     law, K_t = motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
     for integral in (found.error_integral_A, found.error_integral_B):
-        assert integral == pytest.approx(PLAN.load_Nm / (K_t * law.k_i), rel=0.05)
+        assert integral == pytest.approx(LOAD_NM / (K_t * law.k_i), rel=0.05)
     assert found.back_s is not None
     assert found.peak_voltage_V < ideal.motor.u_max
-    assert all(item.passed for item in robustness_criteria(found, LAM, ideal.motor.u_max))
+    assert all(item.passed for item in robustness_criteria(found, LAM))
 
 
 def test_the_load_is_on_when_the_plan_says_so(columns: Columns) -> None:
@@ -109,13 +107,13 @@ def test_the_load_is_on_when_the_plan_says_so(columns: Columns) -> None:
 
 def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: Columns) -> None:
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
-    coarse = robustness_figures(columns, PLAN.phases(), 1.0)
+    coarse = robustness_figures(columns, STEPS, 1.0)
     for found, reason in (
-        (robustness_figures(lasting, PLAN.phases(), 0.0), "% of its largest deviation, to one side: hold the load"),
+        (robustness_figures(lasting, STEPS, 0.0), "% of its largest deviation, to one side: hold the load"),
         (coarse, "less than 20 encoder counts"),
     ):
-        back = robustness_criteria(found, LAM, 10.0)[0]
-        assert (back.passed, back.figure) == ((None, None) if found is coarse else (False, PLAN.hold_s))
+        back = robustness_criteria(found, LAM)[0]
+        assert (back.passed, back.figure) == ((None, None) if found is coarse else (False, HOLD_S))
         assert reason in back.reason
 
 
@@ -128,7 +126,9 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
     t = np.arange(0.0, 40.0 * lam, T_s)
     turned = np.abs(lsim((behind, loop), np.ones(t.size), t)[1])
     back_s = t[np.flatnonzero(turned > 0.05 * turned.max())[-1]]
-    assert BACK_LAMBDAS * lam == pytest.approx(2.0 * back_s, rel=0.02)
+    bound = ready_plan("robustness").experiment.criteria[0].below
+    assert bound == "18 * lam_motor"
+    assert 18.0 * lam == pytest.approx(2.0 * back_s, rel=0.02)
 
 
 def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: Path) -> None:
@@ -140,10 +140,10 @@ def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: 
         source = load_source(database, outcome.run.id)
     assert source.result is not None
     back = source.result.criteria[0]
-    assert (back.passed, back.figure) == (False, plan.hold_s)
+    assert (back.passed, back.figure) == (False, 3.5)
     assert back.reason.startswith("motor B was not back on its reference when the load changed again after 3.5 s")
     swing = float(back.reason.partition(" up to ")[2].partition(" %")[0])
-    window = slice(*(round((LEAD_IN_S + turns * plan.hold_s) / T_s) for turns in (2, 3)))
+    window = slice(*(round((LEAD_IN_S + turns * 3.5) / T_s) for turns in (2, 3)))
     error = np.abs(source.columns["theta_B_ref"] - source.columns["theta_B"])[window]
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
@@ -157,12 +157,12 @@ def test_a_motor_that_hunts_under_the_load_fails_and_says_by_how_much(tmp_path: 
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Columns) -> None:
     early = {name: column[:-3000] for name, column in columns.items()}
     with pytest.raises(NoSamplesError, match="loaded and let go"):
-        robustness_figures(early, PLAN.phases(), 0.0)
+        robustness_figures(early, STEPS, 0.0)
 
 
 def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> None:
     assert source.result is not None
-    figures = robustness_figures(source.columns, PLAN.phases(), 0.0)
+    figures = robustness_figures(source.columns, STEPS, 0.0)
     stored = {item.name: item.value for item in source.result.metrics.figures}
     assert stored == pytest.approx({name: getattr(figures, name) for name in stored})
     report = build_report(source)
@@ -176,8 +176,8 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: Source) -> 
 )
 def test_what_is_no_deviation_at_all_passes_nothing(columns: Columns, figure: float, reason: str) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
-    found = robustness_figures(still, PLAN.phases(), 0.0)
-    back = robustness_criteria(found, LAM, 10.0)[0]
+    found = robustness_figures(still, STEPS, 0.0)
+    back = robustness_criteria(found, LAM)[0]
     assert back.passed is None
     assert reason in back.reason
     assert found.deviation_A_rad == pytest.approx(figure, nan_ok=True)
@@ -250,13 +250,13 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
     assert isinstance(bench.send(RunProgram(PLAN.program(), 1)), Accepted)
     bench.advance(LEAD_IN_S + 0.2)
     assert isinstance(bench.plant, Simulator)
-    assert bench.plant.simulated.get().load.load_A == PLAN.load_Nm
-    bench.advance(4 * PLAN.hold_s + 0.1)
+    assert bench.plant.simulated.get().load.load_A == LOAD_NM
+    bench.advance(4 * HOLD_S + 0.1)
     assert bench.plant.simulated.get().load == (0.0, 0.0)
 
 
 def test_it_is_offered_with_the_papers_load() -> None:
-    offered = EXPERIMENTS["robustness"].plan()
+    offered = experiments()["robustness"].usual
     assert isinstance(offered, ComposedPlan)
     r_m = load_parameters("lab").geometry.r_m
-    assert offered.load_Nm == pytest.approx(50.0 * r_m)
+    assert offered.values["load_Nm"] == pytest.approx(50.0 * r_m)

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
+from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
@@ -14,8 +15,8 @@ from backend.refusal import OutOfRangeError
 
 
 def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
-    for plan in (TrackingPlan, ActuatorIdentificationPlan):
-        for setting in describe(plan):
+    for settings in (ready_plan("tracking").settings, describe(ActuatorIdentificationPlan)):
+        for setting in settings:
             assert setting.unit
             assert setting.symbol
             assert setting.meaning
@@ -30,7 +31,7 @@ def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
 
 def test_words_of_a_command_line_become_numbers() -> None:
     plan = ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
-    assert (plan.q_amplitude, plan.S_low, plan.S_high) == (0.5, 9.0, 14.0)
+    assert [plan.values[name] for name in ("q_amplitude", "S_low", "S_high")] == [0.5, 9.0, 14.0]
     assert from_values(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
 
 
@@ -60,8 +61,8 @@ def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
 
 
 def test_settings_are_checked_against_each_other() -> None:
-    with pytest.raises(OutOfRangeError, match="below the upper level"):
-        ready_plan("tracking", **{"S_low": 12, "S_high": 11})
+    with pytest.raises(ExperimentError, match="below the upper one"):
+        ready_plan("tracking", S_low=12, S_high=11)
     with pytest.raises(OutOfRangeError, match="shorter chip"):
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
 

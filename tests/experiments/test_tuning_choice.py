@@ -1,6 +1,7 @@
 """One tuning, however it is spelled: whatever decides a gain is compared, kept, shown and stored."""
 
 from dataclasses import asdict, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.sequence_plan import SequencePlan
+from backend.experiments.settings import describe, from_values
 from backend.messages.state import TrialView
 from backend.messages.tuning import ChosenTuning, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage import open_database, settings
@@ -39,7 +41,7 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     assert TuningChoice.of(after.document()) == after
     assert LoopSettings(**after.document(), seed=4).tuning == after
     assert TuningChoice.of(asdict(LoopSettings(**after.document(), seed=4))) == after
-    _, ordered = split_values(SequencePlan, {name: OTHER[name]})
+    _, ordered = split_values(describe(SequencePlan), partial(from_values, SequencePlan), {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     kept_choice.put(database, after, parameters, "A. Operator")

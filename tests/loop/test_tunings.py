@@ -1,4 +1,4 @@
-"""A program that changes the tuning: which gains are in force when, and that the operator's come back however it ends."""
+"""A program that changes the tuning: which gains are in force when, and that the operator's come back after it."""
 
 import numpy as np
 import pytest

@@ -8,13 +8,14 @@ import pytest
 
 from backend.documents.result import Metrics
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.compliance import compliance_criteria, compliance_figures
+from backend.experiments.results.compliance import compliance_figures
 from backend.experiments.results.document import figure_documents
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
+from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
@@ -35,7 +36,7 @@ def compliance_source() -> Source:
         "F_A": 17 - push / 2,
         "F_B": 17 + push / 2,
     }
-    figures = compliance_figures(columns, 0.075)
+    figures = compliance_figures(columns, 0.075, LEAD_IN_S)
     metrics = Metrics(
         complete=True, played_s=t[-1], planned_s=t[-1], figures=figure_documents(figures), phases=plan.phases()
     )

@@ -1,14 +1,12 @@
 """A tracking run as the loop would record it, computed from closed forms: no plant, no loop, no database."""
 
-from dataclasses import asdict
 from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.criteria import bounds_for, tracking_criteria
+from backend.experiments.plans.stored_plan import kept_values, ready_plan
 from backend.experiments.results.document import tracking_document
 from backend.experiments.results.metrics import tracking_metrics
 from backend.reports.source import Source
@@ -18,6 +16,7 @@ from backend.storage.results import Result
 from backend.storage.runs import Run
 from plant.interface import T_s
 from plant.parameters import load_parameters
+from tests.experiments.judging import tracking_criteria
 
 Array = NDArray[np.float64]
 BEGAN = datetime(2026, 3, 4, 10, 20, 30, 123456, tzinfo=UTC)
@@ -49,7 +48,7 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
     parameters = load_parameters("ideal")
     metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
     settings = {
-        "plan": asdict(PLAN),
+        "plan": kept_values(PLAN),
         "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
         "declared": [
             {
@@ -57,7 +56,7 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
                 "meaning": "joint position steps between ±q_max",
                 "symbol": "q_max",
                 "unit": "rad",
-                "value": PLAN.q_amplitude,
+                "value": PLAN.values["q_amplitude"],
             }
         ],
         "versions": {"Python": "3.11.2", "NumPy": "2.4.6"},
@@ -82,7 +81,7 @@ def source_of(columns: dict[str, Array], *, end_state: str = "completed", note: 
         id=1,
         run_id=12,
         metrics=tracking_document(metrics, PLAN.phases()),
-        criteria=tracking_criteria(metrics, bounds_for("ideal")),
+        criteria=tracking_criteria(metrics, "ideal"),
         software="0.1.0",
         created_at=BEGAN,
     )

@@ -116,6 +116,22 @@ export function useUndo() {
 
 export type SettingValues = Record<string, boolean | number | string>;
 
+/** Looks an experiment over as a start would; nothing is kept. */
+export function useCheckExperiment() {
+  return useMutation({
+    mutationFn: (text: string) => answered(api.POST("/api/experiments/check", { body: { text } })),
+  });
+}
+
+/** Keeps an experiment as the next version of its name. */
+export function useKeepExperiment() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (text: string) => answered(api.POST("/api/experiments/own", { body: { text } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["experiment-kinds"] }),
+  });
+}
+
 export function useStartExperiment() {
   const queries = useQueryClient();
   return useMutation({

@@ -140,6 +140,15 @@ export const banksQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/banks"))).banks,
 });
 
+/** The text of an experiment, ready-made or own; of a version that is gone there is none. */
+export function experimentTextQuery(name: string) {
+  return queryOptions({
+    queryKey: ["experiment-texts", name],
+    queryFn: async () =>
+      (await answered(api.GET("/api/experiments/texts/{name}", { params: { path: { name } } }))).text,
+  });
+}
+
 export const experimentKindsQuery = queryOptions({
   queryKey: ["experiment-kinds"],
   queryFn: async () => (await answered(api.GET("/api/experiments"))).experiments,

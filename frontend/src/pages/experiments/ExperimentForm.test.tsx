@@ -34,6 +34,7 @@ const KIND: ExperimentKind = {
   name: "tracking",
   title: "Tracking",
   description: "",
+  run_kind: "tracking",
   duration_s: 7,
   why_not: "",
   settings: [

@@ -33,7 +33,7 @@ export function ExperimentResult({ id }: { id: number }) {
       <Card title="Result" aside={<RunState state={data.status} reason={data.message} />}>
         <div className={page.fields}>
           <span>
-            {heading(data.name)}, run {data.id}, {dateTime(data.created)}. <Told text={data.message} />
+            {data.title}, run {data.id}, {dateTime(data.created)}. <Told text={data.message} />
           </span>
           <OrderWords name={data.name} settings={data.settings} />
           {running ? <ExperimentProgress experiment={data} /> : <Findings experiment={data} />}

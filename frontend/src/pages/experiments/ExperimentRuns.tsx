@@ -5,7 +5,6 @@ import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration } from "../../samples/format";
-import { heading } from "../../samples/words";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -40,7 +39,7 @@ export function ExperimentRuns({
                   <Table.Td>
                     <Link href={`/experiments/${run.id}`}>Run {run.id}</Link>
                   </Table.Td>
-                  <Table.Td>{heading(run.kind)}</Table.Td>
+                  <Table.Td>{run.title}</Table.Td>
                   <Table.Td>{dateTime(run.started)}</Table.Td>
                   <Table.Td className={page.number}>{duration(run.duration_s)}</Table.Td>
                   <Table.Td>{run.who}</Table.Td>

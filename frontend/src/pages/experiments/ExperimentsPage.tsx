@@ -13,6 +13,7 @@ import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
 import { ExperimentResult } from "./ExperimentResult";
 import { ExperimentRuns } from "./ExperimentRuns";
+import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 
 export default function ExperimentsPage() {
@@ -21,7 +22,7 @@ export default function ExperimentsPage() {
   const [chosen, choose] = useState<string | null>(null);
   const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
-  const names = kinds.data?.map((kind) => kind.name).join(",") ?? "";
+  const names = [...new Set(kinds.data?.map((kind) => kind.run_kind))].join(",");
   const runs = useQuery({
     ...runsQuery({ kind: names, search: "", limit: 20, offset: 0 }),
     enabled: names !== "",
@@ -59,6 +60,7 @@ export default function ExperimentsPage() {
             </Card>
           )}
           <QueueCard kinds={kinds.data ?? []} />
+          <OwnExperiments kinds={kinds.data ?? []} onKept={choose} />
         </div>
         <div className={page.column}>
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />

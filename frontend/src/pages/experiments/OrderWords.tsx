@@ -16,7 +16,7 @@ export function OrderWords({ name, settings }: OrderWordsProps) {
   const angles = useAngles();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);
-  const kind = kinds.find((one) => one.name === name);
+  const kind = kinds.find((one) => one.name === name || one.name.startsWith(`${name}@`));
   return (
     <span className={page.dim}>
       {kind === undefined ? "" : `${changesInWords(settings, kind, angles)}; `}

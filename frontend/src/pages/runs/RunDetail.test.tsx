@@ -16,6 +16,7 @@ vi.mock("./RunCharts", () => ({ RunCharts: () => <div data-testid="curves" /> })
 const RUN: Run = {
   id: 7,
   kind: "tracking",
+  title: "Tracking",
   plant: "simulator",
   parameters: "lab",
   who: "A. Operator",
@@ -40,6 +41,7 @@ const REASON = "8 of 8 steps were not measured; the one at 2 s: it came to 66 % 
 const EXPERIMENT: Experiment = {
   id: 7,
   name: "tracking",
+  title: "Tracking",
   status: "completed",
   created: RUN.started,
   progress: 1,

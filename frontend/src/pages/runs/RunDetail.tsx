@@ -6,7 +6,6 @@ import { Card } from "../../components/Card";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { heading } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -47,7 +46,7 @@ export function RunDetail({ id, other }: { id: number; other: number | undefined
 
 function Facts({ run }: { run: Run }) {
   return (
-    <Card title={heading(run.kind)}>
+    <Card title={run.title}>
       <dl className={page.facts}>
         <dt>Started</dt>
         <dd>

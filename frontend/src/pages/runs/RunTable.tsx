@@ -10,7 +10,6 @@ import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { heading } from "../../samples/words";
 import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -126,7 +125,7 @@ function Rows({ runs }: { runs: readonly Run[] }) {
               <Table.Td>
                 <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
               </Table.Td>
-              <Table.Td>{heading(run.kind)}</Table.Td>
+              <Table.Td>{run.title}</Table.Td>
               <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(run.started)}</Table.Td>
               <Table.Td className={page.number}>{duration(run.duration_s)}</Table.Td>
               <Table.Td>{run.who}</Table.Td>
