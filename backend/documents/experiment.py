@@ -176,7 +176,7 @@ class Repeat:
 
     do: Literal["repeat"]
     times: Number
-    parts: tuple["Part", ...]
+    parts: Annotated[tuple["Part", ...], Field(min_length=1)]
     index: Name = "i"
 
 

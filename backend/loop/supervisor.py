@@ -37,6 +37,9 @@ STOP_TIMEOUT_S = 3.0
 _WATCH = Part("The watch over the loop process", "A loop process that ends now is told late.")
 _SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
 _HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
+PARTS_AT_ONCE = 8
+"""Packets of a long program that are sent without waiting; the loop takes one in each tick, and a stop finds room."""
+
 _POLL_S = 0.02
 _LOG = logging.getLogger(__name__)
 
@@ -164,8 +167,12 @@ class Supervisor:
         with self._answers.expected() as (sequence, answer), self._ticking.excused(command):
             parts = packets(command, sequence)
             with suppress(ChannelClosedError):  # its end is noticed and told by _watch
-                if not all(map(channel.send, parts)):
-                    self._kill("it does not take commands any more")
+                for part, packet in enumerate(parts):
+                    if part and part % PARTS_AT_ONCE == 0:
+                        await asyncio.sleep(PARTS_AT_ONCE * T_s)
+                    if not channel.send(packet):
+                        self._kill("it does not take commands any more")
+                        break
             try:
                 return await result_of(answer, ANSWER_TIMEOUT_S)
             except TimeoutError:

@@ -11,6 +11,8 @@ DO_AND_SAY_SO = {
     "serve",
     "link",
     "bank export",
+    "experiments schema",
+    "experiments text",
     "runs evaluate",
     "runs export",
     "runs report",

@@ -70,7 +70,9 @@ def of_document(document: Any, lines: Lines) -> Experiment:
     try:
         return EXPERIMENT.validate_json(json.dumps(document))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        found = error.errors(include_url=False)
+        # a word that is not known is what made another one missing
+        first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
         path = _place(document, first["loc"])
         raise ExperimentError(_told(first), path, line_of(path, lines)) from None
 
@@ -145,9 +147,11 @@ def _leads_on(here: Any, part: int | str) -> bool:
     return isinstance(here, list | tuple) and isinstance(part, int) and part < len(here)
 
 
+_UNKNOWN = "unexpected_keyword_argument"
 _WORDS = {
     "missing": "it is missing",
-    "unexpected_keyword_argument": "it is not known here",
+    _UNKNOWN: "it is not known here",
+    "too_short": "it is empty: it needs one at least",
     "extra_forbidden": "it is not known here",
     "string_pattern_mismatch": "a name has letters, digits and _, begins with a letter and is 40 characters at most",
 }

@@ -1,0 +1,101 @@
+"""What the parts of an experiment come to, segment by segment."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.experiments.composing.layout import peak_of
+from backend.loop.program import Law, Segment, Shape
+from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
+
+LEAD_IN = "{do: step, q_ref: 0.1, S_ref: 10.0, duration_s: 6.0}"
+FIRST = Segment(6.0, 0.1, 10.0)
+
+
+def after_lead_in(*parts: str) -> tuple[Segment, ...]:
+    segments = plan_of(with_parts(LEAD_IN, *parts)).program().segments
+    assert segments[0] == FIRST
+    return segments[1:]
+
+
+def test_references_that_are_not_named_stay() -> None:
+    assert after_lead_in(
+        "{do: step, S_ref: 12, duration_s: 1}", "{do: ramp, q_ref: 0.3, duration_s: 2}", "{do: hold, duration_s: 0.5}"
+    ) == (Segment(1.0, 0.1, 12.0), Segment(2.0, 0.3, 12.0, shape=Shape.RAMP), Segment(0.5, 0.3, 12.0))
+
+
+def test_a_pulse_comes_back() -> None:
+    assert after_lead_in("{do: pulse, q_ref: -0.2, duration_s: 1, rest_s: 2}") == (
+        Segment(1.0, -0.2, 10.0),
+        Segment(2.0, 0.1, 10.0),
+    )
+
+
+def test_excitations_go_around_the_references_and_leave_them_where_they_were() -> None:
+    sweep, prbs, many, held = after_lead_in(
+        "{do: sweep, q_amplitude: 0.2, from_Hz: 0.5, to_Hz: 4, duration_s: 9}",
+        "{do: prbs, S_amplitude: 0.5, chip_s: 0.2, bits: 4, periods: 3}",
+        "{do: multisine, q_amplitude: 0.1, period_s: 8, lines: 6, periods: 2}",
+        "{do: hold, duration_s: 1}",
+    )
+    assert (sweep.shape, sweep.period_s, sweep.period_end_s) == (Shape.SWEEP, 2.0, 0.25)
+    assert sweep.q_ref == pytest.approx(0.3)
+    assert (prbs.shape, prbs.S_ref, prbs.period_s, prbs.count) == (Shape.PRBS, 10.5, 0.2, 4)
+    assert prbs.duration_s == pytest.approx(3 * 15 * 0.2)
+    assert (many.shape, many.duration_s, many.count, many.peak) == (Shape.MULTISINE, 16.0, 6, peak_of(6))
+    assert held == Segment(1.0, 0.1, 10.0)
+
+
+def test_a_sine_that_ends_on_its_way_goes_on_from_there() -> None:
+    _, held = after_lead_in("{do: sine, q_amplitude: 0.2, period_s: 4, duration_s: 1}", "{do: hold, duration_s: 1}")
+    assert held.q_ref == pytest.approx(0.1 + 0.2 * math.sin(math.pi / 2))
+
+
+def test_repetitions_count_in_their_expressions_and_nest() -> None:
+    inner = "{do: repeat, index: k, times: 2, parts: [{do: step, q_ref: 0.1 * i + 0.01 * k, duration_s: 1}]}"
+    segments = after_lead_in(f"{{do: repeat, times: 3, parts: [{inner}]}}")
+    assert [segment.q_ref for segment in segments] == pytest.approx([0.0, 0.01, 0.1, 0.11, 0.2, 0.21])
+
+
+def test_a_change_of_the_tuning_goes_with_the_next_motion_and_adds_up() -> None:
+    plan = plan_of(
+        with_parts(
+            LEAD_IN,
+            "{do: tuning, lam_q: 0.8}",
+            "{do: hold, duration_s: 1}",
+            "{do: hold, duration_s: 1}",
+            "{do: tuning, lam_S: 0.9, interpolate: true}",
+            "{do: hold, duration_s: 1}",
+        )
+    )
+    assert [segment.tuning for segment in plan.program().segments] == [0, 1, 0, 2]
+    assert plan.laid.changes == ({"lam_q": 0.8}, {"lam_q": 0.8, "lam_S": 0.9, "interpolate": True})
+
+
+def test_pushes_end_with_their_part() -> None:
+    push, held = after_lead_in("{do: push, F_push: -4, duration_s: 1, shape: ramp}", "{do: hold, duration_s: 1}")
+    assert (push.F_push, push.shape, held.F_push) == (-4.0, Shape.RAMP, 0.0)
+    pressed = after_lead_in("{do: push, F_push: 6, duration_s: 0.4, shape: smooth}")
+    forces = [0.0, *(piece.F_push for piece in pressed)]
+    assert (np.diff(forces) > 0.0).all()
+    assert forces[-1] == pytest.approx(6.0)
+    assert sum(piece.duration_s for piece in pressed) == pytest.approx(0.4)
+
+
+def test_settings_move_what_is_played_and_the_law_may_be_one() -> None:
+    assert plan_of(WOBBLE, depth=0.4).program().segments[1].q_ref == pytest.approx(0.4)
+    assert plan_of(WOBBLE).program().segments[1].q_ref == pytest.approx(0.2)
+    settings = (
+        "law: how\nsettings:\n"
+        "  - {name: how, kind: choice, symbol: how, meaning: law, default: cascade, choices: [cascade, single-loop]}\n"
+    )
+    plan = plan_of(with_parts(LEAD_IN, settings=settings), how="single-loop")
+    assert plan.program().law is Law.SINGLE_LOOP
+
+
+def test_the_peak_of_a_multisine_is_no_less_than_that_of_its_sum() -> None:
+    t = np.linspace(0.0, 1.0, 20_001)
+    for lines in (1, 3, 17, 40):
+        total = sum(np.cos(2 * np.pi * k * t - np.pi * k * (k - 1) / lines) for k in range(1, lines + 1))
+        assert np.abs(total).max() <= peak_of(lines) <= 1.03 * np.abs(total).max()

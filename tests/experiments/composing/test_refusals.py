@@ -1,0 +1,166 @@
+"""What cannot be is refused before anything moves, with the line and the bound."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.archive.own_experiments import OwnExperiments
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing.refused import ExperimentError
+from backend.storage import open_database
+from plant.parameters import load_parameters
+from tests.experiments.composing.written import WOBBLE, with_parts
+
+LEAD_IN = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 6.0}"
+NESTED = "{do: repeat, times: 1000, parts: [" * 3 + "{do: hold, duration_s: 1}" + "]}" * 3
+DEEP = "{do: repeat, times: 1, parts: [" * 30 + "{do: hold, duration_s: 1}" + "]}" * 30
+EMPTY = "{do: repeat, times: 1000, parts: [" * 3 + "]}" * 3
+SWING = "{do: sine, q_amplitude: 0.25, period_s: 1, duration_s: 1}"
+TUNINGS = "{do: repeat, times: 1000, parts: [{do: repeat, times: 1000, parts: [{do: tuning, b: 0.5}]}]}"
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnExperiments]:
+    database = open_database(tmp_path_factory.mktemp("own"))
+    yield OwnExperiments(database)
+    database.close()
+
+
+def refusal(own: OwnExperiments, text: str) -> ExperimentError:
+    with pytest.raises(ExperimentError) as refused:
+        own.checked(text, load_parameters("lab"), TuningChoice())
+    return refused.value
+
+
+def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperiments) -> None:
+    checked = own.checked(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningChoice())
+    assert (checked.duration_s, checked.segments) == (7.0, 2)
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        ("{do: step, q_ref: 1.5, duration_s: 1}", "phases 1, parts 2, q_ref: position reference: 1.5 rad is outside"),
+        ("{do: step, S_ref: 16, duration_s: 1}", "stiffness reference: 16 N·m/rad is outside 8 to 15 N·m/rad"),
+        ("{do: sine, q_amplitude: 1.45, period_s: 1, duration_s: 1}", "1.45 rad is outside"),
+        ("{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}", "3 N·m/rad is outside -2 to 2 N·m/rad"),
+        ("{do: hold, duration_s: -1}", "duration_s: time: -1 s is outside 0.01 to 600 s"),
+        ("{do: hold, duration_s: 601}", "601 s is outside 0.01 to 600 s"),
+        ("{do: hold}", "duration_s: it is missing"),
+        ("{do: hold, duration_s: 1, q_ref: 1}", "q_ref: it is not known here"),
+        ("{do: dance, duration_s: 1}", "'dance' is no motion; there are hold, step"),
+        ("{duration_s: 1}", "a part says by `do` what it does"),
+        ("{do: hold, duration_s: .nan}", "'.nan' is no expression"),
+        ("{do: hold, duration_s: 1e999}", "is not taken"),
+        ("{do: hold, duration_s: unknown}", "'unknown' is not known here; known are pi"),
+        ("{do: hold, duration_s: 1 / 0}", "has no value: float division by zero"),
+        ("{do: hold, duration_s: 2 ** 1e9}", "has no value"),
+        ("{do: hold, duration_s: \"__import__('os').system('true')\"}", "is not taken: + - * / % **"),
+        ("{do: hold, duration_s: 'pi.real'}", "is not taken"),
+        ("{do: hold, duration_s: '[1][0]'}", "is not taken"),
+        ("{do: hold, duration_s: \"'1'\"}", "which is not a finite number"),
+        ("{do: tuning, lam_q: 0.1}", "nothing is played after this change of the tuning"),
+        ("{do: repeat, times: 1000000000, parts: [{do: hold, duration_s: 1}]}", "1e+09 is outside 1 to 1000"),
+        ("{do: repeat, times: 2.5, parts: [{do: hold, duration_s: 1}]}", "2.5 is not a whole number"),
+        (NESTED, "more than 1000, all repetitions counted"),
+        (EMPTY, "it is empty: it needs one at least"),
+        (TUNINGS, "changes of the tuning are the most"),
+        (DEEP, "it is nested deeper than 40 times"),
+        (
+            "{do: repeat, times: 100, parts: [{do: hold, duration_s: 60}]}",
+            "time of all parts up to here: 3606 s is more",
+        ),
+        ("{do: prbs, q_amplitude: 0.1, chip_s: 0.1, bits: 13}", "bits: 13 is outside 4 to 12"),
+        ("{do: multisine, q_amplitude: 0.1, period_s: 0.2, lines: 20}", "highest frequency: 100 Hz is more than 50 Hz"),
+        ("{do: sweep, q_amplitude: 0.1, from_Hz: 0, to_Hz: 1, duration_s: 5}", "from_Hz: 0 Hz is outside"),
+        ("{do: push, F_push: 31, duration_s: 1}", "push: 31 N is outside -30 to 30 N"),
+        ("{do: load, load_A: -0.1, duration_s: 1}", "-0.1 N·m is outside 0 to 0.5 N·m"),
+        ("{do: choose, by: nothing, of: {a: []}}", "'nothing' is no setting with choices"),
+        ("&loop {do: hold, duration_s: 1}", "anchors and aliases are not taken"),
+        ("*loop", "anchors and aliases are not taken"),
+        ("!!python/object:os.system {do: hold}", "the tag tag:yaml.org,2002:python/object:os.system is not taken"),
+        ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: it is said twice"),
+        ("{do: hold, duration_s: yes}", "'yes' is not known here"),
+        ("{do: hold, duration_s: 123456789012345678901}", "is not a number that can be meant"),
+    ],
+)
+def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperiments, part: str, told: str) -> None:
+    refused = refusal(own, with_parts(LEAD_IN, part))
+    assert told in str(refused)
+    assert str(refused).startswith("line 9: ")
+    assert refused.line == 9
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "told"),
+    [
+        ("min_tension_N", "least_tension", 18, "'least_tension' is no figure of what is measured (steps)"),
+        ("above: 4.0", "above: 4.0, below: 5.0", 18, "it needs a bound, either below or above"),
+        ("above: 4.0", "above: F_least", 18, "'F_least' is not known here; known are depth, u_max"),
+        ("measures: [steps]", "measures: [songs]", 16, "it should be 'steps', 'compliance'"),
+        ("name: swing", "name: lead_in", 11, "another phase has this name"),
+        ("name: wobble", "name: tracking", 2, "'tracking' is the name of a ready-made experiment"),
+        ("name: wobble", "name: 2nd try", 2, "a name has letters, digits and _"),
+        ("format: 1", "format: 2", 1, "2 is not known: this Sinew reads format 1"),
+        ("name: depth", "name: lam_q", 5, "'lam_q' is taken: by the tuning, the seed or another setting"),
+        ("default: 0.2", "default: 0.9", 5, "0.9 rad is outside 0.01 to 0.5 rad"),
+        ("maximum: 0.5}", "}", 5, "depth needs a minimum and a maximum"),
+        ("title: Wobble", "title: Wobble\nlaw: magic", 4, "'magic' is no control law; there are cascade"),
+        ("title: Wobble", "title: [Wobble", 4, "it is neither YAML nor JSON"),
+        ("title: Wobble", "titel: Wobble", 3, "it is not known here"),
+    ],
+)
+def test_what_stands_around_the_parts_is_looked_over_too(
+    own: OwnExperiments, old: str, new: str, line: int, told: str
+) -> None:
+    assert old in WOBBLE
+    refused = refusal(own, WOBBLE.replace(old, new, 1))
+    assert told in str(refused)
+    assert refused.line == line
+
+
+def test_a_lambda_that_is_not_safe_is_refused_in_its_line(own: OwnExperiments) -> None:
+    text = with_parts(LEAD_IN, "{do: tuning, lam_q: 0.1}", "{do: hold, duration_s: 5}")
+    refused = refusal(own, text)
+    assert refused.line == 9
+    assert "λ_q: 0.1 s is outside" in str(refused)
+    assert "sensitivity peak" in str(refused)
+
+
+@pytest.mark.parametrize(
+    "part", ["{do: step, q_ref: 0.9, duration_s: 1}", SWING, "{do: ramp, q_ref: -0.84, duration_s: 1}"]
+)
+def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: OwnExperiments, part: str) -> None:
+    lab = load_parameters("lab")
+    short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
+    text = with_parts(LEAD_IN, "{do: step, q_ref: -0.6, duration_s: 2}", part)
+    assert own.checked(text, lab, TuningChoice()).segments == 3
+    with pytest.raises(ExperimentError, match=r"position reference: .* rad is outside -0.83 to 0.83 rad") as refused:
+        own.checked(text, short, TuningChoice())
+    assert refused.value.line == 10
+
+
+def test_a_bank_that_is_not_there_is_refused_in_its_line(own: OwnExperiments) -> None:
+    refused = refusal(own, with_parts(LEAD_IN, "{do: tuning, bank: 77}", "{do: hold, duration_s: 5}"))
+    assert refused.line == 9
+    assert "77" in str(refused)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "17", "just words", "x" * 100_001, "\x00", "- a\n- b", "a: &x [*x]"])
+def test_what_is_no_experiment_at_all_is_refused_in_a_sentence(own: OwnExperiments, text: str) -> None:
+    assert str(refusal(own, text))
+
+
+def test_a_rule_of_the_settings_says_what_does_not_hold(own: OwnExperiments) -> None:
+    rules = "rules:\n  - {that: depth > 0.3, remedy: swing further}\n"
+    refused = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
+    assert refused.line == 7
+    assert "depth > 0.3 does not hold (depth is 0.2): swing further" in str(refused)
+
+
+def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path) -> None:
+    with pytest.raises(ExperimentError):
+        own.keep(with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningChoice())
+    assert own.views() == []

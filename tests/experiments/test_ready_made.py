@@ -1,0 +1,131 @@
+"""The experiments that come with Sinew play, pass and are what an own one is: texts."""
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.archive.own_experiments import OwnExperiments
+from backend.documents.experiment import schema
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing import text
+from backend.experiments.composing.ready_made import NAMES, ready_made, text_of
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import kept_values, ready_plan, stored_plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
+from backend.experiments.results.again import evaluate_again
+from backend.recording.columns import recorded_columns
+from backend.storage import open_database
+from plant.parameters import load_parameters
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Station]:
+    database = open_database(tmp_path_factory.mktemp("ready-made"))
+    with headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+        yield made
+    database.close()
+
+
+def played(station: Station, plan: ComposedPlan) -> Outcome:
+    return asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Station, name: str) -> None:
+    outcome = played(station, ready_plan(name))
+    assert outcome.run.end_state == "completed"
+    result = outcome.evaluation.result
+    assert result is not None
+    assert [item.title for item in result.criteria if not item.passed] == []
+    assert result.criteria
+    again = evaluate_again(station.database, outcome.run.id).result
+    assert again is not None
+    assert (again.metrics, again.criteria) == (result.metrics, result.criteria)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_writing_and_reading_gives_it_back(name: str) -> None:
+    written, _ = ready_made(name)
+    assert text.read(text.write(written))[0] == written
+    assert text.read(text.canonical(written))[0] == written
+    plan = ready_plan(name)
+    assert stored_plan(plan.kind, kept_values(plan)) == plan
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
+    database = open_database(tmp_path)
+    own = OwnExperiments(database)
+    copied = text_of(name).replace(f"name: {name}\n", "name: mine\n", 1)
+    kept = own.keep(copied, "A. Operator", load_parameters("lab"), TuningChoice())
+    assert (kept.name, kept.version) == ("mine", 1)
+    mine, theirs = own.entry("mine"), experiment(name)
+    assert mine.usual.program() == theirs.usual.program()
+    assert mine.settings == theirs.settings
+    database.close()
+
+
+def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+    own, lab = OwnExperiments(database), load_parameters("lab")
+    first = text_of("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
+    second = first.replace("default: 0.9", "default: 0.7")
+    for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
+        assert own.keep(written, "A. Operator", lab, TuningChoice()).version == version
+    assert own.text_of("mine@1") == own.text_of("mine") == first
+    assert own.text_of("mine@2") == second
+    assert [entry.name for entry in own.all()][-1] == "mine@3"
+    assert [(one.name, one.version, one.title) for one in own.views()] == [("mine", 3, "Step battery")]
+    database.close()
+
+
+def test_the_schema_knows_every_motion_and_nothing_else() -> None:
+    motions = schema()["$defs"]
+    listed = {one["properties"]["do"]["const"] for one in motions.values() if "do" in one.get("properties", {})}
+    assert listed == {
+        "hold", "step", "ramp", "pulse", "sine", "sweep", "prbs", "multisine", "push", "hand", "load", "tuning",
+        "choose", "repeat",
+    }  # fmt: skip
+    assert all(one.get("additionalProperties") is False for one in motions.values() if "properties" in one)
+
+
+def test_a_lambda_sweep_controls_with_each_lambda_and_the_operators_is_back(station: Station) -> None:
+    plan = ready_plan("lambda_sweep", lam_first=0.8, lam_last=0.6, count=2, hold_s=5.0)
+    outcome = played(station, plan)
+    columns, _ = recorded_columns(station.database, outcome.run.id)
+    lam = columns["lam_q"]
+    assert sorted(np.unique(np.round(lam, 6))) == [0.5, 0.6, 0.8]
+    changed = np.flatnonzero(np.diff(lam)) + 1
+    assert [round(at / 5000) for at in changed] == [1, 5]
+    newest = station.loop.ring.newest()
+    assert newest is not None
+    told = played(station, ready_plan("step_battery", sizes=1, hold_s=2.0))
+    after, _ = recorded_columns(station.database, told.run.id)
+    assert set(after["lam_q"]) == {0.5}
+
+
+def test_a_step_is_faster_under_a_smaller_lambda(station: Station) -> None:
+    outcome = played(station, ready_plan("lambda_sweep", lam_first=1.0, lam_last=0.5, count=2))
+    result = outcome.evaluation.result
+    assert result is not None
+    steps = [step for step in result.metrics.steps or () if step.signal == "q" and step.after > step.before]
+    slow, fast = (step.reach_s for step in steps)
+    assert slow is not None
+    assert fast is not None
+    assert slow / fast == pytest.approx(2.0, rel=0.1)
+
+
+def test_a_bank_comparison_differs_only_in_how_entries_are_used() -> None:
+    plan = ready_plan("bank_comparison")
+    segments = plan.program().segments
+    half = len(segments) // 2
+    switching, interpolating = segments[1 : half + 1], segments[half + 1 :]
+    assert [replace(segment, tuning=0) for segment in interpolating] == list(switching)
+    assert [dict(change) for change in plan.laid.changes] == [{"interpolate": False}, {"interpolate": True}]

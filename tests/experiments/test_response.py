@@ -1,0 +1,126 @@
+"""Frequency responses against closed forms: signals that were filtered by what is known exactly."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from backend.experiments.results.metrics import NoSamplesError
+from backend.experiments.results.response import Response, bandwidth, response_figures, responses
+from backend.experiments.results.windows import excitations
+from backend.loop.program import Program
+from backend.loop.program_arrays import player_of
+from backend.tick.decision import Target
+from backend.tick.player import play
+from plant.interface import T_s
+from tests.experiments.composing.written import plan_of, with_parts
+
+Array = NDArray[np.float64]
+LEAD_IN = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4.0}"
+MULTISINE = "{do: multisine, q_amplitude: 0.1, period_s: 10, lines: 30, periods: 3}"
+LAG_S = 0.4
+
+
+def references(program: Program) -> tuple[Array, Array]:
+    """What the loop's own player gives, tick by tick."""
+    player, target = player_of(program.segments, Target(0.0, 10.0, 0.0)), Target(0.0, 10.0, 0.0)
+    rows = []
+    done = False
+    while not done:
+        done, target, player = play(player, target)
+        if not done:
+            rows.append((target.q_ref, target.S_ref))
+    both = np.array(rows)
+    return both[:, 0], both[:, 1]
+
+
+def behind(u: Array, lag_s: float) -> Array:
+    """A first-order lag, exact for an input that is held between samples."""
+    pole = np.exp(-T_s / lag_s)
+    return np.asarray(lfilter([0.0, 1.0 - pole], [1.0, -pole], u - u[0]) + u[0])
+
+
+def columns_of(program: Program, lag_q: float = LAG_S, lag_S: float = LAG_S) -> dict[str, Array]:
+    q_ref, S_ref = references(program)
+    ones = np.ones_like(q_ref)
+    return {
+        "q_ref": q_ref,
+        "S_ref": S_ref,
+        "q": behind(q_ref, lag_q),
+        "S": behind(S_ref, lag_S),
+        "F_A": 20.0 * ones,
+        "F_B": 18.0 * ones,
+        "u_A": ones,
+        "u_B": -3.0 * ones,
+    }
+
+
+def lag(f: Array, lag_s: float) -> NDArray[np.complex128]:
+    """Response of the sampled lag: what a held input gives at the samples."""
+    pole, z = np.exp(-T_s / lag_s), np.exp(2j * np.pi * f * T_s)
+    return np.asarray((1.0 - pole) / (z - pole))
+
+
+def test_a_first_order_lag_is_found_line_by_line() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    (found,) = responses(columns_of(program), program)
+    np.testing.assert_allclose(found.f, np.arange(1, 31) / 10.0, rtol=1e-12)
+    np.testing.assert_allclose(found.H, lag(found.f, LAG_S), rtol=1e-6)
+
+
+@pytest.mark.parametrize("lag_s", [0.15, 0.4, 1.0])
+def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    figures = response_figures(columns_of(program, lag_q=lag_s), program)
+    # −3 dB of the lowest line, which lies a little below the gain at rest; between lines it is interpolated
+    low = 2.0 * np.pi * 0.1 * lag_s
+    assert figures.bandwidth_q_Hz is not None
+    expected = np.sqrt(2.0 * (1.0 + low**2) - 1.0) / (2.0 * np.pi * lag_s)
+    assert figures.bandwidth_q_Hz == pytest.approx(expected, rel=0.02)
+    assert figures.lag_q_deg == pytest.approx(
+        np.degrees(np.arctan(2 * np.pi * lag_s * figures.bandwidth_q_Hz)), rel=0.02
+    )
+    assert figures.resonance_q_dB == 0.0
+    assert (figures.min_tension_N, figures.peak_voltage_V) == (18.0, 3.0)
+    assert figures.bandwidth_S_Hz is None
+    assert figures.reasons["bandwidth_S_Hz"] == "the reference of S alone was not excited to the end"
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "{do: sweep, S_amplitude: 0.5, from_Hz: 0.05, to_Hz: 5, duration_s: 200}",
+        "{do: prbs, S_amplitude: 0.5, chip_s: 0.1, bits: 10, periods: 2}",
+    ],
+)
+def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
+    program = plan_of(with_parts(LEAD_IN, part, "{do: hold, duration_s: 4}")).program()
+    (found,) = responses(columns_of(program), program)
+    inner = (found.f > 0.1) & (found.f < 3.0)
+    assert inner.sum() > 10
+    np.testing.assert_allclose(np.abs(found.H[inner]), np.abs(lag(found.f[inner], LAG_S)), rtol=0.06)
+
+
+def test_a_loop_that_stays_fast_says_that_its_bandwidth_is_beyond() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    figures = response_figures(columns_of(program, lag_q=0.01), program)
+    assert figures.bandwidth_q_Hz is None
+    assert "still above −3 dB at 3 Hz, the highest line" in figures.reasons["bandwidth_q_Hz"]
+
+
+def test_what_was_not_played_to_its_end_is_not_measured() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    early = {name: column[:-10] for name, column in columns_of(program).items()}
+    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+        response_figures(early, program)
+
+
+def test_both_references_at_once_are_no_response_of_one() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE.replace("q_amplitude: 0.1", "q_amplitude: 0.1, S_amplitude: 0.5")))
+    assert excitations(program.program()) == ()
+
+
+def test_bandwidth_between_two_lines_is_where_a_straight_line_in_the_bode_plot_crosses() -> None:
+    found = Response("q", np.array([1.0, 2.0, 4.0]), np.array([1.0, 0.9, 0.45], dtype=np.complex128))
+    # 0.9 to 0.45 is one octave per octave: 0.7071/0.9 of it
+    assert bandwidth(found) == pytest.approx(2.0 * 0.9 * np.sqrt(2.0))
