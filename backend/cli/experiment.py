@@ -41,7 +41,7 @@ def experiment(
 ) -> None:
     """Run an experiment headless on the simulator, faster than real time; stored like one from the browser.
 
-    Its settings are told by sinew experiments show NAME.
+    Its settings, such as q_amplitude [rad], S_hold [N·m/rad] or hold_s [s], are told by sinew experiments show NAME.
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
     interpolate (true, false), seed. What is not set is as it is in force in the data folder.
     """

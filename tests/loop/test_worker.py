@@ -8,7 +8,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.loop import worker as worker_module
-from backend.loop.channel import Ready, ToLoop, decode_to_loop, packets
+from backend.loop.channel import PART_SEGMENTS, Ready, ToLoop, decode_to_loop, packets
 from backend.loop.channel_ends import MAX_BYTES
 from backend.loop.commands import (
     Accepted,
