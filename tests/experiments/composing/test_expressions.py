@@ -1,0 +1,151 @@
+"""Expressions come to what arithmetic says, and nothing else is taken for one."""
+
+import math
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backend.experiments.composing.expressions import ExpressionError, Names, number_of, require_known, truth_of
+
+KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (7, 7.0),
+        (0.25, 0.25),
+        ("2 * hold_s", 6.0),
+        ("  hold_s  ", 3.0),
+        ("-hold_s + +1", -2.0),
+        ("pi / 3", math.pi / 3.0),
+        ("hold_s ** 2 / count % 2", 0.25),
+        ("0.9 * (0.5 / 0.9) ** (1 / (count - 1))", 0.9 * (0.5 / 0.9) ** (1.0 / 3.0)),
+        ("max(hold_s, count, 1) - min(1, 2)", 3.0),
+        ("abs(-2.5) + sqrt(count) + round(2.6)", 7.5),
+        ("1.0 if on else 2.0", 1.0),
+        ("1.0 if profile == 'steps' else 2.0", 2.0),
+        ("1 if 1 < hold_s <= 3 and not count > 4 else 0", 1.0),
+        ("1 if hold_s != 3 or count >= 4 else 0", 1.0),
+        ("1e-3", 0.001),
+    ],
+)
+def test_an_expression_is_the_number_that_arithmetic_says(expression: float | str, expected: float) -> None:
+    assert number_of(expression, KNOWN) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("expression", "held"),
+    [("hold_s < count", True), ("hold_s < count < 4", False), ("profile == 'hand'", True), ("not on", False)],
+)
+def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
+    assert truth_of(expression, KNOWN) is held
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "__import__('os').system('true')",
+        "().__class__",
+        "pi.real",
+        "pi()",
+        "open('x')",
+        "[1][0]",
+        "{1: 2}",
+        "[x for x in (1,)]",
+        "lambda: 1",
+        "(x := 1)",
+        "x = 1",
+        "f'{hold_s}'",
+        "max(1, key=2)",
+        "max(*hold_s)",
+        "~count",
+        "7 // 2",
+        "7 @ 2",
+        "1 << 30",
+        "1 in 2",
+        "on is on",
+        "1, 2",
+        "await hold_s",
+        "None",
+        "...",
+        "1j",
+        "b'1'",
+        "",
+        " ",
+        "1 +",
+        "1; 2",
+        "\x00",
+        "\ud800",
+        "(" * 5_000,
+        "-" * 50_000 + "1",
+    ],
+)
+def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str) -> None:
+    for ask in (number_of, truth_of, require_known):
+        with pytest.raises(ExpressionError):
+            ask(expression, KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("expression", "told"),
+    [
+        ("1 / 0", "division"),
+        ("count % 0", "modulo"),
+        ("2 ** 1e9", "has no value"),
+        ("9 ** 9 ** 9 ** 9", "has no value"),
+        ("(-8) ** 0.5", "has no value"),
+        ("sqrt(-1)", "has no value"),
+        ("abs()", "has no value"),
+        ("'a' + 1", "has no value"),
+        ("'a' * 1000000", "has no value"),
+        ("profile < 3", "has no value"),
+        ("1e999", "not a finite number"),
+        ("1e308 * 10", "not a finite number"),
+        ("1e999 - 1e999", "not a finite number"),
+        ("profile", "not a finite number"),
+        ("on", "not a finite number"),
+        ("1 < 2", "not a finite number"),
+        ("hold", "'hold' is not known here; known are hold_s, count, profile, on, pi"),
+        ("nan", "'nan' is not known here"),
+        ("hold_s if 1 < 2 else hold", "'hold' is not known here"),
+    ],
+)
+def test_an_expression_without_a_number_says_why(expression: str, told: str) -> None:
+    with pytest.raises(ExpressionError, match=r".") as refused:
+        number_of(expression, KNOWN)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True])
+def test_what_is_no_finite_number_is_none_without_an_expression_too(value: float) -> None:
+    with pytest.raises(ExpressionError, match="not a finite number"):
+        number_of(value, KNOWN)
+
+
+def test_a_number_is_no_comparison() -> None:
+    with pytest.raises(ExpressionError, match="which is not a comparison"):
+        truth_of("hold_s + 1", KNOWN)
+
+
+def test_names_are_looked_for_without_values() -> None:
+    require_known("1 / (count - count)", KNOWN)
+    require_known(3.0, KNOWN)
+    with pytest.raises(ExpressionError, match="'depth' is not known here"):
+        require_known("max(1, 2 * depth)", KNOWN)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_a_number_or_refused(text: str) -> None:
+    with suppress(ExpressionError):
+        assert math.isfinite(number_of(text, KNOWN))
+
+
+@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.sampled_from(["+", "-", "*", "<", "<=", ">", ">=", "==", "!="]))
+def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str) -> None:
+    names = {"a": a, "b": b}
+    expected = eval(f"a {sign} b", {}, names)
+    found = truth_of(f"a {sign} b", names) if isinstance(expected, bool) else number_of(f"a {sign} b", names)
+    assert found == expected

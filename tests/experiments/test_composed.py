@@ -1,0 +1,191 @@
+"""The result of an experiment that is data: what it measures, joined, and judged by its own criteria."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.documents.experiment import Bound, Experiment, Measure
+from backend.documents.result import Figure, Metrics
+from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.results.composed import composed_result, criteria_of
+from backend.experiments.results.measures import FIGURES, known_to_bounds, names_of, require_measurable
+from backend.experiments.results.metrics import NoSamplesError
+from backend.tuning.models import Lambdas
+from plant.parameters import load_parameters
+from tests.experiments.composing.written import plan_of, with_parts
+
+LAB = load_parameters("lab")
+STEPS = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}", "{do: step, q_ref: 0.2, duration_s: 1.0}"
+PUSHES = "{do: push, F_push: 4.0, duration_s: 0.5}", "{do: hold, duration_s: 1.5}"
+
+
+def plan(*parts: str, measures: tuple[Measure, ...], criteria: tuple[Bound, ...] = ()) -> ComposedPlan:
+    made = plan_of(with_parts(*parts))
+    return replace(made, experiment=replace(made.experiment, measures=measures, criteria=criteria))
+
+
+def columns(played: ComposedPlan) -> dict[str, Any]:
+    """A joint and motors that are where they should be, but for a push, which moves the joint by 0.05 rad."""
+    segments = played.program().segments
+    ticks = [round(one.duration_s * 1000) for one in segments]
+    q_ref, S_ref, push = (
+        np.repeat([getattr(one, name) for one in segments], ticks) for name in ("q_ref", "S_ref", "F_push")
+    )
+    ones = np.ones_like(q_ref)
+    return {
+        "t": np.arange(q_ref.size) / 1000.0, "q": q_ref + 0.05 * (push != 0.0), "q_ref": q_ref, "S": S_ref,
+        "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
+        "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
+    }  # fmt: skip
+
+
+def outline(made: ComposedPlan, played_s: float | None = None) -> Metrics:
+    planned_s = made.program().duration_s
+    played_s = planned_s if played_s is None else played_s
+    return Metrics(
+        complete=played_s >= planned_s, played_s=played_s, planned_s=planned_s, figures=(), phases=made.phases()
+    )
+
+
+def result(made: ComposedPlan, missed: int = 0, played_s: float | None = None) -> tuple[dict[str, Figure], Any]:
+    told = outline(made, played_s)
+    seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
+    metrics, criteria = composed_result(seen, LAB, made, Lambdas(), told, missed)
+    return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
+
+
+@pytest.mark.parametrize("measure", Measure)
+def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure) -> None:
+    parts = {
+        Measure.LOADS: ("{do: load, load_A: 0.2, duration_s: 0.5}",),
+        Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
+        Measure.STEPS: (),
+    }
+    figures, _ = result(plan(*STEPS, *parts.get(measure, PUSHES), measures=(measure,)))
+    assert tuple(figures) == names_of((measure,))
+
+
+def test_several_measures_are_joined_and_a_figure_of_both_stands_once() -> None:
+    both = (Measure.STEPS, Measure.DISTURBANCE)
+    figures, _ = result(plan(*STEPS, *PUSHES, measures=both))
+    assert tuple(figures) == names_of(both)
+    assert figures["push_deviation_q"].value == pytest.approx(0.05)
+    assert figures["min_tension_N"].value == 15.0
+    assert len(names_of(both)) < len(names_of(both[:1])) + len(names_of(both[1:]))
+
+
+def test_a_measure_that_could_not_be_made_leaves_the_others_and_says_why() -> None:
+    figures, criteria = result(
+        plan(
+            *STEPS,
+            measures=(Measure.DISTURBANCE, Measure.STEPS),
+            criteria=(Bound(figure="push_back_s", below=1.0), Bound(figure="min_tension_N", above=4.0)),
+        )
+    )
+    assert (figures["push_back_s"].value, figures["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert figures["min_tension_N"].value == 15.0
+    assert (criteria["push_back_s"].passed, criteria["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert criteria["min_tension_N"].passed is True
+
+
+@pytest.mark.parametrize("measure", [Measure.COMPLIANCE, Measure.LOADS, Measure.RESPONSE, Measure.DISTURBANCE])
+def test_a_run_of_which_nothing_could_be_measured_has_no_result(measure: Measure) -> None:
+    with pytest.raises(NoSamplesError):
+        result(plan(*STEPS, measures=(measure,)))
+
+
+def test_nothing_passes_that_was_not_seen_whole_and_what_fails_still_does() -> None:
+    bounds = (Bound(figure="min_tension_N", above=4.0), Bound(figure="peak_voltage_V", below=1.5))
+    made = plan(*STEPS, measures=(Measure.STEPS,), criteria=bounds)
+    for missed, played_s, reason in (
+        (12, 2.0, "the recording lacks 12 samples"),
+        (0, 1.5, "the run ended after 1.5 s of 2.0 s"),
+    ):
+        _, criteria = result(made, missed, played_s)
+        assert (criteria["min_tension_N"].passed, criteria["min_tension_N"].reason) == (None, reason)
+        assert criteria["peak_voltage_V"].passed is False
+    _, whole = result(made)
+    assert [item.passed for item in whole.values()] == [True, False]
+
+
+FIGURE = Figure("min_tension_N", "N", "Smallest tension", "of both", 5.0)
+
+
+def judged(bound: Bound, figure: Figure = FIGURE, parameters: str = "lab", lambdas: Lambdas | None = None) -> Any:
+    made = plan(*STEPS, measures=(Measure.STEPS,), criteria=(bound,))
+    known = known_to_bounds({"depth": 0.5}, load_parameters(parameters), lambdas or Lambdas())
+    (criterion,) = criteria_of(made.experiment, [figure], known)
+    return criterion
+
+
+@pytest.mark.parametrize(
+    ("bound", "relation", "limit", "passed"),
+    [
+        ({"above": 4.0}, ">", 4.0, True),
+        ({"above": 5.0}, ">", 5.0, False),
+        ({"below": 5.0}, "<", 5.0, False),
+        ({"below": "5 + depth"}, "<", 5.5, True),
+        ({"below": "u_max"}, "<", LAB.motor.u_max, True),
+        ({"above": "F_max"}, ">", LAB.safety.F_max, False),
+        ({"below": "100 * r_j + 1e4 * r_m"}, "<", 100.0 * LAB.geometry.r_j + 1e4 * LAB.geometry.r_m, True),
+        ({"below": "10 * (lam_q + lam_S + lam_motor)"}, "<", 10.0 * (0.7 + 0.9 + 0.05), True),
+        ({"below": 0.0}, "<", 0.0, False),
+    ],
+)
+def test_a_bound_speaks_of_settings_plant_and_tuning(
+    bound: dict[str, Any], relation: str, limit: float, passed: bool
+) -> None:
+    lambdas = Lambdas(lam_q=0.7, lam_S=0.9, lam_motor=0.05)
+    criterion = judged(Bound(figure="min_tension_N", **bound), lambdas=lambdas)
+    assert (criterion.relation, criterion.bound, criterion.passed) == (relation, pytest.approx(limit), passed)
+
+
+def test_a_bound_may_be_another_on_the_ideal_plant() -> None:
+    bound = Bound(figure="min_tension_N", above="5.5 if ideal else 4.5")
+    assert (judged(bound, parameters="ideal").passed, judged(bound, parameters="lab").passed) == (False, True)
+
+
+def test_a_criterion_is_called_as_it_says_or_as_its_figure_is() -> None:
+    plain, named = (
+        judged(Bound(figure="min_tension_N", above=4.0, **words)) for words in ({}, {"name": "taut", "title": "Taut"})
+    )
+    assert (plain.name, plain.title, plain.unit) == ("min_tension_N", "Smallest tension", "N")
+    assert (named.name, named.title, named.unit) == ("taut", "Taut", "N")
+
+
+def test_a_bound_without_a_value_passes_nothing() -> None:
+    criterion = judged(Bound(figure="min_tension_N", above="1 / (depth - 0.5)"))
+    assert criterion.passed is None
+    assert criterion.reason.startswith("its bound could not be had: ")
+
+
+def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
+    lacking = replace(FIGURE, value=None, reason="it never settled")
+    criterion = judged(Bound(figure="min_tension_N", above=4.0), lacking)
+    assert (criterion.passed, criterion.figure, criterion.reason) == (None, None, "it never settled")
+
+
+@pytest.mark.parametrize(
+    ("bound", "told", "line"),
+    [
+        ({"figure": "back_s", "below": 1.0}, "'back_s' is no figure of what is measured (steps)", 31),
+        ({"figure": "rmse_q"}, "it needs a bound, either below or above", 30),
+        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "it needs a bound, either below or above", 30),
+        ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; known are depth, u_max", 30),
+        ({"figure": "rmse_q", "below": "__import__('os')"}, "is not taken", 30),
+    ],
+)
+def test_a_criterion_that_no_run_could_be_judged_by_is_refused(bound: dict[str, Any], told: str, line: int) -> None:
+    made: Experiment = plan(*STEPS, measures=(Measure.STEPS,), criteria=(Bound(**bound),)).experiment
+    with pytest.raises(ExperimentError) as refused:
+        require_measurable(made, {"depth": 0.5}, {(): 1, ("criteria", 0): 30, ("criteria", 0, "figure"): 31})
+    assert told in str(refused.value)
+    assert refused.value.line == line
+
+
+def test_every_measure_has_figures() -> None:
+    assert set(FIGURES) == set(Measure)
+    assert all(names_of((measure,)) for measure in Measure)

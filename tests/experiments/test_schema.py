@@ -1,0 +1,69 @@
+"""The JSON schema of an experiment takes what the reader takes, as another program's validator sees it."""
+
+from typing import Any
+
+import pytest
+import yaml
+from jsonschema_rs import Draft202012Validator
+
+from backend.documents.experiment import EXPERIMENT, schema
+from backend.experiments.composing.ready_made import NAMES, ready_made, text_of
+from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.composing.text import of_document
+
+VALIDATOR = Draft202012Validator(schema())
+
+
+def document(name: str = "compliance") -> dict[str, Any]:
+    written: dict[str, Any] = EXPERIMENT.dump_python(ready_made(name)[0], mode="json", exclude_defaults=True)
+    return written
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_ready_made_ones_are_taken(name: str) -> None:
+    for taken in (document(name), yaml.safe_load(text_of(name))):
+        assert [error.message for error in VALIDATOR.iter_errors(taken)] == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"format": 2},
+        {"format": "1"},
+        {"name": "2nd try"},
+        {"name": "x" * 41},
+        {"name": 3},
+        {"title": ""},
+        {"title": "x" * 101},
+        {"description": "x" * 1001},
+        {"phases": []},
+        {"phases": "none"},
+        {"phases": [{"name": "a", "title": "A", "parts": []}]},
+        {"phases": [{"name": "a", "title": "A", "parts": [{"do": "fly", "duration_s": 1}]}]},
+        {"phases": [{"name": "a", "title": "A", "parts": [{"do": "hold"}]}]},
+        {"phases": [{"name": "a", "title": "A", "parts": [{"do": "hold", "duration_s": "1+" * 100 + "1"}]}]},
+        {"phases": [{"name": "a", "title": "A", "parts": [{"do": "repeat", "times": 2, "parts": []}]}]},
+        {
+            "phases": [
+                {"name": "a", "title": "A", "parts": [{"do": "push", "F_push": 1, "duration_s": 1, "shape": "x"}]}
+            ]
+        },
+        {"measures": ["songs"]},
+        {"criteria": [{"figure": "min tension"}]},
+        {"settings": [{"name": "a", "symbol": "a", "meaning": "a", "default": 1, "kind": "colour"}]},
+        {"colour": "red"},
+    ],
+)
+def test_what_is_no_experiment_is_refused_by_schema_and_reader_alike(change: dict[str, Any]) -> None:
+    wrong = document() | change
+    assert not VALIDATOR.is_valid(wrong)
+    with pytest.raises(ExperimentError):
+        of_document(wrong, {})
+
+
+@pytest.mark.parametrize("lacking", ["format", "name", "title", "phases"])
+def test_what_lacks_a_part_is_refused_by_schema_and_reader_alike(lacking: str) -> None:
+    wrong = {name: value for name, value in ({"format": 1} | document()).items() if name != lacking}
+    assert not VALIDATOR.is_valid(wrong)
+    with pytest.raises(ExperimentError):
+        of_document(wrong, {})
