@@ -8,7 +8,7 @@ import sys
 import typer
 from pydantic import ValidationError
 
-from backend.cli import bank, database, doctor, experiment, experiments, identify, rig, runs, serve, token
+from backend.cli import bank, database, doctor, experiment, experiments, identify, report, rig, runs, serve, token
 from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail
 from backend.refusal import RefusedValueError
@@ -29,6 +29,7 @@ app.add_typer(experiments.app, name="experiments")
 app.add_typer(identify.app, name="identify")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
+app.add_typer(report.app, name="report")
 app.add_typer(database.app, name="db")
 app.add_typer(rig.app, name="rig")
 app.add_typer(token.app, name="token")

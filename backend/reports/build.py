@@ -6,12 +6,14 @@ from backend.reading import Angles, in_words
 from backend.reports.actuator_identification import actuator_identification_report
 from backend.reports.compliance import compliance_report
 from backend.reports.composed import composed_report
-from backend.reports.document import NO_FIGURE, Block, Figure, Paragraph, Report, Table
+from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table
+from backend.reports.evidence import Evidence, evidence_of, to_element
 from backend.reports.motor_identification import motor_identification_report
 from backend.reports.recording import recording_report
 from backend.reports.robustness import robustness_report
 from backend.reports.source import Source
 from backend.reports.spring_identification import spring_identification_report
+from backend.reports.timing import timing_section
 from backend.reports.tracking import tracking_report
 from backend.storage.runs import RunKind
 
@@ -29,7 +31,22 @@ _BUILDERS = {
 def build_report(source: Source) -> Report:
     """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
-    return _told(report, source.angles)
+    evidence = evidence_of(source)
+    if evidence is None:
+        return _told(report, source.angles)
+    sections = (*report.sections, *timing_section(source), hashes_section(evidence))
+    return _told(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
+
+
+def hashes_section(evidence: Evidence) -> Section:
+    """Return the hashes of what the report's numbers come from, and how they are verified."""
+    rows = tuple((name, digest) for name, digest in evidence.hashes.items())
+    titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
+    words = (
+        "Every number of this report can be computed again from the samples that it names: "
+        "sinew report verify report.html, with data.csv beside it."
+    )
+    return Section("What it was made of", (Table("Content hashes.", titles, rows), Paragraph(words)))
 
 
 def _told(report: Report, angles: Angles) -> Report:

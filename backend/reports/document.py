@@ -66,7 +66,7 @@ class Report:
     """A whole report.
 
     ``outcome`` is passed, failed, incomplete or neutral; ``verdict`` says it in a sentence; ``date`` is the run's, so
-    that the same run always gives the same report.
+    that the same run always gives the same report. ``evidence`` is what the page carries for programs to verify it by.
     """
 
     title: str
@@ -77,6 +77,7 @@ class Report:
     sections: tuple[Section, ...]
     footer: str
     date: datetime
+    evidence: str = ""
 
 
 NO_FIGURE = "–"

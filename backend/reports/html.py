@@ -37,6 +37,7 @@ def to_html(report: Report) -> str:
 {sections}
 </main>
 <footer>{_text(report.footer)}</footer>
+{report.evidence}
 </body>
 </html>
 """

@@ -11,7 +11,7 @@ from backend.reports.document import Block, Report
 
 def to_pdf(report: Report) -> bytes:
     """Return the PDF file; only fonts that typst carries are used, so that it looks the same everywhere."""
-    document = {**asdict(report), "date": report.date.isoformat()}
+    document = {**asdict(report), "date": report.date.isoformat(), "evidence": ""}
     for section, plain in zip(report.sections, document["sections"], strict=True):
         plain["blocks"] = [{"kind": _kind(block), **asdict(block)} for block in section.blocks]
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()

@@ -37,30 +37,41 @@ class Evaluation:
 def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
     """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
     columns, missed = recorded_columns(database, run.id)
-    estimate: NewIdentification | None = None
-    criteria: tuple[Criterion, ...] = ()
-    problem = ""
     try:
-        match plan:
-            case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
-                metrics, estimate, problem = _identified(columns, parameters, plan, run)
-            case ComposedPlan():
-                outline = _outline(columns, plan, run)
-                if columns["t"].size == 0:
-                    raise NoSamplesError("the run holds no samples of its program")
-                metrics, criteria = composed_result(columns, parameters, plan, _lambdas(run), outline, missed)
-            case SequencePlan():
-                metrics = _followed(columns, parameters, plan)
+        new, estimate = computed(columns, missed, parameters, plan, run)
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
         return Evaluation(None, None, str(error))
-    metrics = replace(metrics, missing_samples=missed, problem=problem)
     with database.session() as session:
-        result = results.add(session, NewResult(run.id, metrics, criteria, __version__))
+        result = results.add(session, new)
         stored = None if estimate is None else identifications.add(session, estimate)
         runs.set_evaluation_problem(session, run.id, "")
-    return Evaluation(result, stored, problem)
+    return Evaluation(result, stored, new.metrics.problem)
+
+
+def computed(
+    columns: Columns, missed: int, parameters: PlantParameters, plan: Plan, run: Run
+) -> tuple[NewResult, NewIdentification | None]:
+    """Compute what the plan's kind of run gives, from its samples, of which ``missed`` are lacking; nothing is stored.
+
+    Raises NoSamplesError where there is nothing to compute from.
+    """
+    estimate: NewIdentification | None = None
+    criteria: tuple[Criterion, ...] = ()
+    problem = ""
+    match plan:
+        case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
+            metrics, estimate, problem = _identified(columns, parameters, plan, run)
+        case ComposedPlan():
+            outline = _outline(columns, plan, run)
+            if columns["t"].size == 0:
+                raise NoSamplesError("the run holds no samples of its program")
+            metrics, criteria = composed_result(columns, parameters, plan, _lambdas(run), outline, missed)
+        case SequencePlan():
+            metrics = _followed(columns, parameters, plan)
+    metrics = replace(metrics, missing_samples=missed, problem=problem)
+    return NewResult(run.id, metrics, criteria, __version__), estimate
 
 
 def _followed(columns: Columns, parameters: PlantParameters, plan: SequencePlan) -> Metrics:

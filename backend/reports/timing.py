@@ -1,0 +1,41 @@
+"""How well a run kept its time: lateness, missed deadlines, gaps. From the run's own samples."""
+
+import numpy as np
+
+from backend.reports.document import Column, Section, Table, shown
+from backend.reports.source import Source
+
+
+def timing_section(source: Source) -> tuple[Section, ...]:
+    """Return a section with the timing of the recorded samples; nothing for a run without any."""
+    columns = source.columns
+    if columns["t"].size == 0:
+        return ()
+    late_ms = 1e3 * columns["lateness_s"]
+    overruns = columns["overruns"]
+    missing = source.result.metrics.missing_samples if source.result else None
+    gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
+    on_a_clock = bool(np.any(late_ms != 0.0))
+    rows = [
+        ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
+        ("Missing samples", "not kept" if missing is None else str(missing), "", "ticks that the recording lacks"),
+        ("Gaps", str(gaps), "", "places where samples are missing"),
+    ]
+    if on_a_clock:
+        figures = (np.median(late_ms), np.percentile(late_ms, 99.0), late_ms.max())
+        rows += [
+            ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "from the first sample to the last"),
+            *(
+                (f"Lateness, {name}", shown(float(figure)), "ms", "how late a tick began against its deadline")
+                for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
+            ),
+        ]
+    else:
+        rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
+    titles = (
+        Column("Quantity", number=False),
+        Column("Value"),
+        Column("Unit", number=False),
+        Column("Meaning", number=False, wide=True),
+    )
+    return (Section("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)

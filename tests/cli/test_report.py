@@ -1,0 +1,36 @@
+"""Whether a report holds, as the command line says it and as programs read its end."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+
+def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "backend", *words, "--data", str(folder)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_report_holds_until_somebody_touches_it(tmp_path: Path) -> None:
+    out, here = tmp_path / "out", tmp_path / "here"
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
+    assert sinew("experiment", "tracking", *short, folder=here).returncode == 0
+    report = out / "report.html"
+    held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    (out / "data.csv").unlink()
+    by_the_run = sinew("report", "verify", str(report), "--json", folder=here)
+    assert json.loads(by_the_run.stdout) == {
+        "holds": True,
+        "samples": "run 1 of the data folder",
+        "differences": [],
+        "left_out": [],
+    }
+    nowhere = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    assert nowhere.returncode == 2
+    assert "the samples that it was made of are not here" in nowhere.stderr
+    page = report.read_text(encoding="utf-8")
+    report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
+    touched = sinew("report", "verify", str(report), folder=here)
+    assert touched.returncode == 1
+    assert "does not hold: 1 differences" in touched.stderr

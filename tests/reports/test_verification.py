@@ -1,0 +1,205 @@
+"""Each single change of a report, or of its samples, is found and named; one that nobody touched holds."""
+
+import asyncio
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.recording.columns import Columns
+from backend.reports.build import build_report
+from backend.reports.evidence import EvidenceError, read
+from backend.reports.exports import to_csv, to_parquet
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.samples_file import SamplesFileError, read_samples_file
+from backend.reports.source import Source, load_source
+from backend.reports.verification import Verified, verify
+from backend.storage import open_database
+from plant.parameters import load_parameters
+
+BEGIN, END = '<script type="application/json" id="evidence">', "</script>"
+Document = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Made:
+    source: Source
+    page: str
+
+    def with_account(self, change: Callable[[Document], None]) -> str:
+        head, _, rest = self.page.partition(BEGIN)
+        text, _, tail = rest.partition(END)
+        account = json.loads(text)
+        change(account)
+        return f"{head}{BEGIN}{json.dumps(account, ensure_ascii=False)}{END}{tail}"
+
+
+def made(folder: Path) -> Source:
+    plan = ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
+    database = open_database(folder)
+    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator", "as usual")))
+    source = load_source(database, outcome.run.id)
+    database.close()
+    return source
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    source = made(tmp_path_factory.mktemp("verified"))
+    return Made(source, to_html(build_report(source)))
+
+
+def names(found: Verified) -> list[str]:
+    return [one.name for one in found.differences]
+
+
+def test_one_that_nobody_touched_holds(report: Made) -> None:
+    assert verify(report.page, report.source.columns) == Verified((), ())
+
+
+def test_two_installations_write_the_same_bytes_but_for_the_date(report: Made, tmp_path: Path) -> None:
+    other = made(tmp_path)
+    run = replace(other.run, started_at=report.source.run.started_at, ended_at=report.source.run.ended_at)
+    again = replace(other, run=run)
+    assert to_html(build_report(again)) == report.page
+    assert to_pdf(build_report(again)) == to_pdf(build_report(report.source))
+    assert to_csv(other.columns) == to_csv(report.source.columns)
+    assert to_parquet(other.columns) == to_parquet(report.source.columns)
+
+
+def put(*path: str | int, value: Any) -> Callable[[Document], None]:
+    def change(account: Document) -> None:
+        here: Any = account
+        for part in path[:-1]:
+            here = here[part]
+        assert here[path[-1]] != value
+        here[path[-1]] = value
+
+    return change
+
+
+ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
+    "a metric": (put("metrics", "figures", 11, "value", value=0.5), "metrics, figures, rmse_q, value"),
+    "why a metric was not measured": (
+        put("metrics", "figures", 0, "reason", value="it was a holiday"),
+        "metrics, figures, rise_q_s, reason",
+    ),
+    "a label": (put("metrics", "figures", 11, "label", value="Error"), "metrics, figures, rmse_q, label"),
+    "a unit": (put("metrics", "figures", 11, "unit", value="deg"), "metrics, figures, rmse_q, unit"),
+    "a step": (put("metrics", "steps", 2, "after", value=0.7), "metrics, steps, 3, after"),
+    "the length": (put("metrics", "played_s", value=99.0), "metrics, played_s"),
+    "whether it was complete": (put("metrics", "complete", value=False), "metrics, complete"),
+    "a criterion's bound": (put("criteria", 3, "bound", value=1.0), "criteria, min_tension, bound"),
+    "a criterion's figure": (put("criteria", 3, "figure", value=50.0), "criteria, min_tension, figure"),
+    "a criterion's verdict": (put("criteria", 3, "passed", value=False), "criteria, min_tension, passed"),
+    "a parameter": (put("run", "parameters", "geometry", "r_j", "value", value=0.0751), "hash of the parameters"),
+    "a parameter's source": (
+        put("run", "parameters", "geometry", "r_j", "source", value="a guess"),
+        "hash of the parameters",
+    ),
+    "a setting": (put("run", "settings", "plan", "S_hold", value=10.5), "hash of the settings"),
+    "the experiment": (put("run", "settings", "plan", "experiment", value="{}"), "what it was computed from"),
+    "λ": (put("run", "settings", "loop", "lam_q", value=0.4), "hash of the settings"),
+    "the seed": (put("run", "settings", "loop", "seed", value=3), "“Seed” in the heading"),
+    "the version of a package": (put("run", "settings", "versions", "NumPy", value="1.0"), "“Software” in the heading"),
+    "the version of Sinew": (put("run", "software", value="9.9"), "“Software” in the heading"),
+    "the note": (put("run", "note", value="not as usual"), "“Note” in the heading"),
+    "who": (put("run", "who", value="B. Operator"), "“Started” in the heading"),
+    "how it ended": (put("run", "end_state", value="stopped"), "“Run” in the heading"),
+    "when it ended": (put("run", "ended_at", value="2020-01-01T00:00:00Z"), "hash of the account"),
+    "the hash of the samples": (put("hashes", "samples", value="0" * 64), "hash of the samples"),
+    "the hash of the parameters": (put("hashes", "parameters", value="0" * 64), "hash of the parameters"),
+    "the hash of the account": (put("hashes", "account", value="0" * 64), "hash of the account"),
+    "a check sum": (put("blocks", "F_A", 1, value="00000000"), "samples of F_A from 1 s to 2 s"),
+    "how many samples": (put("samples", value=100), "number of samples"),
+    "how many are missing": (put("missed", value=7), "metrics, missing_samples"),
+}
+
+
+@pytest.mark.parametrize("what", ACCOUNTS)
+def test_a_change_of_what_it_carries_is_found_and_named(report: Made, what: str) -> None:
+    change, name = ACCOUNTS[what]
+    found = verify(report.with_account(change), report.source.columns)
+    assert name in names(found)
+    assert "hash of the account" in names(found) or name == "what it was computed from"
+
+
+CELL = '<td class="number">'
+PEAK = f'<td class="text">Peak voltage</td>{CELL}'
+SEEN: dict[str, tuple[str, str, str]] = {
+    "the verdict": ('<p class="verdict', '<p class="x', "of the page"),
+    "a word of the verdict": ("were not measured", "were measured", "of the page"),
+    "a figure": (PEAK, PEAK + "9", "row “Peak voltage”"),
+    "a bound": ("&lt; 1<", "&lt; 2<", "row “Overshoot of q”"),
+    "a verdict of a criterion": (">pass<", ">fail<", "row “Smallest tendon tension”"),
+    "a parameter": (">0.075<", ">0.076<", "row “geometry.r_j”"),
+    "a version": ("NumPy 2", "NumPy 3", "“Software” in the heading"),
+    "who made it": ("by A. Operator", "by B. Operator", "“Started” in the heading"),
+    "a caption": ("<b>Figure 1.</b> Position", "<b>Figure 1.</b> Location", "of the page"),
+    "a hash": (">samples</td><td class=\"text\">", ">samples</td><td class=\"text\">f", "row “samples”"),
+    "the timing": ("Missing samples</td>" + CELL, "Missing samples</td>" + CELL + "1", "row “Missing samples”"),
+    "a drawing": ('d="M ', 'd="M 1', "drawing of figure 1"),
+    "the footer": ("· run ", "· Run ", "of the page"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", SEEN)
+def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) -> None:
+    old, new, name = SEEN[what]
+    visible, mark, carried = report.page.partition(BEGIN)
+    assert old in visible
+    found = names(verify(visible.replace(old, new, 1) + mark + carried, report.source.columns))
+    assert len(found) == 1
+    assert name in found[0]
+
+
+@pytest.mark.parametrize(("signal", "at"), [("q", 3200), ("F_B", 0), ("u_A", 12_999), ("lateness_s", 5000)])
+def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> None:
+    columns: Columns = dict(report.source.columns)
+    columns[signal] = columns[signal].copy()
+    columns[signal][at] = np.float32(columns[signal][at] + 1e-3)
+    found = names(verify(report.page, columns))
+    assert f"samples of {signal} from {at // 1000} s to {at // 1000 + 1} s" in found
+    assert "hash of the samples" in found
+
+
+def test_a_sample_more_or_less_is_found(report: Made) -> None:
+    fewer = {name: column[:-1] for name, column in report.source.columns.items()}
+    assert "number of samples" in names(verify(report.page, fewer))
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"data{suffix}"
+    file.write_bytes({".csv": to_csv, ".parquet": to_parquet}[suffix](report.source.columns))
+    assert verify(report.page, read_samples_file(file)) == Verified((), ())
+
+
+def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
+    with pytest.raises(EvidenceError, match="the samples that it was made of are not here"):
+        verify(report.page, None)
+    for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
+        with pytest.raises(EvidenceError):
+            read(page)
+    (tmp_path / "data.csv").write_text("t,q\n0,1\n")
+    with pytest.raises(SamplesFileError, match="the column mode is missing"):
+        read_samples_file(tmp_path / "data.csv")
+    (tmp_path / "data.parquet").write_bytes(b"PAR1")
+    with pytest.raises(SamplesFileError, match="cannot be read"):
+        read_samples_file(tmp_path / "data.parquet")
+
+
+def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made) -> None:
+    found = verify(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
+    assert names(found) == ["hash of the account"]
+    assert "it was written by Sinew 0.0.9" in found.left_out[0]
