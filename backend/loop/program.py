@@ -4,6 +4,7 @@ A program is plain data, sent whole before it starts, so that its timing is the 
 arrive in time while it plays.
 """
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
@@ -90,6 +91,15 @@ class Segment:
     count: int = 0
     peak: float = 1.0
     tuning: int = 0
+
+
+def left_at(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
+    """Return where a segment leaves the references [rad, N·m/rad] that were here before it."""
+    if segment.shape is Shape.SINE:
+        share = math.sin(2.0 * math.pi * segment.duration_s / segment.period_s)
+    else:
+        share = 0.0 if segment.shape in OSCILLATING else 1.0
+    return q_ref + share * (segment.q_ref - q_ref), S_ref + share * (segment.S_ref - S_ref)
 
 
 def require_few(segments: Collection[Segment]) -> None:

@@ -26,7 +26,7 @@ def of_document(document: Any) -> str:
 def of_samples(columns: Columns) -> str:
     """Return the SHA-256 of all samples as they are stored, in single precision, signal by signal."""
     found = hashlib.sha256()
-    for name in STORED_NAMES:
+    for name in _present(columns):
         found.update(_stored(columns, name))
     return found.hexdigest()
 
@@ -36,8 +36,12 @@ def blocks_of(columns: Columns) -> dict[str, list[str]]:
     size = columns["t"].size
     return {
         name: [_check(stored[4 * start : 4 * (start + _BLOCK)]) for start in range(0, size, _BLOCK)]
-        for name, stored in ((name, _stored(columns, name)) for name in STORED_NAMES)
+        for name, stored in ((name, _stored(columns, name)) for name in _present(columns))
     }
+
+
+def _present(columns: Columns) -> list[str]:
+    return [name for name in STORED_NAMES if name in columns]
 
 
 def _check(stored: bytes) -> str:

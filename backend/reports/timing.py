@@ -11,8 +11,8 @@ def timing_section(source: Source) -> tuple[Section, ...]:
     columns = source.columns
     if columns["t"].size == 0:
         return ()
-    late_ms = 1e3 * columns["lateness_s"]
-    overruns = columns["overruns"]
+    none = np.zeros(1)
+    late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
     missing = source.result.metrics.missing_samples if source.result else None
     gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
     on_a_clock = bool(np.any(late_ms != 0.0))

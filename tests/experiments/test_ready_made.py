@@ -53,8 +53,7 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Station, n
 @pytest.mark.parametrize("name", NAMES)
 def test_writing_and_reading_gives_it_back(name: str) -> None:
     written, _ = ready_made(name)
-    assert text.read(text.write(written))[0] == written
-    assert text.read(text.canonical(written))[0] == written
+    assert text.of_canonical(text.canonical(written)) == written
     plan = ready_plan(name)
     assert stored_plan(plan.kind, kept_values(plan)) == plan
 

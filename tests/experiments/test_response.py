@@ -120,6 +120,25 @@ def test_both_references_at_once_are_no_response_of_one() -> None:
     assert excitations(program.program()) == ()
 
 
+@pytest.mark.parametrize(
+    ("q", "reason"),
+    [(np.nan, "a sample of it holds no number"), (0.02, "q did not follow its reference at the lowest")],
+)
+def test_a_joint_that_is_lost_or_stands_still_has_no_response(q: float, reason: str) -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    columns = columns_of(program)
+    columns["q"] = np.full_like(columns["q"], q)
+    figures = response_figures(columns, program)
+    assert (figures.bandwidth_q_Hz, figures.resonance_q_dB, figures.lag_q_deg) == (None, None, None)
+    assert all(reason in figures.reasons[name] for name in ("bandwidth_q_Hz", "resonance_q_dB", "lag_q_deg"))
+
+
+def test_an_excitation_right_after_a_sine_is_one_of_its_own_reference() -> None:
+    sine = "{do: sine, q_amplitude: 0.2, period_s: 2, duration_s: 4}"
+    program = plan_of(with_parts(LEAD_IN, sine, MULTISINE.replace("q_amplitude: 0.1", "S_amplitude: 0.5"))).program()
+    assert [one.signal for one in excitations(program)] == ["S"]
+
+
 def test_bandwidth_between_two_lines_is_where_a_straight_line_in_the_bode_plot_crosses() -> None:
     found = Response("q", np.array([1.0, 2.0, 4.0]), np.array([1.0, 0.9, 0.45], dtype=np.complex128))
     # 0.9 to 0.45 is one octave per octave: 0.7071/0.9 of it

@@ -33,6 +33,12 @@ def test_nothing_moves_until_the_next_push_or_reference() -> None:
     assert undisturbed_from(PUSHED, 4200) == 5200
 
 
+def test_a_reference_that_jumps_as_a_push_ends_disturbs_at_once() -> None:
+    pushed = Segment(0.5, 0.0, 10.0, F_push=5.0)
+    program = Program(Law.CASCADE, (HELD, pushed, Segment(2.0, 0.3, 10.0)))
+    assert undisturbed_from(program, 1500) == 1500
+
+
 def test_loads_step_on_and_off_at_their_sides() -> None:
     program = Program(
         Law.CASCADE,

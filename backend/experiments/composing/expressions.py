@@ -54,6 +54,11 @@ def require_known(expression: float | str, names: Names) -> None:
         _look(_tree(expression).body, names)
 
 
+def names_in(expression: str) -> set[str]:
+    """Return the names that an expression speaks of. Raises ExpressionError."""
+    return {node.id for node in ast.walk(_tree(expression)) if isinstance(node, ast.Name)}
+
+
 def _value_of(expression: float | str, names: Names) -> Any:
     if not isinstance(expression, str):
         return expression

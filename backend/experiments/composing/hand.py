@@ -23,12 +23,14 @@ class PushPiece(NamedTuple):
     shape: Shape
 
 
-def smooth(start: float, end: float, duration_s: float) -> Iterator[PushPiece]:
-    """Go from start to end [N] along half a cosine, in straight pieces."""
+def smooth(start: float, end: float, duration_s: float, *, evenly: bool = False) -> Iterator[PushPiece]:
+    """Go from start to end [N] along half a cosine, in straight pieces of PIECE_S, or ``evenly`` in just this time."""
     pieces = max(round(duration_s / PIECE_S), 1)
+    ends = [round(duration_s * piece / pieces, 3) for piece in range(pieces + 1)]
     for piece in range(1, pieces + 1):
         share = 0.5 - 0.5 * math.cos(math.pi * piece / pieces)
-        yield PushPiece(PIECE_S, start + share * (end - start), Shape.RAMP)
+        lasts = ends[piece] - ends[piece - 1] if evenly else PIECE_S
+        yield PushPiece(lasts, start + share * (end - start), Shape.RAMP)
 
 
 def pushes_of_a_hand(F_push: float, pushes: int, pause_s: float, seed: int) -> Iterator[PushPiece]:

@@ -9,7 +9,7 @@ from typing import Any
 from backend.documents import experiment as form
 from backend.documents.result import Phase
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.composing.expressions import ExpressionError, Names, number_of
+from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, ExpressionError, Names, number_of
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
 from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
 from backend.experiments.settings import describe
@@ -166,7 +166,7 @@ class _Layout:
         F = self._number("F_push", part.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         duration_s = self._time(part.duration_s)
         if part.shape == "smooth":
-            self._press(smooth(self._F, F, duration_s))
+            self._press(smooth(self._F, F, duration_s, evenly=True))
         else:
             self._press([PushPiece(duration_s, F, Shape(part.shape))])
 
@@ -213,6 +213,8 @@ class _Layout:
     def _repeat(self, part: form.Repeat) -> None:
         path, outer = self._path, self._names.get(part.index)
         times = self._whole("times", part.times, 1, MAX_SEGMENTS)
+        if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == one.name for one in self._experiment.settings):
+            raise self._refused(f"{part.index!r} is taken: give the index another name", (*path, "index"))
         for turn in range(times):
             self._names[part.index] = turn
             self._play(part.parts, (*path, "parts"))

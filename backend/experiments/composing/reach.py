@@ -3,7 +3,7 @@
 from backend.controllers.limits import bounds_for
 from backend.experiments.composing.layout import Laid
 from backend.experiments.composing.refused import Lines, at
-from backend.loop.program import OSCILLATING
+from backend.loop.program import OSCILLATING, left_at
 from backend.refusal import require_within
 from plant.parameters import PlantParameters
 
@@ -16,9 +16,8 @@ def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None
         asked = [(segment.q_ref, segment.S_ref)]
         if segment.shape in OSCILLATING:
             asked.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
-        else:
-            q, S = segment.q_ref, segment.S_ref
         for q_ref, S_ref in asked:
             with at(place, lines):
                 require_within("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
                 require_within("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
+        q, S = left_at(segment, q, S)

@@ -5,12 +5,22 @@ from collections.abc import Mapping
 from backend.documents.experiment import Declared, Experiment
 from backend.documents.run_settings import Value
 from backend.experiments.banks.tuning_choice import NAMES
-from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, ExpressionError, number_of, truth_of
+from backend.experiments.composing.expressions import (
+    CONSTANTS,
+    FUNCTIONS,
+    ExpressionError,
+    names_in,
+    number_of,
+    truth_of,
+)
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.settings import Setting, SettingError
 from backend.refusal import OutOfRangeError, Path
 
-_TAKEN = {*NAMES, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
+OF_THE_PLANT = ("u_max", "F_max", "r_j", "r_m", "ideal")
+"""What the bounds of criteria may speak of beside settings and tuning."""
+
+_TAKEN = {*NAMES, *OF_THE_PLANT, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
 
 
 def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
@@ -49,7 +59,7 @@ def require_rules(experiment: Experiment, values: Mapping[str, Value], lines: Li
         except ExpressionError as error:
             raise ExperimentError(str(error), path, line_of(path, lines)) from None
         if not held:
-            told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in rule.that.split())
+            told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names_in(rule.that))
             raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
 
 
@@ -60,6 +70,8 @@ def _setting(declared: Declared) -> Setting:
         raise ExpressionError(f"{declared.name} needs a minimum and a maximum")
     numeric = declared.kind in ("number", "integer")
     default = number_of(declared.default, {}) if numeric else declared.default
+    if declared.kind == "integer" and default != round(float(default)):
+        raise ExpressionError(f"the default {declared.default!r} is not a whole number")
     return Setting(
         name=declared.name,
         kind=declared.kind,

@@ -30,6 +30,8 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without ty
         if self.check_event(yaml.AliasEvent) or getattr(self.peek_event(), "anchor", None):
             line = self.peek_event().start_mark.line + 1
             raise ExperimentError("anchors and aliases are not taken: write it out, or use repeat", (), line)
+        if (tag := getattr(self.peek_event(), "tag", None)) is not None:
+            raise ExperimentError(f"the tag {tag} is not taken", (), self.peek_event().start_mark.line + 1)
         return super().compose_node(parent, index)
 
 
@@ -77,13 +79,14 @@ def of_document(document: Any, lines: Lines) -> Experiment:
         raise ExperimentError(_told(first), path, line_of(path, lines)) from None
 
 
-def write(experiment: Experiment) -> str:
-    """Return an experiment as YAML, in the order of its form."""
-    document = EXPERIMENT.dump_python(experiment, mode="json", exclude_defaults=True)
-    text: str = yaml.safe_dump(
-        {"format": FORMAT, **document}, sort_keys=False, allow_unicode=True, width=110, default_flow_style=None
-    )
-    return text
+def of_canonical(line: str) -> Experiment:
+    """Return the experiment that ``canonical`` has written. Raises ExperimentError."""
+    try:
+        return of_document(json.loads(line), {})
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ExperimentError):
+            raise
+        raise ExperimentError(f"it is not JSON: {error}") from None
 
 
 def canonical(experiment: Experiment) -> str:

@@ -63,5 +63,5 @@ def stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
         return plan
     if "experiment" not in kept:
         return ready_plan(kind, **kept)
-    experiment, lines = text.read(str(kept["experiment"]))
-    return composed(experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind, lines)
+    experiment = text.of_canonical(str(kept["experiment"]))
+    return composed(experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind)

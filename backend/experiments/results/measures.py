@@ -8,6 +8,7 @@ from backend.documents.experiment import Bound, Experiment, Measure
 from backend.documents.run_settings import Value
 from backend.experiments.composing.expressions import ExpressionError, require_known
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
+from backend.experiments.composing.settings import OF_THE_PLANT
 from backend.experiments.results.compliance import ComplianceFigures
 from backend.experiments.results.disturbance import DisturbanceFigures
 from backend.experiments.results.metrics import Overall
@@ -49,7 +50,7 @@ def known_to_bounds(
     }
 
 
-_OF_PLANT_AND_TUNING = ("u_max", "F_max", "r_j", "r_m", "lam_q", "lam_S", "lam_motor", "ideal")
+_OF_PLANT_AND_TUNING = (*OF_THE_PLANT, "lam_q", "lam_S", "lam_motor")
 
 
 def require_measurable(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:

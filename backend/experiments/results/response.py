@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.experiments.results.metrics import NoSamplesError, figure
+from backend.experiments.results.rest import NO_NUMBER
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import Excited, excitations
 from backend.loop.program import Program
@@ -21,6 +22,9 @@ Array = NDArray[np.float64]
 
 LEAST_SHARE = 0.05
 """Lines of the excitation below this share of its strongest are not measured."""
+
+LEAST_GAIN = 0.05
+"""A loop that follows less of its reference at the lowest line has no bandwidth to speak of."""
 
 BAND = 1.12
 """Lines of a sweep or a sequence are taken together within bands of this ratio of frequencies."""
@@ -74,6 +78,10 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, f"the reference of {signal} alone was not excited to the end")
             continue
+        if unmeasurable := _why_not(response):
+            values |= dict.fromkeys(names)
+            reasons |= dict.fromkeys(names, unmeasurable)
+            continue
         gain = response.gain
         values[names[1]] = 20.0 * float(np.log10(gain.max()))
         edge = bandwidth(response)
@@ -83,6 +91,16 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
             reason = f"it is still above −3 dB at {response.f[-1]:.3g} Hz, the highest line: excite it higher"
             reasons |= {names[0]: reason, names[2]: reason}
     return ResponseFigures(**whole(columns), **values, reasons=reasons)
+
+
+def _why_not(response: Response) -> str:
+    if not np.isfinite(response.H).all():
+        return NO_NUMBER
+    if abs(response.H[0]) < LEAST_GAIN:
+        return (
+            f"{response.signal} did not follow its reference at the lowest line: its gain there was below {LEAST_GAIN}"
+        )
+    return ""
 
 
 def responses(columns: Columns, program: Program) -> tuple[Response, ...]:

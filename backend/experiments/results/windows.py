@@ -3,9 +3,12 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from backend.loop.program import Program, Segment, Shape
+from backend.loop.program import Program, Segment, Shape, left_at
 from plant.interface import T_s
 from plant.parameter_sections import SIDES, Side
+
+_STILL = 1e-12
+"""A reference that is nearer to where it was has not moved: the rest is rounding."""
 
 
 class LoadStep(NamedTuple):
@@ -65,9 +68,9 @@ def excitations(program: Program) -> tuple[Excited, ...]:
     q, S = 0.0, 0.0
     for start, end, segment in timed(program):
         if segment.shape not in (Shape.SWEEP, Shape.PRBS, Shape.MULTISINE):
-            q, S = segment.q_ref, segment.S_ref
+            q, S = left_at(segment, q, S)
             continue
-        moved = [name for name, by in (("q", segment.q_ref - q), ("S", segment.S_ref - S)) if by]
+        moved = [name for name, by in (("q", segment.q_ref - q), ("S", segment.S_ref - S)) if abs(by) > _STILL]
         if len(moved) == 1:
             found.append(Excited(moved[0], slice(start, end), _period(segment)))
     return tuple(found)
@@ -75,16 +78,15 @@ def excitations(program: Program) -> tuple[Excited, ...]:
 
 def undisturbed_from(program: Program, at: int) -> int:
     """Return the sample up to which nothing acts and no reference moves from ``at`` on."""
-    held: Segment | None = None
-    until = at
-    for start, end, segment in timed(program):
+    held, until = (0.0, 0.0), at
+    for _, end, segment in timed(program):
         if end <= at:
+            held = left_at(segment, *held)
             continue
         acts = segment.F_push or segment.load_A or segment.load_B or segment.shape is not Shape.STEP
-        moves = held is not None and (segment.q_ref, segment.S_ref) != (held.q_ref, held.S_ref)
-        if acts or moves or start > until:
+        if acts or (segment.q_ref, segment.S_ref) != held:
             break
-        held, until = segment, end
+        until = end
     return until
 
 

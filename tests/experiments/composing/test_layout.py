@@ -81,6 +81,8 @@ def test_pushes_end_with_their_part() -> None:
     assert (np.diff(forces) > 0.0).all()
     assert forces[-1] == pytest.approx(6.0)
     assert sum(piece.duration_s for piece in pressed) == pytest.approx(0.4)
+    (brief,) = after_lead_in("{do: push, F_push: 6, duration_s: 0.05, shape: smooth}")
+    assert brief.duration_s == 0.05
 
 
 def test_settings_move_what_is_played_and_the_law_may_be_one() -> None:

@@ -18,6 +18,7 @@ NESTED = "{do: repeat, times: 1000, parts: [" * 3 + "{do: hold, duration_s: 1}" 
 DEEP = "{do: repeat, times: 1, parts: [" * 30 + "{do: hold, duration_s: 1}" + "]}" * 30
 EMPTY = "{do: repeat, times: 1000, parts: [" * 3 + "]}" * 3
 SWING = "{do: sine, q_amplitude: 0.25, period_s: 1, duration_s: 1}"
+AWAY = "{do: sine, q_amplitude: -0.4, period_s: 4, duration_s: 1}"
 TUNINGS = "{do: repeat, times: 1000, parts: [{do: repeat, times: 1000, parts: [{do: tuning, b: 0.5}]}]}"
 
 
@@ -81,6 +82,10 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("&loop {do: hold, duration_s: 1}", "anchors and aliases are not taken"),
         ("*loop", "anchors and aliases are not taken"),
         ("!!python/object:os.system {do: hold}", "the tag tag:yaml.org,2002:python/object:os.system is not taken"),
+        (
+            "{do: repeat, index: pi, times: 2, parts: [{do: hold, duration_s: 1}]}",
+            "'pi' is taken: give the index another",
+        ),
         ("{do: hold, duration_s: 1, duration_s: 2}", "duration_s: it is said twice"),
         ("{do: hold, duration_s: yes}", "'yes' is not known here"),
         ("{do: hold, duration_s: 123456789012345678901}", "is not a number that can be meant"),
@@ -106,6 +111,8 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperimen
         ("format: 1", "format: 2", 1, "2 is not known: this Sinew reads format 1"),
         ("name: depth", "name: lam_q", 5, "'lam_q' is taken: by the tuning, the seed or another setting"),
         ("default: 0.2", "default: 0.9", 5, "0.9 rad is outside 0.01 to 0.5 rad"),
+        ("name: depth", "name: u_max", 5, "'u_max' is taken"),
+        ("name: depth,", "name: depth, kind: integer,", 5, "the default 0.2 is not a whole number"),
         ("maximum: 0.5}", "}", 5, "depth needs a minimum and a maximum"),
         ("title: Wobble", "title: Wobble\nlaw: magic", 4, "'magic' is no control law; there are cascade"),
         ("title: Wobble", "title: [Wobble", 4, "it is neither YAML nor JSON"),
@@ -142,6 +149,15 @@ def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: 
     assert refused.value.line == 10
 
 
+def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments) -> None:
+    lab = load_parameters("lab")
+    short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
+    text = with_parts(LEAD_IN, AWAY, "{do: sine, q_amplitude: 0.6, period_s: 4, duration_s: 4}")
+    with pytest.raises(ExperimentError, match=r"-1 rad is outside -0.83 to 0.83 rad") as refused:
+        own.checked(text, short, TuningChoice())
+    assert refused.value.line == 10
+
+
 def test_a_bank_that_is_not_there_is_refused_in_its_line(own: OwnExperiments) -> None:
     refused = refusal(own, with_parts(LEAD_IN, "{do: tuning, bank: 77}", "{do: hold, duration_s: 5}"))
     assert refused.line == 9
@@ -154,10 +170,10 @@ def test_what_is_no_experiment_at_all_is_refused_in_a_sentence(own: OwnExperimen
 
 
 def test_a_rule_of_the_settings_says_what_does_not_hold(own: OwnExperiments) -> None:
-    rules = "rules:\n  - {that: depth > 0.3, remedy: swing further}\n"
+    rules = "rules:\n  - {that: depth>0.3, remedy: swing further}\n"
     refused = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
     assert refused.line == 7
-    assert "depth > 0.3 does not hold (depth is 0.2): swing further" in str(refused)
+    assert "depth>0.3 does not hold (depth is 0.2): swing further" in str(refused)
 
 
 def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path) -> None:
