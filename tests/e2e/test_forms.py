@@ -12,6 +12,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
+from backend.experiments.composing.ready_made import NAMES, ready_made
+from backend.experiments.composing.text import canonical
 from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
@@ -86,7 +88,9 @@ def words_of(tuning: Values) -> str:
 
 def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
     """Name what service, database or report tell otherwise of a run."""
-    told = stage.get(f"/api/runs/{run}")["settings"]
+    told_of = stage.get(f"/api/runs/{run}")
+    told, kept = told_of["settings"], stage.stored(run)
+    written = kept.pop("experiment", None)
     url = f"{stage.service.url}/api/runs/{run}/report.html"
     printed, segments = forms.reported(stage.browser, stage.page, url)
     in_rows = [one for one in told if one["name"] != "segments"]
@@ -103,11 +107,20 @@ def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
         for where, found in (
             ("view", differences(stage.get(f"{path}/{run}")["settings"], settings)),
             ("run", differences({one["name"]: one["value"] for one in told}, settings)),
-            ("database", differences(stage.stored(run), settings)),
+            ("database", differences(kept, settings)),
+            ("experiment", [] if written == _written(told_of["kind"], told_of["title"]) else [str(written)]),
             ("report", [*meant, *differences(in_print, settings, ROUNDED)]),
         )
         for wrong in found
     ]
+
+
+def _written(kind: str, title: str) -> str | None:
+    """What a run keeps of the experiment that it plays: the whole text of it, where it is one."""
+    known = [ready_made(name)[0] for name in NAMES]
+    return next(
+        (canonical(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)), None
+    )
 
 
 def not_queued(stage: Stage, form: Locator) -> list[str]:

@@ -5,7 +5,6 @@ from dataclasses import asdict
 
 import pytest
 
-from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, Plan
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
@@ -61,7 +60,7 @@ def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
 
 
 def test_settings_are_checked_against_each_other() -> None:
-    with pytest.raises(ExperimentError, match="below the upper one"):
+    with pytest.raises(OutOfRangeError, match="12 N·m/rad is more than 11 N·m/rad; keep it below the upper level"):
         ready_plan("tracking", S_low=12, S_high=11)
     with pytest.raises(OutOfRangeError, match="shorter chip"):
         ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()

@@ -4,7 +4,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 Names = Mapping[str, bool | int | float | str]
 FUNCTIONS: dict[str, Callable[..., Any]] = {"min": min, "max": max, "abs": abs, "sqrt": math.sqrt, "round": round}
@@ -57,6 +57,29 @@ def require_known(expression: float | str, names: Names) -> None:
 def names_in(expression: str) -> set[str]:
     """Return the names that an expression speaks of. Raises ExpressionError."""
     return {node.id for node in ast.walk(_tree(expression)) if isinstance(node, ast.Name)}
+
+
+class Compared(NamedTuple):
+    """A name that is compared with a bound, both as numbers; ``below``: it has to stay below it."""
+
+    name: str
+    value: float
+    bound: float
+    below: bool
+
+
+def bound_of(expression: str, names: Names) -> Compared | None:
+    """Return what a comparison such as "S_low < S_high" says of its first name; None where it is less plain."""
+    match _tree(expression).body:
+        case ast.Compare(
+            left=ast.Name(id=name), ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as sign], comparators=[right]
+        ):
+            value, bound = names.get(name), number_of(ast.unparse(right), names)
+            if isinstance(value, int | float):
+                return Compared(name, float(value), bound, isinstance(sign, ast.Lt | ast.LtE))
+        case _:
+            pass
+    return None
 
 
 def _value_of(expression: float | str, names: Names) -> Any:

@@ -1,14 +1,15 @@
 """The settings that an experiment declares, as the page, the command line and the interface know settings. Pure."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
-from backend.documents.experiment import Declared, Experiment
+from backend.documents.experiment import Declared, Experiment, Rule
 from backend.documents.run_settings import Value
 from backend.experiments.banks.tuning_choice import NAMES
 from backend.experiments.composing.expressions import (
     CONSTANTS,
     FUNCTIONS,
     ExpressionError,
+    bound_of,
     names_in,
     number_of,
     truth_of,
@@ -50,17 +51,42 @@ def parsed(settings: tuple[Setting, ...], values: Mapping[str, object]) -> dict[
     return {name: setting.parse(values.get(name, setting.default)) for name, setting in known.items()}
 
 
-def require_rules(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:
-    """Raise ExperimentError for a rule of the settings that does not hold."""
+def require_rules(
+    experiment: Experiment,
+    settings: tuple[Setting, ...],
+    values: Mapping[str, Value],
+    given: Collection[str],
+    lines: Lines,
+) -> None:
+    """Raise for a rule of the settings that does not hold.
+
+    With values that somebody has ``given`` it is OutOfRangeError of the setting that the rule compares with a bound,
+    where it is so plain; else ExperimentError naming the rule.
+    """
     for place, rule in enumerate(experiment.rules):
         path: Path = ("rules", place, "that")
         try:
-            held = truth_of(rule.that, values)
+            held, names = truth_of(rule.that, values), names_in(rule.that)
         except ExpressionError as error:
             raise ExperimentError(str(error), path, line_of(path, lines)) from None
-        if not held:
-            told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names_in(rule.that))
-            raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
+        if held:
+            continue
+        if names & set(given):
+            _blame(rule, settings, values)
+        told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
+        raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, line_of(path, lines))
+
+
+def _blame(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
+    """Raise OutOfRangeError of the setting that a rule compares with a bound, where it is so plain."""
+    compared = bound_of(rule.that, values)
+    blamed = next((setting for setting in settings if compared and setting.name == compared.name), None)
+    if compared is None or blamed is None:
+        return
+    least, most = (None, compared.bound) if compared.below else (compared.bound, None)
+    raise OutOfRangeError(
+        blamed.name, compared.value, least, most, blamed.unit, rule.remedy, words=blamed.meaning, path=(blamed.name,)
+    )
 
 
 def _setting(declared: Declared) -> Setting:

@@ -68,8 +68,9 @@ def composed(
     Raises ExperimentError, SettingError, OutOfRangeError.
     """
     where = {} if lines is None else lines
-    values = parsed(settings_of(experiment, where), given)
+    settings = settings_of(experiment, where)
+    values = parsed(settings, given)
     plan = ComposedPlan(experiment, values, kind, where)
-    require_rules(experiment, values, where)
+    require_rules(experiment, settings, values, given, where)
     plan.program()
     return plan

@@ -104,17 +104,26 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
     lines = {(): 1, ("rules", 0, "that"): 21}
-    require_rules(asked, {"low": 0.2, "high": 0.8}, lines)
+    require_rules(asked, settings_of(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
     with pytest.raises(ExperimentError) as refused:
-        require_rules(asked, {"low": 0.8, "high": 0.8}, lines)
+        require_rules(asked, settings_of(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
     assert str(refused.value) == (
         "line 21: rules 1, that: low < high does not hold (low is 0.8, high is 0.8): keep low below high"
     )
+
+
+@pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
+def test_whoever_gave_a_value_is_told_at_that_value(that: str, bounds: tuple[float | None, float | None]) -> None:
+    low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
+    asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
+    with pytest.raises(OutOfRangeError, match="mind the gap") as refused:
+        require_rules(asked, settings_of(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
+    assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("low", *bounds)
 
 
 @pytest.mark.parametrize("that", ["low < middle", "low + 1", "low", "low <", "__import__('os')", "1 / 0 < low"])
 def test_a_rule_that_is_no_comparison_is_refused_in_its_line(that: str) -> None:
     asked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
     with pytest.raises(ExperimentError) as refused:
-        require_rules(asked, {"low": 0.2}, {("rules", 0, "that"): 3})
+        require_rules(asked, settings_of(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
     assert refused.value.line == 3
