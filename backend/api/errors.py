@@ -204,6 +204,7 @@ def _experiment_problem(error: ExperimentError, angles: Angles) -> Problem:
         quantity=error.quantity,
         words=error.words,
         path=list(error.path) or None,
+        line=error.line,
     )
 
 

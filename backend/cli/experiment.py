@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.ordering import current_user, in_force, ordered, run_headless, values_of
+from backend.cli.ordering import current_user, in_force, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail
 from backend.cli.place import DataFolder, ParameterSet, PlantName, VirtualCard, WiringFile, database_of, settings_with
 from backend.settings import Settings
@@ -23,8 +23,12 @@ OutFolder = Annotated[
 
 
 def experiment(
-    name: Annotated[
-        str, typer.Argument(help="Which experiment: a name of sinew experiments list, name@2, or a file of one.")
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="NAME...",
+            help="Which experiment: a name of sinew experiments list, name@2, or a file of one; several play in turn.",
+        ),
     ],
     values: SetWords = None,
     controller: Annotated[
@@ -39,7 +43,10 @@ def experiment(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run an experiment headless on the simulator, faster than real time; stored like one from the browser.
+    """Run experiments headless on the simulator, faster than real time; stored like those from the browser.
+
+    Several play in turn, each with the settings that are said, until one does not complete; their files go to a folder
+    for each run.
 
     Its settings, such as q_amplitude [rad], S_hold [N·m/rad] or hold_s [s], are told by sinew experiments show NAME.
     Settings of the loop: lam_q, lam_S, lam_motor [s], b (0 to 1), bank (number, 0 for gains from geometry),
@@ -49,9 +56,16 @@ def experiment(
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
     settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
-    entry = entry_of(name, settings)
-    plan, loop_settings, tuning = ordered(entry.settings, entry.make, chosen, in_force(settings))
-    run_headless(settings, Order(plan, loop_settings, current_user()), tuning, out, as_json=as_json)
+    standing, who = in_force(settings), current_user()
+    orders = []
+    for name in names:
+        entry = entry_of(name, settings)
+        plan, loop_settings, tuning = ordered(entry.settings, entry.make, chosen, standing)
+        orders.append(Order(plan, loop_settings, who))
+    if len(orders) == 1:
+        run_headless(settings, orders[0], tuning, out, as_json=as_json)
+    else:
+        run_in_turn(settings, orders, tuning, out, as_json=as_json)
 
 
 def entry_of(name: str, settings: Settings) -> "Entry":

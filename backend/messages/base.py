@@ -48,6 +48,7 @@ class Problem(Schema):
     path: list[str | int] | None = Field(
         default=None, description="where the value stands in what was asked for: names, and places in lists from 0"
     )
+    line: int | None = Field(default=None, description="of a text that was asked for, from 1")
     value: Any = None
     minimum: float | None = None
     maximum: float | None = None

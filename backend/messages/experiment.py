@@ -97,6 +97,12 @@ class QueueView(Schema):
     problem: str = Field(description="why the queue was held")
 
 
+class QueuePlace(Schema):
+    """Where in the queue an experiment is to wait."""
+
+    place: int = Field(ge=0, le=1000, description="from 0, the next one to be started")
+
+
 class DryRunView(Schema):
     """What an experiment would give, played on a simulator of its own; nothing is stored."""
 

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 from itertools import count
 
 from backend.messages.experiment import ExperimentRequest, QueuedView, QueueView
-from backend.refusal import Because, RefusalError
+from backend.refusal import Because, RefusalError, require_within
 from backend.storage.runs import EndState
 from backend.supervision import Part, Supervision
 
@@ -58,6 +58,17 @@ class Queue:
         self._items = kept
         if not kept or item_id == self._refused:
             self._tell("")
+        return self.view()
+
+    def move(self, item_id: int, place: int) -> QueueView:
+        """Let an experiment wait at a place, counted from 0. Raises RefusalError when it does not wait any more."""
+        moved = next((item for item in self._items if item.id == item_id), None)
+        if moved is None:
+            raise RefusalError(Because.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+        words = "place in the queue"
+        require_within("place", place, 0, len(self._items) - 1, "1", words=words)
+        self._items = [item for item in self._items if item.id != item_id]
+        self._items.insert(place, moved)
         return self.view()
 
     def _require_room(self) -> None:

@@ -92,7 +92,7 @@ class OrderedRuns:
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RefusalError, SettingError, OutOfRangeError."""
-        plan, wanted = await asyncio.to_thread(self._order, request)
+        _, plan, wanted = await asyncio.to_thread(self._order, request)
         self._require_seed(wanted)
         async with self._actuator.starting:
             self._require_free()
@@ -104,12 +104,12 @@ class OrderedRuns:
 
         Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
-        plan, wanted = await asyncio.to_thread(self._order, request)
+        name, plan, wanted = await asyncio.to_thread(self._order, request)
         self._require_seed(wanted)
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
         await asyncio.to_thread(playable, self._station.database, tuning.parameters, plan, wanted.tuning)
-        return ExperimentRequest(name=request.name, settings={**values_of(plan), **asdict(wanted)})
+        return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
     async def check_experiment(self, written: str) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force. Raises ExperimentError."""
@@ -126,7 +126,7 @@ class OrderedRuns:
         self, request: ExperimentRequest, person: Person, left: Callable[[], Awaitable[bool]]
     ) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
-        plan, wanted = await asyncio.to_thread(self._order, request)
+        _, plan, wanted = await asyncio.to_thread(self._order, request)
         bank = await self._bank_of(wanted)
         order = Order(plan, wanted, person.name)
         return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, bank, person, left)
@@ -261,10 +261,11 @@ class OrderedRuns:
     async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
         return await self._banks.stored_bank(wanted.bank) if wanted.bank else None
 
-    def _order(self, request: ExperimentRequest) -> tuple[Plan, LoopSettings]:
-        """Return what is asked for, with the operator's tuning where nothing else is said."""
+    def _order(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
+        """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
         entry = self._experiments.entry(request.name)
-        return split_values(entry.settings, entry.make, {**asdict(self._loop_settings()), **request.settings})
+        values = {**asdict(self._loop_settings()), **request.settings}
+        return entry.name, *split_values(entry.settings, entry.make, values)
 
     def _loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)

@@ -53,6 +53,54 @@ def test_a_stop_holds_the_queue_and_says_why(off: httpx.Client) -> None:
     assert len(queue["items"]) == 1
 
 
+def test_what_waits_is_moved_to_its_place(off: httpx.Client) -> None:
+    items = [add(off, SHORT).json()["items"][-1]["id"] for _ in range(3)]
+
+    def order_after(item: int, place: int) -> list[int]:
+        moved = off.put(f"/api/experiments/queue/{item}/place", json={"place": place})
+        return [one["id"] for one in moved.raise_for_status().json()["items"]]
+
+    first, second, third = items
+    assert order_after(third, 0) == [third, first, second]
+    assert order_after(third, 2) == [first, second, third]
+    assert order_after(second, 1) == [first, second, third]
+    beyond = off.put(f"/api/experiments/queue/{first}/place", json={"place": 3})
+    assert beyond.status_code == 422
+    assert problem(beyond)["message"] == "place in the queue: 3 is outside 0 to 2; choose a value between the two"
+    gone = off.put("/api/experiments/queue/999999/place", json={"place": 0})
+    assert (gone.status_code, "does not wait in the queue" in str(problem(gone)["message"])) == (404, True)
+
+
+def test_an_own_experiment_waits_in_the_version_that_it_was_added_in(off: httpx.Client) -> None:
+    text = off.get("/api/experiments/texts/step_battery").raise_for_status().json()["text"]
+    own = text.replace("name: step_battery\n", "name: waiting\n", 1)
+    for written, version in ((own, 1), (own.replace("title: Step battery", "title: Another"), 2)):
+        kept = off.post("/api/experiments/own", json={"text": written}).raise_for_status().json()
+        assert (kept["name"], kept["version"]) == ("waiting", version)
+        waiting = off.post("/api/experiments/queue", json={"name": "waiting", "settings": {}}).raise_for_status().json()
+        assert waiting["items"][-1]["name"] == f"waiting@{version}"
+    listed = {one["name"]: one["title"] for one in off.get("/api/experiments").json()["experiments"]}
+    assert listed["waiting@2"] == "Another"
+    assert "waiting@1" not in listed
+
+
+def test_a_text_is_checked_by_anybody_and_nothing_is_kept_of_what_is_refused(off: httpx.Client) -> None:
+    before = off.get("/api/experiments/own").raise_for_status().json()
+    text = off.get("/api/experiments/texts/lambda_sweep").raise_for_status().json()["text"]
+    fast = text.replace("name: lambda_sweep\n", "name: fast\n", 1).replace(
+        "default: 0.5, minimum: 0.05", "default: 0.06, minimum: 0.05"
+    )
+    for way in ("check", "own"):
+        refused = off.post(f"/api/experiments/{way}", json={"text": fast})
+        assert refused.status_code == 422
+        told = problem(refused)
+        assert (told["code"], told["line"]) == ("bad_experiment", 23)
+        assert "λ_q: 0.232379 s is outside" in str(told["message"])
+    assert off.get("/api/experiments/own").json() == before
+    assert off.get("/api/experiments/schema").raise_for_status().json()["title"] == "Experiment"
+    assert off.get("/api/experiments/texts/nowhere").status_code == 404
+
+
 def test_what_could_not_be_started_is_refused_when_it_is_added(off: httpx.Client) -> None:
     refused = add(off, '[{"duration_s": 1, "q_ref": 9, "S_ref": 10}]')
     assert refused.status_code == 422

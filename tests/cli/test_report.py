@@ -34,3 +34,20 @@ def test_a_report_holds_until_somebody_touches_it(tmp_path: Path) -> None:
     touched = sinew("report", "verify", str(report), folder=here)
     assert touched.returncode == 1
     assert "does not hold: 1 differences" in touched.stderr
+
+
+def test_several_experiments_play_in_turn_with_files_for_each(tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    shown = sinew("experiments", "text", "step_battery", folder=tmp_path / "here")
+    own.write_text(shown.stdout.replace("name: step_battery\n", "name: mine\n", 1), encoding="utf-8")
+    assert sinew("experiments", "keep", str(own), folder=tmp_path / "here").returncode == 0
+    ordered = ("mine@1", str(own), "--set", "hold_s=1.5", "--set", "sizes=1", "--json", "--out", str(tmp_path / "out"))
+    played = sinew("experiment", *ordered, folder=tmp_path / "here")
+    assert played.returncode == 0, played.stderr
+    documents = json.loads(played.stdout)
+    assert [one["run"] for one in documents] == [1, 2]
+    assert documents[0]["settings"]["plan"] == documents[1]["settings"]["plan"]
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"run-1", "run-2"}
+    refused = sinew("experiment", "mine@2", folder=tmp_path / "here")
+    assert refused.returncode == 1
+    assert "there is no such experiment; known: tracking" in refused.stderr

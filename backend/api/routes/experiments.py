@@ -9,6 +9,7 @@ from backend.messages.experiment import (
     ExperimentKindList,
     ExperimentRequest,
     ExperimentView,
+    QueuePlace,
     QueueView,
 )
 from backend.messages.identification import Started
@@ -61,6 +62,12 @@ async def run_queue(service: ServiceInUse, _person: InControl) -> QueueView:
 async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
     """Start no further experiment; the one under way goes on."""
     return service.ordered_runs.queue.hold()
+
+
+@router.put("/queue/{id}/place")
+async def move_in_queue(id: RowId, body: QueuePlace, service: ServiceInUse, _person: Operator) -> QueueView:
+    """Let a waiting experiment wait at another place."""
+    return service.ordered_runs.queue.move(id, body.place)
 
 
 @router.delete("/queue/{id}")

@@ -160,6 +160,7 @@ export function useQueueCommand() {
 type QueueCommand =
   | { readonly do: "add"; readonly name: string; readonly settings: SettingValues }
   | { readonly do: "remove"; readonly id: number }
+  | { readonly do: "move"; readonly id: number; readonly place: number }
   | { readonly do: "run" }
   | { readonly do: "hold" };
 
@@ -171,6 +172,10 @@ function queueRequest(command: QueueCommand) {
     }
     case "remove":
       return api.DELETE("/api/experiments/queue/{id}", { params: { path: { id: command.id } } });
+    case "move": {
+      const { id, place } = command;
+      return api.PUT("/api/experiments/queue/{id}/place", { params: { path: { id } }, body: { place } });
+    }
     case "run":
       return api.POST("/api/experiments/queue/run");
     case "hold":

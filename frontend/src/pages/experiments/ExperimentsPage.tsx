@@ -60,12 +60,12 @@ export default function ExperimentsPage() {
             </Card>
           )}
           <QueueCard kinds={kinds.data ?? []} />
-          <OwnExperiments kinds={kinds.data ?? []} onKept={choose} />
         </div>
         <div className={page.column}>
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
+          <OwnExperiments kinds={kinds.data ?? []} onKept={choose} />
         </div>
       </div>
     </div>

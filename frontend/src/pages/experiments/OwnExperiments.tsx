@@ -2,7 +2,7 @@
 
 import { Button, FileButton, NativeSelect, Textarea } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
-import { useState } from "react";
+import { useEffect, useRef, useState } from "react";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -11,6 +11,7 @@ import { counted } from "../../samples/words";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
 import { experimentTextQuery } from "../../service/queries";
 import { lastRefusal } from "../../service/refusedFields";
+import { RequestError } from "../../wire/client";
 import type { ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -54,6 +55,11 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
   }
 
   const failure = lastRefusal(check, keep);
+  const box = useRef<HTMLTextAreaElement>(null);
+  useEffect(() => {
+    const line = failure instanceof RequestError ? failure.problem?.line : null;
+    if (box.current !== null && line != null) markLine(box.current, line);
+  }, [failure]);
   const told = check.data && !keep.data ? inWords(check.data) : keep.data ? keptInWords(keep.data) : "";
   return (
     <Card title="Own experiments" aside={<span className={page.dim}>YAML or JSON, kept in versions</span>}>
@@ -97,6 +103,8 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
           minRows={6}
           maxRows={24}
           spellCheck={false}
+          ref={box}
+          wrap="off"
           styles={{ input: { fontFamily: "var(--mantine-font-family-monospace)", fontSize: 12 } }}
         />
         <div className={page.decide}>
@@ -130,6 +138,15 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
   );
 }
 
+/** Shows where a text is refused: its line is selected, and in sight. */
+function markLine(box: HTMLTextAreaElement, line: number): void {
+  const lines = box.value.split("\n");
+  const start = lines.slice(0, line - 1).reduce((sum, one) => sum + one.length + 1, 0);
+  box.focus();
+  box.setSelectionRange(start, start + (lines[line - 1]?.length ?? 0));
+  box.scrollTop = (box.scrollHeight / lines.length) * Math.max(0, line - 4);
+}
+
 interface Checked {
   readonly title: string;
   readonly duration_s: number;
@@ -147,5 +164,5 @@ function inWords(checked: Checked): string {
 }
 
 function keptInWords(kept: { readonly name: string; readonly version: number }): string {
-  return `Kept as ${kept.name}@${kept.version}: it stands among the experiments above.`;
+  return `Kept as ${kept.name}@${kept.version}: it can be chosen as a new experiment now.`;
 }

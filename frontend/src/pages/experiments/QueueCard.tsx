@@ -2,7 +2,7 @@
 
 import { ActionIcon, Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { TbX } from "react-icons/tb";
+import { TbArrowUp, TbX } from "react-icons/tb";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -31,7 +31,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
         {items.length === 0 && <span className={page.dim}>Nothing waits.</span>}
         {items.length > 0 && (
           <ol aria-label="Queue" style={{ margin: 0, paddingLeft: 20 }}>
-            {items.map((item) => (
+            {items.map((item, place) => (
               <li key={item.id}>
                 <div className={page.actions} style={{ justifyContent: "space-between", flexWrap: "nowrap" }}>
                   <span>
@@ -40,6 +40,15 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
                     <OrderWords name={item.name} settings={item.settings} />
                   </span>
                   <OperatorsOnly>
+                    <ActionIcon
+                      variant="subtle"
+                      color="gray"
+                      disabled={place === 0}
+                      aria-label={`Move experiment ${item.id} ahead`}
+                      onClick={() => command.mutate({ do: "move", id: item.id, place: place - 1 })}
+                    >
+                      <TbArrowUp size={14} />
+                    </ActionIcon>
                     <ActionIcon
                       variant="subtle"
                       color="gray"

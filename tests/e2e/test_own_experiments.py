@@ -1,0 +1,99 @@
+"""An own experiment on the page: begun with one there is, refused in its line, kept, tried dry, run, found again."""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Response, expect
+
+from backend.experiments.composing.ready_made import text_of
+from backend.experiments.composing.text import read
+from backend.experiments.plans.catalogue import entry_of
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.storage import open_database
+from plant.parameters import load_parameters
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
+
+OWN = """format: 1
+name: nudges
+title: Nudges under two λ
+phases:
+  - name: lead_in
+    title: Lead-in
+    parts:
+      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 2.0}
+  - name: nudges
+    title: Nudges
+    parts:
+      - {do: tuning, lam_q: 0.8}
+      - {do: pulse, q_ref: 0.1, duration_s: 1.0, rest_s: 1.0}
+criteria:
+  - {figure: min_tension_N, above: 2.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
+def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Service, tmp_path: Path) -> None:
+    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    operator = Operator(page, service)
+    operator.sign_in()
+    operator.be_in_run()
+    operator.go("Experiments")
+    own = page.get_by_role("region", name="Own experiments", exact=True)
+    text, said = own.get_by_role("textbox"), own.get_by_role("status", name="Refusal")
+    own.get_by_role("combobox", name="Begin with").select_option("step_battery")
+    expect(text).to_have_value(text_of("step_battery"))
+    own.get_by_role("button", name="Check", exact=True).click()
+    expect(said).to_contain_text("'step_battery' is the name of a ready-made experiment")
+
+    text.fill(OWN.replace("lam_q: 0.8", "lam_q: 0.1"))
+    own.get_by_role("button", name="Check", exact=True).click()
+    expect(said).to_contain_text("line 12: phases 2, parts 1: λ_q: 0.1 s is outside")
+    marked = text.evaluate("box => box.value.slice(box.selectionStart, box.selectionEnd)")
+    assert marked == "      - {do: tuning, lam_q: 0.1}"
+
+    text.fill(OWN)
+    own.get_by_role("button", name="Check", exact=True).click()
+    expect(said).to_have_text("Nudges under two λ can be run: 4.0 s, 3 pieces, 1 change of the tuning, 1 criterion.")
+    own.get_by_role("button", name="Keep", exact=True).click()
+    expect(said).to_contain_text("Kept as nudges@1")
+
+    form = page.get_by_role("form", name="Nudges under two λ", exact=True)
+    with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS) as answered:
+        form.get_by_role("button", name="Dry run", exact=True).click()
+    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+        assert metrics_of(answered.value) == beside.submit(by_command, tmp_path).result()
+
+    form.get_by_role("button", name="Start nudges under two λ", exact=True).click()
+    result = page.get_by_role("region", name="Result", exact=True)
+    expect(result).to_contain_text("Nudges under two λ, run", timeout=MOTION_TIMEOUT_MS)
+    expect(result).to_contain_text("All 1 criteria passed", timeout=MOTION_TIMEOUT_MS)
+    operator.go("Runs")
+    expect(page.get_by_role("table").get_by_role("row").nth(1)).to_contain_text("Nudges under two λ")
+    page.context.close()
+
+
+def metrics_of(answer: Response) -> dict[str, float | None]:
+    return {one["name"]: one["value"] for one in answer.json()["metrics"]}
+
+
+def by_command(folder: Path) -> dict[str, float | None]:
+    """The same as from the command line, in another installation."""
+    plan = entry_of(*read(OWN)).usual
+    database = open_database(folder)
+    settings = LoopSettings()
+    with headless_station(database, load_parameters("lab"), settings) as station:
+        result = asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator"))).evaluation.result
+    database.close()
+    assert result is not None
+    return {one.name: one.value for one in result.metrics.figures}
