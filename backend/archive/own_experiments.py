@@ -1,5 +1,6 @@
 """Experiments by name: those that come with Sinew, and own ones, which are kept in versions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from backend.experiments.banks.tuning_choice import TuningChoice
@@ -27,8 +28,8 @@ class Checked:
     segments: int
     changes_of_tuning: int
 
-    def view(self) -> CheckedExperiment:
-        """Return it as the page shows it."""
+    def view(self, figures: Mapping[str, float | None], not_predicted: str = "") -> CheckedExperiment:
+        """Return it as the page shows it, with ``figures`` of a dry run by name, or why there was none."""
         written = self.entry.written
         return CheckedExperiment(
             name=self.entry.name,
@@ -38,6 +39,10 @@ class Checked:
             changes_of_tuning=self.changes_of_tuning,
             phases=[phase.title for phase in self.entry.usual.phases()],
             criteria=0 if written is None else len(written.criteria),
+            peak_voltage_V=figures.get("peak_voltage_V"),
+            min_tension_N=figures.get("min_tension_N"),
+            max_tension_N=figures.get("max_tension_N"),
+            not_predicted=not_predicted,
         )
 
 

@@ -1,7 +1,7 @@
 """Stored banks: built from identifications, compared, taken out and brought in."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from typing import Protocol
 
@@ -75,6 +75,14 @@ class StoredBanks:
     async def stored_bank(self, bank_id: int) -> Bank:
         """Return one version of a bank as it is stored. Raises UnknownRecordError."""
         return await asyncio.to_thread(self._bank, bank_id)
+
+    async def existing(self, numbers: Collection[int]) -> list[Bank]:
+        """Return the banks of these numbers that there are."""
+        return await asyncio.to_thread(self._existing, numbers)
+
+    def _existing(self, numbers: Collection[int]) -> list[Bank]:
+        with self._database.reading() as session:
+            return [bank for bank in banks.find(session) if bank.id in numbers]
 
     async def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""

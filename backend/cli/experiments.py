@@ -13,7 +13,10 @@ from backend.cli.place import DataFolder, ParameterSet, database_of, settings_wi
 from backend.settings import Settings
 
 if TYPE_CHECKING:
+    from backend.archive.own_experiments import Checked
     from backend.experiments.banks.tuning_choice import TuningChoice
+    from backend.storage import Database
+    from plant.parameters import PlantParameters
 
 app = typer.Typer(
     help="Experiments: list, show, look over, keep own ones.", no_args_is_help=True, rich_markup_mode=None
@@ -67,15 +70,20 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
     from plant.parameters import load_parameters
 
     settings = settings_with(params=params, data=data)
-    tuning = _tuning(settings)
+    tuning, parameters = _tuning(settings), load_parameters(settings.params)
     with database_of(settings) as database:
-        checked = OwnExperiments(database).checked(text_in(file), load_parameters(settings.params), tuning).view()
+        looked_over = OwnExperiments(database).checked(text_in(file), parameters, tuning)
+        peaks = _peaks(database, looked_over, parameters, tuning)
+    checked = looked_over.view(peaks)
     if as_json:
         print_json(checked.model_dump())
-    else:
-        changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
-        words = f"{checked.name} can be run: {checked.duration_s:.6g} s in {checked.segments} pieces{changes}"
-        out.print(words, highlight=False, markup=False)
+        return
+    changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
+    words = f"{checked.name} can be run: {checked.duration_s:.6g} s in {checked.segments} pieces{changes}"
+    out.print(words, highlight=False, markup=False)
+    if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
+        reach = f"tensions {checked.min_tension_N:.3g} to {checked.max_tension_N:.3g} N"
+        out.print(f"on the simulator: {checked.peak_voltage_V:.3g} V at most, {reach}", highlight=False, markup=False)
 
 
 @app.command()
@@ -101,6 +109,29 @@ def schema() -> None:
     from backend.documents.experiment import schema as schema_of
 
     print_json(schema_of())
+
+
+def _peaks(
+    database: "Database", checked: "Checked", parameters: "PlantParameters", tuning: "TuningChoice"
+) -> "dict[str, float | None]":
+    """Play an experiment on a simulator of its own, with its banks, and return its figures by name."""
+    from tempfile import TemporaryDirectory
+
+    from backend.experiments.plans.loop_settings import LoopSettings
+    from backend.experiments.playing.dry_run import dry_run
+    from backend.experiments.playing.playable import banks_of
+    from backend.experiments.playing.runner import Order
+    from backend.storage import banks
+
+    plan = checked.entry.usual
+    numbers = {tuning.bank, *banks_of(plan)}
+    with database.reading() as session:
+        used = [bank for bank in banks.find(session) if bank.id in numbers]
+    order = Order(plan, LoopSettings(**tuning.document()), current_user())
+    with TemporaryDirectory() as folder:
+        played = dry_run(parameters, order, used, ("q",), 2, Path(folder))
+    figures = () if played.result is None else played.result.metrics.figures
+    return {figure.name: figure.value for figure in figures}
 
 
 def _tuning(settings: Settings) -> "TuningChoice":

@@ -24,6 +24,10 @@ class CheckedExperiment(Schema):
     changes_of_tuning: int
     phases: list[str] = Field(description="titles of its stretches")
     criteria: int = Field(description="bounds that its runs are judged by")
+    peak_voltage_V: float | None = quantity("V", "largest voltage on the simulator")
+    min_tension_N: float | None = quantity("N", "least tension on the simulator")
+    max_tension_N: float | None = quantity("N", "largest tension on the simulator")
+    not_predicted: str = Field(description="why there are no peaks, where there are none")
 
 
 class OwnExperiment(Schema):

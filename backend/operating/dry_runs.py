@@ -5,7 +5,7 @@ Who asks for many of them waits for oneself only: reports, exports and evaluatio
 
 import asyncio
 import shutil
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import mkdtemp
@@ -57,11 +57,11 @@ class DryRuns:
         self,
         parameters: PlantParameters,
         order: Order,
-        bank: Bank | None,
+        used: Sequence[Bank],
         person: Person,
         left: Callable[[], Awaitable[bool]],
     ) -> DryRunView:
-        """Play an order, as long as whoever asked has not ``left()``.
+        """Play an order with the banks that it uses, as long as whoever asked has not ``left()``.
 
         Raises OutOfRangeError when it takes too long, RefusalError where there is no place, WorkerDiedError.
         """
@@ -74,14 +74,13 @@ class DryRuns:
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             try:
                 played = await _unless_left(
-                    self._offload.run(dry_run, parameters, order, bank, SIGNALS, POINTS, Path(folder)), left
+                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), left
                 )
             finally:
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
         finally:
             self._people.remove(person)
-        # not what the run says: its bank has another number in a database of its own
         settings = {**values_of(order.plan), **asdict(order.loop_settings)}
         return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 

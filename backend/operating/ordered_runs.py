@@ -15,7 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
-from backend.experiments.playing.playable import playable
+from backend.experiments.playing.playable import banks_of, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.results.evaluation import Evaluation
@@ -31,7 +31,7 @@ from backend.operating.experiment_queue import Queue
 from backend.operating.identification_orders import plans_of, prediction_of
 from backend.operating.run_progress import run_progress
 from backend.operating.safe_stop import SafeStop
-from backend.refusal import Because, RefusalError
+from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
 from backend.supervision import Supervision
@@ -111,9 +111,20 @@ class OrderedRuns:
         await asyncio.to_thread(playable, self._station.database, tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
-    async def check_experiment(self, written: str) -> CheckedExperiment:
-        """Look an own experiment over on this plant and the tuning in force. Raises ExperimentError."""
-        return (await asyncio.to_thread(self._experiments.checked, written, *self._here())).view()
+    async def check_experiment(
+        self, written: str, person: Person, left: Callable[[], Awaitable[bool]]
+    ) -> CheckedExperiment:
+        """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
+
+        Raises ExperimentError.
+        """
+        checked = await asyncio.to_thread(self._experiments.checked, written, *self._here())
+        order = Order(checked.entry.usual, self._loop_settings(), person.name)
+        try:
+            played = await self._play_dry(order, person, left)
+        except (RefusalError, RefusedValueError) as error:
+            return checked.view({}, str(error))
+        return checked.view({item.name: item.value for item in played.metrics})
 
     async def keep_experiment(self, written: str, who: str) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
@@ -127,9 +138,13 @@ class OrderedRuns:
     ) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         _, plan, wanted = await asyncio.to_thread(self._order, request)
-        bank = await self._bank_of(wanted)
-        order = Order(plan, wanted, person.name)
-        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, bank, person, left)
+        return await self._play_dry(Order(plan, wanted, person.name), person, left)
+
+    async def _play_dry(self, order: Order, person: Person, left: Callable[[], Awaitable[bool]]) -> DryRunView:
+        bank = await self._bank_of(order.loop_settings)
+        others = banks_of(order.plan) - {0 if bank is None else bank.id}
+        used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
+        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, left)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification, or several in turn, and return the first run.

@@ -40,12 +40,14 @@ class Bank:
     entries: tuple[BankEntry, ...]
 
 
-def add(session: Session, name: str, entries: Sequence[BankEntry], who: str, note: str = "") -> Bank:
-    """Store the next version of the bank of this name; earlier versions stay."""
+def add(
+    session: Session, name: str, entries: Sequence[BankEntry], who: str, note: str = "", number: int | None = None
+) -> Bank:
+    """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known."""
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
     newest = session.scalar(select(func.max(BankRow.version)).where(BankRow.name == name)) or 0
-    row = BankRow(name=name, version=newest + 1, note=note, who=who, created_at=datetime.now(UTC))
+    row = BankRow(id=number, name=name, version=newest + 1, note=note, who=who, created_at=datetime.now(UTC))
     session.add(row)
     session.flush()
     ordered = sorted(entries, key=lambda entry: entry.S_nominal)

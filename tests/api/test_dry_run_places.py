@@ -28,7 +28,7 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
         dry_runs = DryRuns(Offload(lambda _cause: None))
         for _ in range(3):  # a place that was kept would be refused as the person's second
             with pytest.raises(FileNotFoundError):
-                await dry_runs.play(load_parameters("ideal"), order, None, VIEWER, stays)
+                await dry_runs.play(load_parameters("ideal"), order, (), VIEWER, stays)
 
     asyncio.run(whole())
 

@@ -64,7 +64,11 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
 
     text.fill(OWN)
     own.get_by_role("button", name="Check", exact=True).click()
-    expect(said).to_have_text("Nudges under two λ can be run: 4.0 s, 3 pieces, 1 change of the tuning, 1 criterion.")
+    looked_over = (
+        "Nudges under two λ can be run: 4.0 s, 3 pieces, 1 change of the tuning, 1 criterion. On the simulator: "
+    )
+    expect(said).to_contain_text(looked_over, timeout=DRY_RUN_TIMEOUT_MS)
+    predicted = said.inner_text()
     own.get_by_role("button", name="Keep", exact=True).click()
     expect(said).to_contain_text("Kept as nudges@1")
 
@@ -72,7 +76,10 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS) as answered:
         form.get_by_role("button", name="Dry run", exact=True).click()
     with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
-        assert metrics_of(answered.value) == beside.submit(by_command, tmp_path).result()
+        figures = beside.submit(by_command, tmp_path).result()
+    assert metrics_of(answered.value) == figures
+    volts, low, high = (figures[name] for name in ("peak_voltage_V", "min_tension_N", "max_tension_N"))
+    assert predicted.endswith(f"{volts:#.3g} V at most, tensions {low:#.3g} to {high:#.3g} N.")
 
     form.get_by_role("button", name="Start nudges under two λ", exact=True).click()
     result = page.get_by_role("region", name="Result", exact=True)

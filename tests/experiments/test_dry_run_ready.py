@@ -2,15 +2,22 @@
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.composing.text import read
+from backend.experiments.plans.composed_plan import composed
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.dry_run import dry_run, get_ready
 from backend.experiments.playing.runner import Order
+from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
+from backend.tuning.models import designed_point
 from plant import compiled
 from plant.parameters import load_parameters
 
@@ -21,7 +28,7 @@ def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
         get_ready(parameters, settings)
     before = len(compiled._KNOWN)
     order = Order(ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
-    played = dry_run(parameters, order, None, ("q",), 10, folder)
+    played = dry_run(parameters, order, (), ("q",), 10, folder)
     assert played.run.end_state == EndState.COMPLETED
     return len(compiled._KNOWN) - before
 
@@ -31,3 +38,25 @@ def test_the_first_dry_run_loads_no_machine_code(tmp_path: Path, ready: bool) ->
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         loaded = fresh.submit(loaded_by_a_dry_run, tmp_path, ready).result()
     assert (loaded == 0) is ready
+
+
+def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
+    """Played in a database of its own, where another bank could have taken the number."""
+    lab = load_parameters("lab")
+    text = (
+        "format: 1\nname: tried\ntitle: Tried\nphases:\n  - name: all\n    title: All\n    parts:\n"
+        "      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1}\n      - {do: tuning, bank: 4}\n"
+        "      - {do: hold, duration_s: 1}\n"
+    )
+    experiment, lines = read(text)
+    plan = composed(experiment, {}, lines=lines)
+    made = designed_point(lab)
+    model = ENTRY.write(EntryModel(K_q=made.K_q, T_q=made.T_q, K_S=made.K_S, T_S=made.T_S, tension_N=20.0))
+    now = datetime.now(UTC)
+    used = [Bank(number, f"bank {number}", 1, "", "A. Operator", now, (BankEntry(10.0, model),)) for number in (7, 4)]
+    order = Order(plan, LoopSettings(bank=7), "A. Operator")
+    played = dry_run(lab, order, used, ("q",), 10, tmp_path)
+    assert played.run.end_state == "completed"
+    with pytest.raises(ExperimentError, match="line 9") as refused:
+        dry_run(lab, order, used[:1], ("q",), 10, tmp_path / "without")
+    assert "4" in str(refused.value)

@@ -3,7 +3,7 @@
 import asyncio
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Request
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
@@ -33,9 +33,11 @@ async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: O
 
 
 @router.post("/check")
-async def check_experiment(body: ExperimentText, service: ServiceInUse, _person: SignedIn) -> CheckedExperiment:
-    """Look an experiment over as a start would; nothing moves, nothing is kept."""
-    return await service.ordered_runs.check_experiment(body.text)
+async def check_experiment(
+    request: Request, body: ExperimentText, service: ServiceInUse, person: SignedIn
+) -> CheckedExperiment:
+    """Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept."""
+    return await service.ordered_runs.check_experiment(body.text, person, request.is_disconnected)
 
 
 @router.get("/texts/{name}")

@@ -44,22 +44,21 @@ def get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
 
 
 def dry_run(
-    parameters: PlantParameters, order: Order, bank: Bank | None, signals: Sequence[str], points: int, folder: Path
+    parameters: PlantParameters, order: Order, used: Sequence[Bank], signals: Sequence[str], points: int, folder: Path
 ) -> DryRun:
-    """Play ``order`` with the models of ``bank`` and return its result with ``points`` buckets of ``signals``.
+    """Play ``order`` with the models of the banks that it uses; its result with ``points`` buckets of ``signals``.
 
-    ``folder`` takes the database; whoever gives it throws it away.
+    ``folder`` takes the database, where the banks have the numbers that they have; whoever gives it throws it away.
 
     Raises OutOfRangeError for λ that is not safe on these models.
     """
     with closing(open_database(folder)) as database:
-        settings = order.loop_settings
-        if bank is not None:
-            with database.session() as session:
+        with database.session() as session:
+            for bank in used:
                 entries = [replace(entry, identification_id=None) for entry in bank.entries]
-                settings = replace(settings, bank=banks.add(session, bank.name, entries, bank.who).id)
-        with headless_station(database, parameters, settings) as station:
-            outcome = asyncio.run(run_experiment(station, replace(order, loop_settings=settings)))
+                banks.add(session, bank.name, entries, bank.who, number=bank.id)
+        with headless_station(database, parameters, order.loop_settings) as station:
+            outcome = asyncio.run(run_experiment(station, order))
         with database.reading() as session:
             stored = outcome.evaluation.result
             curves = None if stored is None else read_envelope(session, outcome.run.id, points, signals)

@@ -37,6 +37,12 @@ def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning
     return replace(program, tunings=tunings)
 
 
+def banks_of(plan: Plan) -> set[int]:
+    """Return the numbers of the banks that a plan puts into use on its way."""
+    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    return {int(change["bank"]) for change in changes if "bank" in change}
+
+
 def _command(
     database: Database, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
 ) -> SetTuning:

@@ -1047,7 +1047,7 @@ export interface paths {
         put?: never;
         /**
          * Check Experiment
-         * @description Look an experiment over as a start would; nothing moves, nothing is kept.
+         * @description Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept.
          */
         post: operations["check_experiment"];
         delete?: never;
@@ -2092,6 +2092,26 @@ export interface components {
              * @description bounds that its runs are judged by
              */
             criteria: number;
+            /**
+             * Peak Voltage V
+             * @description largest voltage on the simulator [V]
+             */
+            peak_voltage_V: number | null;
+            /**
+             * Min Tension N
+             * @description least tension on the simulator [N]
+             */
+            min_tension_N: number | null;
+            /**
+             * Max Tension N
+             * @description largest tension on the simulator [N]
+             */
+            max_tension_N: number | null;
+            /**
+             * Not Predicted
+             * @description why there are no peaks, where there are none
+             */
+            not_predicted: string;
         };
         /**
          * Checklist

@@ -153,6 +153,10 @@ interface Checked {
   readonly segments: number;
   readonly changes_of_tuning: number;
   readonly criteria: number;
+  readonly peak_voltage_V: number | null;
+  readonly min_tension_N: number | null;
+  readonly max_tension_N: number | null;
+  readonly not_predicted: string;
 }
 
 function inWords(checked: Checked): string {
@@ -160,7 +164,16 @@ function inWords(checked: Checked): string {
   if (checked.changes_of_tuning > 0)
     parts.push(`${counted(checked.changes_of_tuning, "change")} of the tuning`);
   parts.push(checked.criteria === 1 ? "1 criterion" : `${checked.criteria} criteria`);
-  return `${checked.title} can be run: ${parts.join(", ")}.`;
+  return `${checked.title} can be run: ${parts.join(", ")}. ${peaksInWords(checked)}`;
+}
+
+function peaksInWords(checked: Checked): string {
+  const { peak_voltage_V: volts, min_tension_N: least, max_tension_N: most } = checked;
+  if (volts === null || least === null || most === null) {
+    return `Its peaks are not known: ${checked.not_predicted || "a dry run did not complete"}.`;
+  }
+  const [u, low, high] = [volts, least, most].map((figure) => figure.toPrecision(3));
+  return `On the simulator: ${u} V at most, tensions ${low} to ${high} N.`;
 }
 
 function keptInWords(kept: { readonly name: string; readonly version: number }): string {
