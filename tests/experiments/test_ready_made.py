@@ -17,6 +17,7 @@ from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import kept_values, ready_plan, stored_plan
+from backend.experiments.playing.dry_run import dry_run
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, Outcome, Station, run_experiment
 from backend.experiments.results.again import evaluate_again
@@ -48,6 +49,20 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Station, n
     again = evaluate_again(station.database, outcome.run.id).result
     assert again is not None
     assert (again.metrics, again.criteria) == (result.metrics, result.criteria)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path, name: str) -> None:
+    """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
+    lab, order = load_parameters("lab"), Order(ready_plan(name), LoopSettings(), "A. Operator")
+    dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
+    database = open_database(tmp_path / "command")
+    with headless_station(database, lab, LoopSettings()) as station:
+        commanded = asyncio.run(run_experiment(station, order)).evaluation.result
+    database.close()
+    assert dry is not None
+    assert commanded is not None
+    assert (dry.metrics, dry.criteria) == (commanded.metrics, commanded.criteria)
 
 
 @pytest.mark.parametrize("name", NAMES)

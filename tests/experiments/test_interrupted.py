@@ -1,0 +1,84 @@
+"""An experiment that is cut short keeps what it has, passes nothing, and its report says what is missing, and holds."""
+
+import asyncio
+from dataclasses import dataclass
+
+import pytest
+
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.progress import Doing
+from backend.experiments.playing.runner import Order, Station, run_experiment
+from backend.faults import Fault
+from backend.loop.commands import Command, Inject, Stop
+from backend.reports.build import build_report
+from backend.reports.html import to_html
+from backend.reports.source import Source, load_source
+from backend.reports.verification import Verified, verify
+from backend.storage import open_database
+from plant.breakage import Breakage, Broken
+from plant.parameters import load_parameters
+
+ENDINGS: dict[str, tuple[Command, str]] = {
+    "a stop": (Stop(), "stopped"),
+    "a soft stop as the operator is lost": (Stop(Fault.OPERATOR_LOST, hard=False), "link_lost"),
+    "a trip": (Inject(Broken(Breakage.SAFETY_TRIP)), "tripped"),
+}
+AFTER_S = {"tracking": 20.0, "lambda_sweep": 30.0, "frequency_response": 45.0, "disturbance_battery": 30.0}
+
+
+@dataclass
+class Interruption:
+    """Sends a command once so much of the program has been played; counts as told of the run's progress."""
+
+    station: Station
+    command: Command
+    after_s: float
+    sent: "asyncio.Task[object] | None" = None
+
+    def __call__(self, doing: Doing, elapsed_s: float) -> None:
+        if doing is Doing.PROGRAM and elapsed_s > self.after_s and self.sent is None:
+            self.sent = asyncio.get_running_loop().create_task(self.station.loop.send(self.command))
+
+
+def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Command, after_s: float) -> Source:
+    database = open_database(tmp_path_factory.mktemp("interrupted"))
+    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+        order = Order(ready_plan(name), LoopSettings(), "A. Operator")
+        outcome = asyncio.run(run_experiment(station, order, Interruption(station, command, after_s)))
+    source = load_source(database, outcome.run.id)
+    database.close()
+    return source
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("name", AFTER_S)
+def test_it_keeps_what_it_has_and_says_what_is_missing(
+    tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
+) -> None:
+    command, end_state = ENDINGS[ending]
+    source = interrupted(tmp_path_factory, name, command, AFTER_S[name])
+    assert source.run.end_state == end_state
+    played = source.columns["t"].size
+    assert 1000 * AFTER_S[name] <= played < 1000 * ready_plan(name).program().duration_s
+    result = source.result
+    assert result is not None
+    assert not result.metrics.complete
+    assert [item.title for item in result.criteria if item.passed] == []
+    assert all(item.reason for item in result.metrics.figures if item.value is None)
+    report = build_report(source)
+    assert report.outcome == "incomplete"
+    assert f"s of {ready_plan(name).program().duration_s:.6g} s were played" in report.verdict
+    assert verify(to_html(report), source.columns) == Verified((), ())
+
+
+def test_what_ended_before_anything_could_be_measured_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
+    source = interrupted(tmp_path_factory, "disturbance_battery", Stop(), 8.0)
+    assert source.run.end_state == "stopped"
+    assert source.columns["t"].size >= 8000
+    assert source.result is None
+    report = build_report(source)
+    assert report.outcome == "incomplete"
+    assert report.verdict == "No result: the run ended before the pushes were over."
+    assert verify(to_html(report), source.columns) == Verified((), ())
