@@ -15,7 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
-from backend.experiments.playing.playable import banks_of, playable
+from backend.experiments.playing.playable import banks_of, choices_of, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.results.evaluation import Evaluation
@@ -31,6 +31,7 @@ from backend.operating.experiment_queue import Queue
 from backend.operating.identification_orders import plans_of, prediction_of
 from backend.operating.run_progress import run_progress
 from backend.operating.safe_stop import SafeStop
+from backend.operating.tuning_in_use import Chosen
 from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.banks import Bank
 from backend.storage.runs import EndState, Run
@@ -214,6 +215,7 @@ class OrderedRuns:
                 if position > 0:
                     run = await asyncio.to_thread(create_run, self._station, order)
                     show = await self._progress(order, run, len(orders) - 1 - position)
+                self._actuator.present.on_the_way = await self._on_the_way(order)
                 over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
                 closed = await played(self._station, order, run, show, over)
                 end_state = EndState(closed.end_state)
@@ -242,6 +244,13 @@ class OrderedRuns:
             self._actuator.present.task = None
             self._actuator.changed()
             self.queue.ended(run.id, end_state)
+
+    async def _on_the_way(self, order: Order) -> list[Chosen]:
+        """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
+        choices = choices_of(order.plan, order.loop_settings.tuning)
+        numbers = {choice.bank for choice in choices}
+        there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
+        return [Chosen(choice, there.get(choice.bank)) for choice in choices]
 
     async def _without_result_of_any(self) -> bool:
         """Wait for the results under way; whether a run that completed came to none, which is told."""

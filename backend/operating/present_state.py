@@ -1,6 +1,6 @@
 """What the actuator does at present, put together from samples, events and the tuning in force."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import assert_never
 
 from backend import __version__
@@ -35,9 +35,10 @@ from backend.messages.state import (
     TensionView,
     TrialView,
 )
+from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
-from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view
+from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view, shown_with
 from plant.choice import PlantChoice, PlantKind
 from plant.parameters import PlantParameters
 from plant.spring import elongation, slope
@@ -52,6 +53,7 @@ class PresentState:
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
     ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
     tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
+    ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
     fault of the loop.
     """
@@ -66,6 +68,8 @@ class PresentState:
         self.tuning = tuning
         self.own_tuning: TuningInUse | None = None
         self.tuning_problem = ""
+        self.on_the_way: Sequence[Chosen] = ()
+        self._tuning_number = 0
         self.earlier: Chosen | None = None
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
@@ -140,8 +144,11 @@ class PresentState:
         match event:
             case ModeChanged():
                 self._pretension_done = False
+            case TuningChanged(_, number):
+                self._tuning_number = number
             case LoopDied():
                 self._pretension_done = False
+                self._tuning_number = 0
                 self._plant_problem = ""
                 self._unready = ""
             case PretensionReached():
@@ -154,7 +161,7 @@ class PresentState:
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case Accepted() | Refused() | RunEnded() | PushReleased() | TuningChanged():
+            case Accepted() | Refused() | RunEnded() | PushReleased():
                 pass
             case _:
                 assert_never(event)
@@ -191,7 +198,7 @@ class PresentState:
             link=link,
             timing=self._observation.timing(),
             references=references_of(sample),
-            tuning=self.tuning.view(entry_of(sample)),
+            tuning=self._tuning_view(entry_of(sample)),
             limits=self._limits(),
             fault=self._fault_view(sample),
             unready=self.unready,
@@ -207,6 +214,13 @@ class PresentState:
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
+
+    def _tuning_view(self, entry: float) -> TuningView:
+        """Return the tuning in force: while an experiment has put one into use on its way, that one."""
+        number, changed = self._tuning_number, self.on_the_way
+        if not 0 < number <= len(changed):
+            return self.tuning.view(entry)
+        return shown_with(self.tuning.view(entry), changed[number - 1], entry)
 
     def _plant_view(self) -> PlantView:
         plant = self.plant

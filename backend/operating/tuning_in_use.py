@@ -153,6 +153,14 @@ def chosen_view(tuning: Chosen) -> ChosenTuning:
     return ChosenTuning(**parts_of(tuning.choice), bank=_reference(tuning.bank))
 
 
+def shown_with(view: TuningView, chosen: Chosen, entry: float) -> TuningView:
+    """Return what the page shows of a tuning with parts and bank of another one; ``entry`` is the active one."""
+    bank = chosen.bank
+    name = "" if bank is None else entry_in_use(bank.entries, entry)
+    parts = {**parts_of(chosen.choice), "bank": _reference(bank), "entry": entry, "entry_name": name}
+    return view.model_copy(update=parts)
+
+
 def _reference(bank: Bank | None) -> BankReference | None:
     return None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version)
 

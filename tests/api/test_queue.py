@@ -84,6 +84,30 @@ def test_an_own_experiment_waits_in_the_version_that_it_was_added_in(off: httpx.
     assert "waiting@1" not in listed
 
 
+def test_the_tuning_that_an_experiment_puts_into_use_is_the_one_that_is_shown(off: httpx.Client) -> None:
+    text = (
+        "format: 1\nname: slowly\ntitle: Slowly\nphases:\n  - name: all\n    title: All\n    parts:\n"
+        "      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}\n"
+        "      - {do: tuning, lam_q: 0.9, interpolate: true}\n      - {do: hold, duration_s: 3.0}\n"
+    )
+    off.post("/api/experiments/own", json={"text": text}).raise_for_status()
+    before = off.get("/api/state").json()["tuning"]
+    run = off.post("/api/experiments", json={"name": "slowly"}).raise_for_status().json()["id"]
+
+    def shown() -> dict[str, object] | None:
+        tuning = dict(off.get("/api/state").raise_for_status().json()["tuning"])
+        return tuning if tuning["lam_q"] == 0.9 else None
+
+    meanwhile = until(shown)
+    assert meanwhile == {**before, "lam_q": 0.9, "interpolate": True, "entry": meanwhile["entry"]}
+    wait_for(off, "task", None)
+    assert {**off.get("/api/state").json()["tuning"], "entry": before["entry"]} == before
+    marks = off.get(f"/api/runs/{run}/marks").raise_for_status().json()["marks"]
+    texts = [mark["text"] for mark in marks if mark["kind"] == "tuning"]
+    assert "by the program: λ_q 0.9 s, λ_S 0.42 s" in texts
+    assert off.get(f"/api/runs/{run}").json()["title"] == "Slowly"
+
+
 def test_a_text_is_checked_by_anybody_and_nothing_is_kept_of_what_is_refused(off: httpx.Client) -> None:
     before = off.get("/api/experiments/own").raise_for_status().json()
     text = off.get("/api/experiments/texts/lambda_sweep").raise_for_status().json()["text"]

@@ -31,10 +31,16 @@ def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning
     require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
-        _command(database, parameters, plan, tuning.with_parts(change), place)
-        for place, change in zip(plan.laid.change_places, plan.laid.changes, strict=True)
+        _command(database, parameters, plan, choice, place)
+        for place, choice in zip(plan.laid.change_places, choices_of(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
+
+
+def choices_of(plan: Plan, tuning: TuningChoice) -> list[TuningChoice]:
+    """Return the tunings that a plan which begins with ``tuning`` puts into use, in their order."""
+    changes = plan.laid.changes if isinstance(plan, ComposedPlan) else ()
+    return [tuning.with_parts(change) for change in changes]
 
 
 def banks_of(plan: Plan) -> set[int]:
