@@ -23,7 +23,7 @@ from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
 
 FORMAT = 1
-_BEGIN, _END = '<script type="application/json" id="evidence">', "</script>"
+_BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
 SINEW, DRAWING = "Sinew", "matplotlib"
 ACCOUNT = "account"
 """Name of the hash of all the rest that a report carries."""
@@ -128,7 +128,9 @@ def source_of(evidence: Evidence, columns: Columns, metrics: Metrics | None, cri
 def to_element(evidence: Evidence) -> str:
     """Return the element of a page that carries it; nothing in it can end the element."""
     document = _EVIDENCE.dump_python(evidence, mode="json")
-    text = json.dumps(document, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    for letter in "<>&":
+        text = text.replace(letter, f"\\u{ord(letter):04x}")
     return f"{_BEGIN}{text}{_END}"
 
 

@@ -26,7 +26,7 @@ from backend.reports.verification import Verified, verify
 from backend.storage import open_database
 from plant.parameters import load_parameters
 
-BEGIN, END = '<script type="application/json" id="evidence">', "</script>"
+BEGIN, END = '<template id="evidence">', "</template>"
 Document = dict[str, Any]
 
 
