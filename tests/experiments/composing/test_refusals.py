@@ -56,7 +56,7 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: .nan}", "'.nan' is no expression"),
         ("{do: hold, duration_s: 1e999}", "is not taken"),
         ("{do: hold, duration_s: unknown}", "'unknown' is not known here; known are pi"),
-        ("{do: hold, duration_s: 1 / 0}", "has no value: float division by zero"),
+        ("{do: hold, duration_s: 1 / 0}", "has no value"),
         ("{do: hold, duration_s: 2 ** 1e9}", "has no value"),
         ("{do: hold, duration_s: \"__import__('os').system('true')\"}", "is not taken: + - * / % **"),
         ("{do: hold, duration_s: 'pi.real'}", "is not taken"),
