@@ -107,7 +107,7 @@ class _Worker:
     """A pool of one process, whose number is the first thing that it is asked for; ``gone`` is called when it dies."""
 
     def __init__(self, niceness: int, gone: Callable[["_Worker"], None]) -> None:
-        self.pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin, (niceness,))
+        self.pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin_beside, (niceness,))
         self._loop = asyncio.get_running_loop()
         self._gone = gone
         self._process: int | None = None
@@ -158,10 +158,11 @@ def _load(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:
         import_module(library)
 
 
-def _begin(niceness: int) -> None:
-    """Give way to others; leave Ctrl+C and the end of the terminal, which reach all processes, to the service.
+def begin_beside(niceness: int) -> None:
+    """Begin a process that works for another one, and gives way to others.
 
-    End when it dies without telling, as nobody else would.
+    Ctrl+C and the end of the terminal, which reach all processes, are left to that one. End when it dies without
+    telling, as nobody else would.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)

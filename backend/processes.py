@@ -13,7 +13,10 @@ _AGAIN = "What it worked on is done once more."
 
 
 class Processes:
-    """``computing`` is what somebody at the bench waits for; ``reports`` and ``dry_runs`` give way to all others."""
+    """``computing`` is what somebody at the bench waits for; ``reports`` and ``dry_runs`` give way to all others.
+
+    ``studies`` has processes of its own, one for each core but one.
+    """
 
     def __init__(self, supervision: Supervision) -> None:
         def died_as(name: str) -> partial[float]:
@@ -22,8 +25,9 @@ class Processes:
         self.computing = Offload(died_as("The process for evaluations and banks"), niceness=0)
         self.reports = Offload(died_as("The process for reports and exports"))
         self.dry_runs = Offload(died_as("The process for dry runs"))
+        self.studies = Offload(died_as("The process for studies"))
 
     def close(self) -> None:
         """End them, whatever they work on."""
-        for process in (self.computing, self.reports, self.dry_runs):
+        for process in (self.computing, self.reports, self.dry_runs, self.studies):
             process.close()

@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from enum import StrEnum
+from typing import Any
 
 from backend.reading import Angles, in_digits, read, reading_of, told
 
@@ -66,6 +67,10 @@ class RefusalError(Exception):
         self.legal = None if legal is None else list(legal)
         self.retry_after_s = retry_after_s
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come from one process to another as it is: it is not made of its words alone."""
+        return _as_it_was, (type(self), self.args, vars(self))
+
 
 class RefusedValueError(ValueError, ABC):
     """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
@@ -75,6 +80,10 @@ class RefusedValueError(ValueError, ABC):
         self.words = words or WORDS.get(quantity, quantity)
         self.path: Path = (quantity,) if path is None else path
         super().__init__(self.sentence(Angles.RADIANS))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Come from one process to another as it is: it is not made of its words alone."""
+        return _as_it_was, (type(self), self.args, vars(self))
 
     @abstractmethod
     def sentence(self, angles: Angles) -> str:
@@ -154,3 +163,9 @@ def require_within(
     below = maximum is None or value <= maximum
     if not (above and below and abs(value) < float("inf")):
         raise OutOfRangeError(quantity, value, minimum, maximum, unit, remedy, words=words, path=path)
+
+
+def _as_it_was(kind: type[Exception], words: tuple[Any, ...], state: dict[str, Any]) -> Exception:
+    error = kind.__new__(kind, *words)
+    vars(error).update(state)
+    return error

@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
+from backend.station import require_station_name
 from plant.choice import DEFAULT_WIRING, PlantChoice, PlantKind
 
 _PREFIX = "SINEW_"
@@ -46,7 +47,7 @@ class Settings(BaseSettings):
     loopback one. ``show_link`` says whether the sign-in link is printed at the start; None: on a terminal only, as
     what is not a terminal is a log that others keep and read. Flight records beyond ``flight_records`` or
     ``flight_records_MB`` give way to new ones. Recordings beyond ``recordings_GB`` may go once they are older than
-    ``recordings_keep_days``, which is for a person to decide.
+    ``recordings_keep_days``, which is for a person to decide. ``station`` tells rigs apart that share a database.
     """
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
@@ -62,6 +63,7 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     database_url: str | None = Field(default=None, repr=False)
     database_password_file: Path | None = None
+    station: str = ""
     require_token: bool = True
     allowed_hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_host_names)] = ()
     show_link: bool | None = None
@@ -77,6 +79,11 @@ class Settings(BaseSettings):
                 f"host {self.host} is reachable from other machines and needs the token: "
                 "leave require_token on, or bind to 127.0.0.1"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _named_station(self) -> "Settings":
+        require_station_name(self.station)
         return self
 
     @model_validator(mode="after")

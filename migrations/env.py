@@ -4,13 +4,16 @@ from alembic import context
 from sqlalchemy import Connection
 
 from backend.storage.database import connect
-from backend.storage.schema import Base
+from backend.storage.index_schema import RunIndexRow
+from backend.storage.study_schema import StudyRow
+
+# Each module of tables has to be loaded for them to be known.
+METADATA = RunIndexRow.metadata
+assert StudyRow.metadata is METADATA
 
 
 def _migrate(connection: Connection) -> None:
-    context.configure(
-        connection=connection, target_metadata=Base.metadata, render_as_batch=True, transactional_ddl=True
-    )
+    context.configure(connection=connection, target_metadata=METADATA, render_as_batch=True, transactional_ddl=True)
     with context.begin_transaction():
         context.run_migrations()
 

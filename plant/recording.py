@@ -67,7 +67,7 @@ def _table(path: Path) -> Any:
 
     try:
         if path.suffix == ".csv":
-            return pa.csv.read_csv(path)
+            return pa.csv.read_csv(path, pa.csv.ReadOptions(skip_rows=_facts(path)))
         if path.suffix == ".parquet":
             return pa.parquet.read_table(path)
     except OSError as error:
@@ -75,6 +75,12 @@ def _table(path: Path) -> Any:
     except pa.ArrowException as error:
         raise _unusable(path, str(error).splitlines()[0]) from None
     raise _unusable(path, "only .csv and .parquet are read, as sinew runs export writes them")
+
+
+def _facts(path: Path) -> int:
+    """Return how many lines stand before the heading: they begin with # and say what the samples are."""
+    with path.open("rb") as lines:
+        return next((number for number, line in enumerate(lines) if not line.startswith(b"#")), 0)
 
 
 def _column(path: Path, table: Any, name: str, unit: str = "") -> Signal:

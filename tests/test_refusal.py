@@ -1,22 +1,24 @@
 """What a refused number is answered with, in the operator's words and unit."""
 
 import math
+import pickle
 import re
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.settings import SettingError
 from backend.reading import Angles
-from backend.refusal import OutOfRangeError, bound_text, require_within
+from backend.refusal import Because, OutOfRangeError, RefusalError, RefusedValueError, bound_text, require_within
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
 
 
-def said(refused: OutOfRangeError | SettingError, angles: Angles = DEG) -> str:
+def said(refused: RefusedValueError, angles: Angles = DEG) -> str:
     return refused.sentence(angles)
 
 
@@ -96,3 +98,13 @@ def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:
         with pytest.raises(OutOfRangeError) as refused:
             require_within("F_push", figure, None, None, "N")
         assert said(refused.value) == f"push: {figure} N is not a finite number; choose a finite one"
+
+
+def test_a_refusal_comes_whole_from_one_process_to_another() -> None:
+    inner = OutOfRangeError("lam_q", 9.0, 0.01, 3.0, "s")
+    for refused in (inner, ExperimentError(inner, ("axes", 0), 5), SettingError("b", "x", "it needs a number")):
+        come = pickle.loads(pickle.dumps(refused))
+        assert type(come) is type(refused)
+        assert (str(come), come.path, said(come)) == (str(refused), refused.path, said(refused))
+    late = pickle.loads(pickle.dumps(RefusalError(Because.NOT_NOW, "later", retry_after_s=3)))
+    assert (str(late), late.because, late.retry_after_s) == ("later", Because.NOT_NOW, 3)

@@ -35,6 +35,19 @@ class KeptLoop:
 
 
 @dataclass(frozen=True)
+class KeptGrant:
+    """What the machine granted to the loop of a run: ``priority`` of SCHED_FIFO, 0 under ordinary scheduling.
+
+    ``refusals`` say what it did not grant, why, and the remedy.
+    """
+
+    priority: int
+    memory_locked: bool
+    timer_slack_ns: int
+    refusals: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class DeclaredValue:
     """A setting as it was chosen, with symbol, unit and meaning, so that a stored run explains itself."""
 
@@ -47,13 +60,17 @@ class DeclaredValue:
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """All of it. ``mode`` is that of a session; ``versions`` are those of the packages that computed."""
+    """All of it. ``mode`` is that of a session; ``versions`` are those of the packages that computed.
+
+    ``granted`` is absent for a loop that is computed tick by tick, on no clock.
+    """
 
     mode: str | None = field(default=None, metadata=ABSENT)
     plan: dict[str, Value] | None = field(default=None, metadata=ABSENT)
     loop: KeptLoop = field(default_factory=KeptLoop)
     declared: tuple[DeclaredValue, ...] | None = field(default=None, metadata=ABSENT)
     versions: dict[str, str] | None = field(default=None, metadata=ABSENT)
+    granted: KeptGrant | None = field(default=None, metadata=ABSENT)
     version: int = VERSION
 
     def told(self) -> dict[str, Value]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from backend.recording.reader import read_envelope, read_samples
 from backend.sample import STORED_NAMES
-from backend.storage import Database, recordings, runs
+from backend.storage import Database, recordings
 from backend.storage.records import UnknownRecordError
 
 Columns = dict[str, NDArray[np.float64]]
@@ -21,13 +21,6 @@ def recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
     except UnknownRecordError:
         return _empty(), 0
     return {"t": samples.t} | {name: column.astype(np.float64) for name, column in samples.columns.items()}, missed
-
-
-def columns_of_run(database: Database, run_id: int) -> Columns:
-    """Return the samples of a run there is, for a download. Raises UnknownRecordError."""
-    with database.reading() as session:
-        runs.get(session, run_id)
-    return recorded_columns(database, run_id)[0]
 
 
 def drawn_columns(database: Database, run_id: int, points: int = 2000) -> Columns:

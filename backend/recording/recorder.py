@@ -159,7 +159,7 @@ class Recorder:
     def _write_ends(self) -> None:
         """Write the ends that were told: of these runs all samples there are have been stored."""
         for run, told in list(self._told.items()):
-            self._end(run, *_end_of(told))
+            self._end(run, *end_of(told))
             del self._told[run]
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
@@ -238,7 +238,8 @@ def _chunks_of(tick: int, table: Table) -> list[Chunk]:
     ]
 
 
-def _end_of(told: RunEnded) -> tuple[EndState, str]:
+def end_of(told: RunEnded) -> tuple[EndState, str]:
+    """Return how a run that the loop has ended is kept, and in which words."""
     if told.completed:
         return EndState.COMPLETED, ""
     if not isinstance(told.why, Fault):

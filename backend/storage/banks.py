@@ -9,8 +9,9 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from backend.documents.bank_entry import ENTRY, EntryModel
-from backend.storage.records import require, to_record
+from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import BankEntryRow, BankRow, Document
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Bank:
     who: str
     created_at: datetime
     entries: tuple[BankEntry, ...]
+    station: str = ""
 
 
 def add(
@@ -46,8 +48,18 @@ def add(
     """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known."""
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
-    newest = session.scalar(select(func.max(BankRow.version)).where(BankRow.name == name)) or 0
-    row = BankRow(id=number, name=name, version=newest + 1, note=note, who=who, created_at=datetime.now(UTC))
+    station = station_of(session)
+    of_name = (BankRow.name == name, BankRow.station == station)
+    newest = session.scalar(select(func.max(BankRow.version)).where(*of_name)) or 0
+    row = BankRow(
+        id=number,
+        name=name,
+        version=newest + 1,
+        note=note,
+        who=who,
+        created_at=datetime.now(UTC),
+        station=station,
+    )
     session.add(row)
     session.flush()
     ordered = sorted(entries, key=lambda entry: entry.S_nominal)
@@ -57,13 +69,28 @@ def add(
 
 
 def get(session: Session, bank_id: int) -> Bank:
-    """Return one version of a bank. Raises UnknownRecordError."""
+    """Return one version of a bank, whichever station's. Raises UnknownRecordError."""
     return _with_entries(session, require(session, BankRow, bank_id, "bank"))
 
 
+def own(session: Session, bank_id: int) -> Bank:
+    """Return one version of a bank of the station, to drive by it. Raises UnknownRecordError."""
+    bank = get(session, bank_id)
+    if bank.station != station_of(session):
+        whose = f"is one of station {bank.station}" if bank.station else "is of no station"
+        raise UnknownRecordError(f"bank {bank_id} {whose}: export it there and import it here to use it")
+    return bank
+
+
+def newest_version(session: Session, bank: Bank) -> int:
+    """Return the newest version of the bank of this name at the station that has it."""
+    of_name = (BankRow.name == bank.name, BankRow.station == bank.station)
+    return session.scalar(select(func.max(BankRow.version)).where(*of_name)) or bank.version
+
+
 def find(session: Session, *, name: str | None = None) -> list[Bank]:
-    """Return all versions of all banks or of one name, newest first."""
-    query = select(BankRow).order_by(BankRow.id.desc())
+    """Return all versions of all banks of the station or of one name, newest first."""
+    query = select(BankRow).where(BankRow.station == station_of(session)).order_by(BankRow.id.desc())
     if name is not None:
         query = query.where(BankRow.name == name)
     return [_with_entries(session, row) for row in session.scalars(query)]
@@ -78,5 +105,6 @@ def _with_entries(session: Session, row: BankRow) -> Bank:
         note=row.note,
         who=row.who,
         created_at=row.created_at,
+        station=row.station,
         entries=tuple(to_record(BankEntry, entry) for entry in session.scalars(query)),
     )

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from backend.storage.records import to_record
 from backend.storage.schema import BringUpRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -38,26 +39,44 @@ class StepResult(NewStepResult):
 
 def add(session: Session, new: NewStepResult) -> StepResult:
     """Keep a result."""
-    row = BringUpRow(at=datetime.now(UTC), **asdict(new))
+    row = BringUpRow(at=datetime.now(UTC), station=station_of(session), **asdict(new))
     session.add(row)
     session.flush()
     return to_record(StepResult, row)
 
 
 def newest(session: Session) -> dict[str, StepResult]:
-    """Return the newest result of each step."""
-    last = select(func.max(BringUpRow.id)).group_by(BringUpRow.step)
+    """Return the newest result of each step at the station."""
+    last = select(func.max(BringUpRow.id)).where(BringUpRow.station == station_of(session)).group_by(BringUpRow.step)
     rows = session.scalars(select(BringUpRow).where(BringUpRow.id.in_(last)))
     return {row.step: to_record(StepResult, row) for row in rows}
 
 
+def calibrations(session: Session, station: str) -> list[StepResult]:
+    """Return all that was calibrated at a station, oldest first."""
+    query = select(BringUpRow).where(BringUpRow.station == station, BringUpRow.passed).order_by(BringUpRow.id)
+    return [to_record(StepResult, row) for row in session.scalars(query) if row.calibrations]
+
+
+def held_at(session: Session, station: str, at: datetime) -> list[StepResult]:
+    """Return what was calibrated at a station up to a moment, of each step the newest."""
+    return list({one.step: one for one in calibrations(session, station) if one.at <= at}.values())
+
+
+def told(result: StepResult) -> dict[str, Any]:
+    """Return what a lineage tells of a calibration."""
+    return {"step": result.step, "fingerprint": result.fingerprint, "calibrations": result.calibrations}
+
+
 def last_failure(session: Session, step: str) -> int:
     """Return the number of the newest result of a step that did not pass, with whatever wiring; 0 for none."""
-    query = select(func.max(BringUpRow.id)).where(BringUpRow.step == step, BringUpRow.passed.is_(False))
+    failed = (BringUpRow.step == step, BringUpRow.passed.is_(False), BringUpRow.station == station_of(session))
+    query = select(func.max(BringUpRow.id)).where(*failed)
     return session.scalar(query) or 0
 
 
 def passed_with(session: Session, fingerprint: str) -> list[StepResult]:
     """Return all that passed with one wiring, oldest first."""
-    query = select(BringUpRow).where(BringUpRow.fingerprint == fingerprint, BringUpRow.passed).order_by(BringUpRow.id)
+    passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == station_of(session))
+    query = select(BringUpRow).where(*passed).order_by(BringUpRow.id)
     return [to_record(StepResult, row) for row in session.scalars(query)]

@@ -17,6 +17,7 @@ from sqlalchemy.exc import ArgumentError, DataError, IntegrityError, SQLAlchemyE
 from sqlalchemy.orm import Session
 
 from backend.private import make_private
+from backend.storage import run_index
 from backend.storage.errors import DamagedError, StorageError, UnfitError
 from backend.storage.maintenance import backup
 from backend.storage.migrate import is_outdated, revision, upgrade
@@ -29,6 +30,8 @@ from backend.storage.soundness import (
     require_usable,
     way_back,
 )
+from backend.storage.stations import info_of
+from backend.storage.touched import take_touched
 
 __all__ = ["Database", "Session", "StorageError", "connect", "open_database", "sqlite_url"]
 
@@ -40,10 +43,12 @@ class Database:
     """An engine and its transactions. Functions of this package take the ``Session`` that these hand out.
 
     ``file`` is that of an SQLite database, None for any other; ``opened`` tells it from one put in its place.
+    ``station`` is whose rows are written and, where they are a station's own, read.
     """
 
-    def __init__(self, engine: Engine, opened: Identity | None = None) -> None:
+    def __init__(self, engine: Engine, opened: Identity | None = None, station: str = "") -> None:
         self.engine = engine
+        self.station = station
         self.file = file_of(engine)
         self._opened = opened or (identity(self.file) if self.file else None)
         # SQLite's snapshots are one by nature; the servers' default would show later commits midway.
@@ -59,13 +64,16 @@ class Database:
         the file was deleted or replaced, as SQLite would go on writing to where nobody finds it.
         """
         self.require_in_place()
-        with _told(), Session(self.engine, expire_on_commit=False) as session, session.begin():
+        told = info_of(self.station)
+        with _told(), Session(self.engine, expire_on_commit=False, info=told) as session, session.begin():
             yield session
+            for run_id in take_touched(session):
+                run_index.update(session, run_id)
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
         """One consistent snapshot to read from; waits for no writer and delays none. Raises StorageError."""
-        with _told(), Session(self._reading_engine) as session:
+        with _told(), Session(self._reading_engine, info=info_of(self.station)) as session:
             yield session
 
     def require_in_place(self) -> None:
@@ -79,10 +87,10 @@ class Database:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process work on the same database, with connections of its own."""
-        return _reopened, (self.engine.url.render_as_string(hide_password=False), self._opened)
+        return _reopened, (self.engine.url.render_as_string(hide_password=False), self._opened, self.station)
 
 
-def open_database(data_dir: Path, url: str | None = None, password: str | None = None) -> Database:
+def open_database(data_dir: Path, url: str | None = None, password: str | None = None, station: str = "") -> Database:
     """Create the data folder and the database where missing, migrate to the newest schema, and open it.
 
     Before an SQLite database of an earlier schema is migrated, a copy goes to ``data_dir/backups``.
@@ -102,7 +110,9 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
             upgrade(engine)
         for sentence in make_private(data_dir):  # the file that was made just now
             _log.warning("%s", sentence)
-        return Database(engine)
+        database = Database(engine, station=station)
+        _renew_index(database)
+        return database
     except DamagedError:
         engine.dispose()
         raise
@@ -115,6 +125,18 @@ def open_database(data_dir: Path, url: str | None = None, password: str | None =
     except BaseException:
         engine.dispose()
         raise
+
+
+def _renew_index(database: Database) -> None:
+    """Bring what runs are searched by up to date: after a migration, or with a newer version."""
+    try:
+        with database.reading() as session:
+            behind = run_index.is_behind(session)
+        while behind:
+            with database.session() as session:
+                behind = run_index.renew(session) > 0
+    except StorageError as error:  # of a damaged file as much is opened as can be read
+        _log.warning("not all runs can be searched for: %s", error)
 
 
 def require_whole(database: Database, data_dir: Path) -> None:
@@ -151,8 +173,8 @@ def _create(file: Path) -> None:
             leftover.unlink(missing_ok=True)
 
 
-def _reopened(url: str, opened: Identity | None) -> Database:
-    return Database(connect(url), opened)
+def _reopened(url: str, opened: Identity | None, station: str) -> Database:
+    return Database(connect(url), opened, station)
 
 
 @contextmanager

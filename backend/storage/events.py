@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from backend.storage.records import to_record
 from backend.storage.schema import Document, EventRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,14 @@ def add(
 ) -> Event:
     """Store an event that happened at ``at`` (None: now); ``who`` is empty when nobody asked for it."""
     row = EventRow(
-        at=at or datetime.now(UTC), kind=kind, who=who, text=text, run_id=run_id, tick=tick, detail=detail or {}
+        at=at or datetime.now(UTC),
+        kind=kind,
+        who=who,
+        text=text,
+        run_id=run_id,
+        tick=tick,
+        detail=detail or {},
+        station=station_of(session),
     )
     session.add(row)
     session.flush()
@@ -45,8 +53,13 @@ def add(
 
 
 def find(session: Session, *, run_id: int | None = None, kind: str | None = None, limit: int = 500) -> list[Event]:
-    """Return events, newest first."""
-    query = select(EventRow).order_by(EventRow.at.desc(), EventRow.id.desc()).limit(limit)
+    """Return events of the station, newest first."""
+    query = (
+        select(EventRow)
+        .where(EventRow.station == station_of(session))
+        .order_by(EventRow.at.desc(), EventRow.id.desc())
+        .limit(limit)
+    )
     if run_id is not None:
         query = query.where(EventRow.run_id == run_id)
     if kind is not None:
@@ -54,9 +67,13 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
     return [to_record(Event, row) for row in session.scalars(query)]
 
 
-def between(session: Session, since: datetime, until: datetime | None, *, limit: int = 2000) -> list[Event]:
-    """Return the events from ``since`` to ``until`` (None: to now), oldest first."""
-    query = select(EventRow).where(EventRow.at >= since).order_by(EventRow.at, EventRow.id).limit(limit)
+def between(
+    session: Session, since: datetime, until: datetime | None, *, station: str | None = None, limit: int = 2000
+) -> list[Event]:
+    """Return the events of a station (None: the own one) from ``since`` to ``until`` (None: to now), oldest first."""
+    whose = station_of(session) if station is None else station
+    query = select(EventRow).where(EventRow.station == whose, EventRow.at >= since)
     if until is not None:
         query = query.where(EventRow.at <= until)
-    return [to_record(Event, row) for row in session.scalars(query)]
+    ordered = query.order_by(EventRow.at, EventRow.id).limit(limit)
+    return [to_record(Event, row) for row in session.scalars(ordered)]

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.records import UnknownRecordError, to_record
 from backend.storage.schema import ExperimentRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,9 @@ def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
     if newest is not None and newest.text == text:
         return to_record(StoredExperiment, newest)
     version = 1 if newest is None else newest.version + 1
-    row = ExperimentRow(name=name, version=version, text=text, who=who, created_at=datetime.now(UTC))
+    row = ExperimentRow(
+        name=name, version=version, text=text, who=who, created_at=datetime.now(UTC), station=station_of(session)
+    )
     session.add(row)
     session.flush()
     return to_record(StoredExperiment, row)
@@ -36,7 +39,7 @@ def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
 
 def get(session: Session, name: str, version: int | None = None) -> StoredExperiment:
     """Return a version of an experiment, without a number the newest. Raises UnknownRecordError."""
-    query = select(ExperimentRow).where(ExperimentRow.name == name, ExperimentRow.version == version)
+    query = _of_station(session).where(ExperimentRow.name == name, ExperimentRow.version == version)
     row = _newest(session, name) if version is None else session.scalar(query)
     if row is None:
         raise UnknownRecordError(f"there is no experiment {name}" + ("" if version is None else f"@{version}"))
@@ -45,11 +48,16 @@ def get(session: Session, name: str, version: int | None = None) -> StoredExperi
 
 def newest(session: Session) -> list[StoredExperiment]:
     """Return the newest version of each, by name."""
-    last = select(func.max(ExperimentRow.id)).group_by(ExperimentRow.name)
+    of_station = ExperimentRow.station == station_of(session)
+    last = select(func.max(ExperimentRow.id)).where(of_station).group_by(ExperimentRow.name)
     rows = session.scalars(select(ExperimentRow).where(ExperimentRow.id.in_(last)).order_by(ExperimentRow.name))
     return [to_record(StoredExperiment, row) for row in rows]
 
 
 def _newest(session: Session, name: str) -> ExperimentRow | None:
-    query = select(ExperimentRow).where(ExperimentRow.name == name).order_by(ExperimentRow.version.desc()).limit(1)
-    return session.scalar(query)
+    of_name = _of_station(session).where(ExperimentRow.name == name)
+    return session.scalar(of_name.order_by(ExperimentRow.version.desc()).limit(1))
+
+
+def _of_station(session: Session) -> Select[ExperimentRow]:
+    return select(ExperimentRow).where(ExperimentRow.station == station_of(session))

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from backend.storage.records import require
 from backend.storage.schema import EventRow, FlightRow
+from backend.storage.stations import station_of
 
 GIVE_WAY_AT_ONCE = 50
 
@@ -46,13 +47,14 @@ def add(session: Session, new: NewFlight) -> None:
 
 
 def give_way(session: Session, records: int, size_bytes: int) -> int:
-    """Delete the oldest records beyond a number of records or bytes; return how many. The newest always stays.
+    """Delete the station's oldest records beyond a number of them or of bytes; return how many. The newest stays.
 
     Their events stay too. At most ``GIVE_WAY_AT_ONCE`` go, so that nobody waits long for the database.
     """
-    sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).order_by(FlightRow.event_id.desc())
+    sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).join(EventRow)
+    of_station = sizes.where(EventRow.station == station_of(session)).order_by(FlightRow.event_id.desc())
     total, beyond = 0, []
-    for position, (event_id, size) in enumerate(session.execute(sizes)):
+    for position, (event_id, size) in enumerate(session.execute(of_station)):
         total += size
         if position > 0 and (position >= records or total > size_bytes):
             beyond.append(event_id)
@@ -62,7 +64,7 @@ def give_way(session: Session, records: int, size_bytes: int) -> int:
 
 
 def find(session: Session, limit: int = 100) -> list[Flight]:
-    """Return flight records, newest first."""
+    """Return flight records of the station, newest first."""
     columns = (
         FlightRow.event_id,
         EventRow.at,
@@ -73,7 +75,8 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
         FlightRow.trip_tick,
         FlightRow.count,
     )
-    query = select(*columns).join(EventRow).order_by(FlightRow.event_id.desc()).limit(limit)
+    of_station = select(*columns).join(EventRow).where(EventRow.station == station_of(session))
+    query = of_station.order_by(FlightRow.event_id.desc()).limit(limit)
     return [Flight(*row) for row in session.execute(query)]
 
 

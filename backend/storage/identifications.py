@@ -13,8 +13,10 @@ from backend.documents import actuator as of_actuator
 from backend.documents import motor as of_motor
 from backend.documents import spring as of_spring
 from backend.documents.edge import UnreadableDocumentError
+from backend.storage.origins import IDENTIFICATION
 from backend.storage.records import UnknownRecordError, require, to_record
-from backend.storage.schema import Document, IdentificationRow
+from backend.storage.schema import Document, IdentificationRow, OriginRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,18 @@ class Identification(NewIdentification):
         """The file that a spring's table came from."""
         return of_spring.TABLE.read(self.data, self._of)
 
+    def readable(self) -> None:
+        """Raise UnreadableDocumentError for models of a known kind that cannot be read."""
+        match self.kind:
+            case "actuator":
+                _ = self.early_model, self.early_quality
+            case "motor":
+                _ = self.motors
+            case "spring":
+                _ = self.springs
+            case _:
+                pass
+
     @property
     def _of(self) -> str:
         return f"estimate {self.id}" if self.run_id is None else f"run {self.run_id}"
@@ -96,7 +110,7 @@ class Identification(NewIdentification):
 
 def add(session: Session, new: NewIdentification) -> Identification:
     """Store an estimate beside all earlier ones."""
-    row = IdentificationRow(**asdict(new), created_at=datetime.now(UTC))
+    row = IdentificationRow(**asdict(new), created_at=datetime.now(UTC), station=station_of(session))
     session.add(row)
     session.flush()
     return to_record(Identification, row)
@@ -135,9 +149,21 @@ def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float
     return found
 
 
+def of_kind_after(session: Session, earlier: Identification) -> list[Identification]:
+    """Return the estimates of the same kind that the same station has made since, newest first."""
+    of_station = select(IdentificationRow.station).where(IdentificationRow.id == earlier.id).scalar_subquery()
+    imported = select(OriginRow.number).where(OriginRow.kind == IDENTIFICATION)
+    of_here = IdentificationRow.id.not_in(imported)  # an imported one is older than its number
+    since = (IdentificationRow.id > earlier.id, IdentificationRow.kind == earlier.kind, of_here)
+    query = select(IdentificationRow).where(*since, IdentificationRow.station == of_station)
+    return [to_record(Identification, row) for row in session.scalars(query.order_by(IdentificationRow.id.desc()))]
+
+
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:
-    """Return estimates, newest first, of a kind or of a run."""
+    """Return estimates, newest first: of a run, whoever made it, or all of the station, or those of a kind."""
     query = select(IdentificationRow).order_by(IdentificationRow.id.desc())
+    if run_id is None:
+        query = query.where(IdentificationRow.station == station_of(session))
     if kind is not None:
         query = query.where(IdentificationRow.kind == kind)
     if run_id is not None:

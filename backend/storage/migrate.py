@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import Connection, Engine, inspect, text
 
 import migrations
+from backend.storage.stations import one_at_a_time
 
 if TYPE_CHECKING:
     from alembic.config import Config
@@ -43,6 +44,7 @@ def upgrade(engine: Engine) -> None:
     from alembic import command
 
     with engine.connect() as connection, _free_to_rebuild_tables(connection), connection.begin():
+        one_at_a_time(connection, "migration")
         command.upgrade(_configuration(connection), "head")
         broken = broken_references(connection)
         if broken:

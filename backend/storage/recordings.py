@@ -84,6 +84,16 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
     return to_record(Recording, row)
 
 
+def begin_imported(
+    session: Session, run_id: int, fields: list[str], period_s: float, missed: int, problem: str
+) -> None:
+    """Open the recording of a run that was recorded elsewhere. Raises UnknownRecordError."""
+    require(session, RunRow, run_id, "run")
+    told = {"missed": missed, "problem": problem, "size_bytes": 0, "removed_at": None}
+    session.add(RecordingRow(run_id=run_id, fields=fields, period_s=period_s, **told))
+    session.flush()
+
+
 def is_begun(session: Session, run_id: int) -> bool:
     """Return whether the recording of a run has been opened."""
     return session.get(RecordingRow, run_id) is not None
@@ -139,6 +149,16 @@ def extent(session: Session, run_id: int) -> Extent:
     spanned = span(session, run_id)
     count = session.scalar(select(func.sum(ChunkRow.count)).where(ChunkRow.run_id == run_id))
     return Extent(spanned.first_tick, spanned.end_tick, int(count or 0))
+
+
+def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, tuple[Recording, Extent | None]]:
+    """Return what was recorded of these runs, of those that were; without an extent where no samples are there."""
+    rows = {row.run_id: row for row in session.scalars(select(RecordingRow).where(RecordingRow.run_id.in_(run_ids)))}
+    last, first = func.max(ChunkRow.first_tick + ChunkRow.count), func.min(ChunkRow.first_tick)
+    spans = select(ChunkRow.run_id, first, last, func.sum(ChunkRow.count)).where(ChunkRow.run_id.in_(run_ids))
+    found = session.execute(spans.group_by(ChunkRow.run_id))
+    extents = {run_id: Extent(begin, end, int(count)) for run_id, begin, end, count in found}
+    return {run_id: (to_record(Recording, row), extents.get(run_id)) for run_id, row in rows.items()}
 
 
 def chunks(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Chunk]:

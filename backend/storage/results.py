@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.storage.records import to_record
 from backend.storage.schema import ReportRow, ResultRow
+from backend.storage.touched import touch
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ def add(session: Session, new: NewResult) -> Result:
     )
     session.add(row)
     session.flush()
+    touch(session, new.run_id)
     return _result(row)
 
 
@@ -71,6 +73,11 @@ def _result(row: ResultRow) -> Result:
         software=row.software,
         created_at=row.created_at,
     )
+
+
+def numbers(session: Session, run_id: int) -> list[int]:
+    """Return the numbers of all results of a run, oldest first."""
+    return list(session.scalars(select(ResultRow.id).where(ResultRow.run_id == run_id).order_by(ResultRow.id)))
 
 
 def present(session: Session, run_ids: Sequence[int]) -> set[int]:

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from backend.storage.records import require
 from backend.storage.runs import EndState
 from backend.storage.schema import ChunkRow, IdentificationRow, RecordingRow, ReportRow, ResultRow, RunRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -25,14 +26,15 @@ class Held:
 
 
 def held(session: Session) -> list[Held]:
-    """Return what is held, oldest first."""
+    """Return what is held of the station's runs, oldest first."""
     needs = [
         exists().where(table.run_id == RunRow.id).correlate(RunRow)
         for table in (IdentificationRow, ResultRow, ReportRow)
     ]
     in_use = (RunRow.end_state == EndState.RUNNING.value) | needs[0] | needs[1] | needs[2]
     columns = (RunRow.id, RunRow.kind, RunRow.who, RunRow.note, RunRow.started_at, RecordingRow.size_bytes, in_use)
-    query = select(*columns).join(RecordingRow).where(RecordingRow.size_bytes > 0).order_by(RunRow.id)
+    mine = (RecordingRow.size_bytes > 0, RunRow.station == station_of(session))
+    query = select(*columns).join(RecordingRow).where(*mine).order_by(RunRow.id)
     return [Held(*row[:-1], bool(row[-1])) for row in session.execute(query)]
 
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
 
-from sqlalchemy import ColumnElement, String, cast, func, or_, select, update
+from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from backend.documents.edge import UnreadableDocumentError
@@ -14,6 +14,8 @@ from backend.documents.run_settings import SETTINGS, RunSettings
 from backend.faults import Fault
 from backend.storage.records import require, to_record
 from backend.storage.schema import Document, RunRow
+from backend.storage.stations import station_of
+from backend.storage.touched import touch
 
 
 class RunKind(StrEnum):
@@ -95,6 +97,7 @@ class Run:
     end_detail: str
     note: str
     evaluation_problem: str = ""
+    station: str = ""
 
     def number(self, section: str, name: str) -> float:
         """Return a number of the plant as it was when the run began. Raises UnreadableDocumentError."""
@@ -119,10 +122,12 @@ def create(session: Session, new: NewRun) -> Run:
         end_state=EndState.RUNNING.value,
         end_detail="",
         evaluation_problem="",
+        station=station_of(session),
     )
     row.kind = new.kind.value
     session.add(row)
     session.flush()
+    touch(session, row.id)
     return to_record(Run, row)
 
 
@@ -131,22 +136,37 @@ def get(session: Session, run_id: int) -> Run:
     return to_record(Run, require(session, RunRow, run_id, "run"))
 
 
+def began_at(session: Session, moment: datetime) -> list[Run]:
+    """Return the runs, of all stations, that began at a moment: there is one, or several where a run was imported."""
+    query = select(RunRow).where(RunRow.started_at == moment).order_by(RunRow.id)
+    return [to_record(Run, row) for row in session.scalars(query)]
+
+
 def find(
     session: Session,
     *,
     kinds: Sequence[RunKind] = (),
     ended: EndState | None = None,
-    search: str = "",
     limit: int = 200,
-    offset: int = 0,
 ) -> list[Run]:
-    """Return runs, newest first: of these kinds, ended like that.
-
-    ``search`` is for people: its words may stand in number, kind, who, note, parameters' name or end state.
-    """
-    conditions = [*_conditions(kinds, search), *([] if ended is None else [RunRow.end_state == ended.value])]
-    query = select(RunRow).where(*conditions).order_by(RunRow.id.desc()).limit(limit).offset(offset)
+    """Return runs of the station, newest first: of these kinds, ended like that. ``run_search`` looks for more."""
+    of_station = RunRow.station == station_of(session)
+    of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
+    conditions = [*of_kind, *([] if ended is None else [RunRow.end_state == ended.value])]
+    query = select(RunRow).where(of_station, *conditions).order_by(RunRow.id.desc()).limit(limit)
     return [to_record(Run, row) for row in session.scalars(query)]
+
+
+def count(session: Session) -> int:
+    """Count the runs of the station."""
+    query = select(func.count()).select_from(RunRow).where(RunRow.station == station_of(session))
+    return session.scalar(query) or 0
+
+
+def of_numbers(session: Session, run_ids: Sequence[int]) -> list[Run]:
+    """Return these runs in this order, without those that are not there."""
+    rows = {row.id: row for row in session.scalars(select(RunRow).where(RunRow.id.in_(run_ids)))}
+    return [to_record(Run, rows[number]) for number in run_ids if number in rows]
 
 
 def with_banks(session: Session, bank_ids: Sequence[int], *, limit: int) -> list[int]:
@@ -155,29 +175,12 @@ def with_banks(session: Session, bank_ids: Sequence[int], *, limit: int) -> list
     return list(session.scalars(query))
 
 
-def count(session: Session, *, kinds: Sequence[RunKind] = (), search: str = "") -> int:
-    """Count the runs that ``find`` would return without a limit."""
-    return session.scalar(select(func.count()).select_from(RunRow).where(*_conditions(kinds, search))) or 0
-
-
-def _conditions(kinds: Sequence[RunKind], search: str) -> list[ColumnElement[bool]]:
-    of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
-    return [*of_kind, *(_contains(word) for word in search.split())]
-
-
-def _contains(word: str) -> ColumnElement[bool]:
-    looked_into = (RunRow.kind, RunRow.who, RunRow.note, RunRow.parameters_name, RunRow.end_state, RunRow.plant)
-    return or_(
-        cast(RunRow.id, String) == word,
-        *(column.icontains(word, autoescape=True) for column in looked_into),
-    )
-
-
 def set_note(session: Session, run_id: int, note: str) -> Run:
     """Replace the note, the one part of a run that a person may edit. Raises UnknownRecordError."""
     row = require(session, RunRow, run_id, "run")
     row.note = note
     session.flush()
+    touch(session, run_id)
     return to_record(Run, row)
 
 
@@ -198,14 +201,15 @@ def end(session: Session, run_id: int, end_state: EndState, detail: str = "") ->
         row.end_detail = detail
         row.ended_at = datetime.now(UTC)
         session.flush()
+        touch(session, run_id)
     return to_record(Run, row)
 
 
 def close_interrupted(session: Session) -> list[int]:
-    """Close all runs that a crash left open as service_died; return their numbers. For the start of the service."""
+    """Close the station's runs that a crash left open as service_died; return their numbers. For a service's start."""
     ended = session.scalars(
         update(RunRow)
-        .where(RunRow.end_state == EndState.RUNNING.value)
+        .where(RunRow.end_state == EndState.RUNNING.value, RunRow.station == station_of(session))
         .values(
             end_state=EndState.SERVICE_DIED.value,
             end_detail="the service ended while this run was open; found at its next start",
@@ -213,4 +217,6 @@ def close_interrupted(session: Session) -> list[int]:
         )
         .returning(RunRow.id)
     )
-    return sorted(ended)
+    closed = sorted(ended)
+    touch(session, *closed)
+    return closed

@@ -24,6 +24,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
+from backend.station import STATION_MAX
 from plant.choice import NAME_MAX
 
 Document = dict[str, Any]
@@ -75,7 +76,13 @@ class Numbered:
     id: Mapped[int] = mapped_column(Integer, primary_key=True)
 
 
-class RunRow(Numbered, Base):
+class OfStation:
+    """Rows that belong to the station that wrote them: several may share one database."""
+
+    station: Mapped[str] = mapped_column(String(STATION_MAX), index=True, server_default="")
+
+
+class RunRow(OfStation, Numbered, Base):
     """One stretch of the loop's life that somebody asked for."""
 
     __tablename__ = "run"
@@ -125,7 +132,7 @@ class ChunkRow(Base):
     samples: Mapped[bytes] = mapped_column(LargeBinary)
 
 
-class IdentificationRow(Numbered, Base):
+class IdentificationRow(OfStation, Numbered, Base):
     """One estimate made from data; estimating again adds a row."""
 
     __tablename__ = "identification"
@@ -144,11 +151,11 @@ class IdentificationRow(Numbered, Base):
     created_at: Mapped[datetime]
 
 
-class BankRow(Numbered, Base):
+class BankRow(OfStation, Numbered, Base):
     """One version of a controller bank; a change makes the next version of the same name."""
 
     __tablename__ = "bank"
-    __table_args__ = (UniqueConstraint("name", "version"), *Numbered.__table_args__)
+    __table_args__ = (UniqueConstraint("station", "name", "version"), *Numbered.__table_args__)
 
     name: Mapped[str] = mapped_column(String(200))
     version: Mapped[int] = mapped_column(Integer)
@@ -157,11 +164,11 @@ class BankRow(Numbered, Base):
     created_at: Mapped[datetime]
 
 
-class ExperimentRow(Numbered, Base):
+class ExperimentRow(OfStation, Numbered, Base):
     """One version of an own experiment, as its text; a change makes the next version of the same name."""
 
     __tablename__ = "experiment"
-    __table_args__ = (UniqueConstraint("name", "version"), *Numbered.__table_args__)
+    __table_args__ = (UniqueConstraint("station", "name", "version"), *Numbered.__table_args__)
 
     name: Mapped[str] = mapped_column(String(40))
     version: Mapped[int] = mapped_column(Integer)
@@ -205,7 +212,7 @@ class ReportRow(Numbered, Base):
     content: Mapped[bytes] = mapped_column(LargeBinary)
 
 
-class EventRow(Numbered, Base):
+class EventRow(OfStation, Numbered, Base):
     """What happened and who asked for it; ``tick`` places it on the time axis of a run."""
 
     __tablename__ = "event"
@@ -233,7 +240,7 @@ class FlightRow(Base):
     samples: Mapped[bytes] = mapped_column(LargeBinary)
 
 
-class SettingRow(Numbered, Base):
+class SettingRow(OfStation, Numbered, Base):
     """One value that a setting had; the newest row of a name counts."""
 
     __tablename__ = "setting"
@@ -244,7 +251,7 @@ class SettingRow(Numbered, Base):
     at: Mapped[datetime]
 
 
-class BringUpRow(Numbered, Base):
+class BringUpRow(OfStation, Numbered, Base):
     """What one step of bringing a rig up came to, with one wiring."""
 
     __tablename__ = "bring_up"
@@ -256,5 +263,20 @@ class BringUpRow(Numbered, Base):
     text: Mapped[str] = mapped_column(Text)
     figures: Mapped[list[Document]]
     calibrations: Mapped[list[Document]]
+    who: Mapped[str] = mapped_column(String(200))
+    at: Mapped[datetime]
+
+
+class OriginRow(Base):
+    """Where a record was imported from: its number there, the file with its digest, and what came with it."""
+
+    __tablename__ = "origin"
+
+    kind: Mapped[str] = mapped_column(String(20), primary_key=True)
+    number: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    was: Mapped[int] = mapped_column(Integer)
+    file: Mapped[str] = mapped_column(Text)
+    sha256: Mapped[str] = mapped_column(String(64))
+    carried: Mapped[Document]
     who: Mapped[str] = mapped_column(String(200))
     at: Mapped[datetime]

@@ -1,14 +1,15 @@
-"""Settings kept in the database (active bank, layouts ...): the newest value counts, earlier ones stay."""
+"""Settings of a station (active bank, layouts ...): the newest value counts, earlier ones stay."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from backend.storage.records import to_record
 from backend.storage.schema import SettingRow
+from backend.storage.stations import station_of
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class StoredSetting:
 
 def put(session: Session, name: str, value: Any, who: str) -> StoredSetting:
     """Give a setting a new value (anything JSON can say)."""
-    row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC))
+    row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC), station=station_of(session))
     session.add(row)
     session.flush()
     return to_record(StoredSetting, row)
@@ -31,11 +32,23 @@ def put(session: Session, name: str, value: Any, who: str) -> StoredSetting:
 
 def newest(session: Session, name: str) -> StoredSetting | None:
     """Return the value in force, None when it was never set."""
-    row = session.scalar(select(SettingRow).where(SettingRow.name == name).order_by(SettingRow.id.desc()).limit(1))
+    row = session.scalar(_of(session, name).limit(1))
     return None if row is None else to_record(StoredSetting, row)
 
 
 def history(session: Session, name: str) -> list[StoredSetting]:
     """Return all values the setting had, newest first."""
-    query = select(SettingRow).where(SettingRow.name == name).order_by(SettingRow.id.desc())
-    return [to_record(StoredSetting, row) for row in session.scalars(query)]
+    return [to_record(StoredSetting, row) for row in session.scalars(_of(session, name))]
+
+
+def newest_under(session: Session, prefix: str) -> list[StoredSetting]:
+    """Return the values in force of all settings whose names begin like that, by name."""
+    of_station = (SettingRow.station == station_of(session), SettingRow.name.startswith(prefix, autoescape=True))
+    last = select(func.max(SettingRow.id)).where(*of_station).group_by(SettingRow.name)
+    rows = session.scalars(select(SettingRow).where(SettingRow.id.in_(last)).order_by(SettingRow.name))
+    return [to_record(StoredSetting, row) for row in rows]
+
+
+def _of(session: Session, name: str) -> Select[SettingRow]:
+    of_station = SettingRow.station == station_of(session)
+    return select(SettingRow).where(SettingRow.name == name, of_station).order_by(SettingRow.id.desc())

@@ -7,6 +7,7 @@ from typing import Any
 from sqlalchemy import text
 
 from backend.storage import Database, open_database
+from backend.storage.touched import touch
 from plant.parameters import load_parameters
 
 AT = "2026-03-04 10:20:30.000000"
@@ -106,3 +107,4 @@ def put(database: Database, table: str, **values: Any) -> None:
     marks = ", ".join(f":{name}" for name in values)
     with database.session() as session:
         session.execute(text(f"INSERT INTO {table} ({names}) VALUES ({marks})"), values)
+        touch(session, *(values[key] for kind, key in (("run", "id"), ("result", "run_id")) if kind == table))

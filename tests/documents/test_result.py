@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from backend.archive.stored_runs import StoredRuns
+from backend.archive.stored_runs import Asked, StoredRuns
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import CRITERIA, METRICS, OLDER
 from backend.reports.build import build_report
@@ -79,7 +79,7 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(
         load_source(database, 1)
     assert said in str(refused.value)
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = asyncio.run(stored.runs(None, "", 10, 0))
+    listed = asyncio.run(stored.runs(Asked(limit=10)))
     assert [run.id for run in listed.runs] == [1]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from backend.archive.stored_identifications import StoredIdentifications
-from backend.archive.stored_runs import StoredRuns
+from backend.archive.stored_runs import Asked, StoredRuns
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import SETTINGS, KeptLoop
 from backend.experiments.banks.tuning_choice import TuningChoice
@@ -75,7 +75,7 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
     with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
         assert runs.get(session, 3).set_to
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = asyncio.run(stored.runs(None, "", 10, 0)).runs
+    listed = asyncio.run(stored.runs(Asked(limit=10))).runs
     assert [(run.id, len(run.settings)) for run in listed] == [(3, 0), (2, 3), (1, 1)]
     assert said in listed[0].evaluation_problem
     found = asyncio.run(StoredIdentifications(database, lambda _run: 1.0).identifications())

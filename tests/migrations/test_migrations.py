@@ -25,6 +25,13 @@ def upgrade():
     {then}
 '''
 
+EARLY_RUN = (
+    "INSERT INTO run (id, kind, plant, parameters_name, parameters, settings, who, software, started_at, end_state, "
+    "end_detail, note, evaluation_problem) VALUES (:id, 'session', 'simulator', 'ideal', '{\"geometry\": {\"r_j\": "
+    "{\"value\": 0.075}}}', '{\"mode\": \"run\"}', 'Ana', '0.1', '2026-01-01 00:00:00', 'completed', '', 'worn', "
+    "'')"
+)
+
 
 @pytest.fixture
 def later_scripts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -111,23 +118,25 @@ def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
     tmp_path: Path, later_scripts: Path
 ) -> None:
     """SQLite makes the table anew: a number that was given out once is not given out again."""
+    kept, gone = 1, 2
     newer = [script for script in (later_scripts / "versions").glob("0*.py") if script.name >= "0006"]
     texts = {script: script.read_text() for script in newer}
     for script in newer:
         script.unlink()
     old = open_database(tmp_path)
     with old.session() as session:
-        kept, gone = (runs.create(session, NEW_RUN) for _ in range(2))
-        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '', 0, NULL)"), {"run": kept.id})
-        session.execute(text("DELETE FROM run WHERE id = :id"), {"id": gone.id})
+        for number in (kept, gone):
+            session.execute(text(EARLY_RUN.replace(":id", str(number))), {"id": number})
+        session.execute(text("INSERT INTO recording VALUES (:run, '[]', 0.001, 0, '', 0, NULL)"), {"run": kept})
+        session.execute(text("DELETE FROM run WHERE id = :id"), {"id": gone})
     old.close()
     for script, written in texts.items():
         script.write_text(written)
     opened = open_database(tmp_path)
     with opened.session() as session:
-        assert runs.get(session, kept.id).plant == "simulator"
-        assert recordings.get(session, kept.id).missed == 0
-        assert runs.create(session, NEW_RUN).id == gone.id + 1
+        assert runs.get(session, kept).plant == "simulator"
+        assert recordings.get(session, kept).missed == 0
+        assert runs.create(session, NEW_RUN).id == gone + 1
     opened.close()
 
 

@@ -7,12 +7,13 @@ import numpy as np
 
 from backend.loop.commands import Accepted, Inject, SetMode, SetReferences
 from backend.loop.mode import Mode
-from backend.reports.exports import Columns, to_csv
+from backend.recording.columns import Columns
 from backend.sample import INDEX, NAMES
 from plant.breakage import Breakage, Broken, Sensor
 from plant.interface import Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
+from tests.exports.written import to_csv
 from tests.loop.bench_top import BenchTop
 
 JUMP = Broken(Breakage.JUMP, Sensor.F_B)

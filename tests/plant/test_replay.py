@@ -11,12 +11,12 @@ import pytest
 from backend.faults import FAULT_CODE, Fault
 from backend.loop.commands import Accepted, PlantFailing, Reset, Stopped
 from backend.loop.mode import Mode
-from backend.reports.exports import to_csv, to_mat, to_parquet
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
 from plant.recording import load_recording
 from plant.replay import Replay
+from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.loop.bench_top import BenchTop
 from tests.plant.recorded import columns_of, session, trip_recorded
 

@@ -1,0 +1,53 @@
+"""Where imported records came from; one that was made here has no origin."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import to_record
+from backend.storage.schema import Document, OriginRow
+
+RUN, IDENTIFICATION = "run", "identification"
+CALIBRATIONS = "calibrations"
+"""In what is carried with a run: the steps of the bring-up that held when it began, at the rig that made it."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """``was`` is the number of the record where it was made, ``sha256`` that of the file it came in.
+
+    ``carried`` is what came with it that is no record here.
+    """
+
+    kind: str
+    number: int
+    was: int
+    file: str
+    sha256: str
+    who: str
+    carried: Document = field(default_factory=dict)
+
+    @property
+    def sentence(self) -> str:
+        """Say it."""
+        return f"imported from {self.file}, there {self.kind} {self.was}"
+
+
+def add(session: Session, origin: Origin) -> None:
+    """Note where a record came from."""
+    session.add(OriginRow(**asdict(origin), at=datetime.now(UTC)))
+    session.flush()
+
+
+def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
+    """Return the origins of those of these runs that were imported."""
+    query = select(OriginRow).where(OriginRow.kind == RUN, OriginRow.number.in_(run_ids))
+    return {row.number: to_record(Origin, row) for row in session.scalars(query)}
+
+
+def numbers_of(session: Session, kind: str) -> set[int]:
+    """Return the numbers of all records of a kind that were imported."""
+    return set(session.scalars(select(OriginRow.number).where(OriginRow.kind == kind)))

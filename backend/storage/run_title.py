@@ -1,0 +1,26 @@
+"""What was run, by name and in words, from what a stored run was set to."""
+
+import json
+
+from backend.documents.edge import UnreadableDocumentError
+from backend.storage.runs import Run, RunKind
+
+
+def title_of(run: Run) -> str:
+    """Return what was run, in words; of an experiment that is data its own title."""
+    if run.kind != RunKind.EXPERIMENT:
+        return run.kind.replace("_", " ").capitalize()
+    return _written(run, "title") or "Experiment that cannot be read"
+
+
+def experiment_of(run: Run) -> str:
+    """Return what was run as it is called when it is ordered, "" where that cannot be read."""
+    return _written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
+
+
+def _written(run: Run, part: str) -> str:
+    """Return a part of the experiment that a run has kept, "" where it cannot be read."""
+    try:
+        return str(json.loads(str((run.set_to.plan or {})["experiment"]))[part])
+    except (UnreadableDocumentError, ValueError, KeyError, TypeError):
+        return ""

@@ -1,0 +1,73 @@
+"""Several rigs on one database, each a station with a name: what a station wrote is its own.
+
+A ``Database`` knows its station and tells it to each of its sessions. What is written carries it; settings, banks,
+identifications, experiments, events, steps of the bring-up and what keeps house see those of their station only.
+By its number every run can be read, whoever made it.
+"""
+
+import hashlib
+
+from sqlalchemy import Connection, Engine, text
+from sqlalchemy.orm import Session
+
+from backend.refusal import Because, RefusalError
+
+_KEY = "sinew_station"
+
+
+class StationTakenError(RefusalError):
+    """Another service works on this database under the same name."""
+
+    def __init__(self, station: str) -> None:
+        named = f"as station {station}" if station else "without a station"
+        super().__init__(
+            Because.NOT_NOW,
+            f"another service works on this database {named}: end it, or give this one its own name with --station",
+        )
+
+
+def info_of(station: str) -> dict[str, str]:
+    """Return what a session is told of its station."""
+    return {_KEY: station}
+
+
+def station_of(session: Session) -> str:
+    """Return the station that a session works for."""
+    return str(session.info.get(_KEY, ""))
+
+
+class HeldStation:
+    """That this service alone works for its station, as long as it is held; for a server of many stations.
+
+    An SQLite database lies in its data folder, of which only one service is let in. The lock is the server's own: it
+    is let go with the connection, so that a service that was killed is in nobody's way. Raises StationTakenError.
+    """
+
+    def __init__(self, engine: Engine, station: str) -> None:
+        self._connection: Connection | None = None
+        if engine.dialect.name != "postgresql":
+            return
+        connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
+        taken = connection.scalar(text("SELECT pg_try_advisory_lock(:key)"), {"key": _key("station", station)})
+        if not taken:
+            connection.close()
+            raise StationTakenError(station)
+        self._connection = connection
+
+    def let_go(self) -> None:
+        """Let another service work for the station."""
+        if self._connection is not None:
+            self._connection.invalidate()  # a pooled connection would keep the lock
+            self._connection.close()
+            self._connection = None
+
+
+def one_at_a_time(connection: Connection, what: str) -> None:
+    """Wait until no other transaction of the database server does the same; up to the end of this one."""
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _key("sinew", what)})
+
+
+def _key(*words: str) -> int:
+    digest = hashlib.sha256("\0".join(words).encode()).digest()
+    return int.from_bytes(digest[:8], "big", signed=True)

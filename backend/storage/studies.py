@@ -1,0 +1,147 @@
+"""Studies and the rows that they have computed so far: a row is there once, whoever computes it again."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from backend.storage.records import UnknownRecordError, to_record
+from backend.storage.run_index import insert_new
+from backend.storage.schema import Document
+from backend.storage.stations import station_of
+from backend.storage.study_schema import StudyPointRow, StudyRow
+
+
+@dataclass(frozen=True)
+class NewStudy:
+    """What decides the points of a study: its ``text``, and in ``base`` all that this speaks of, as it was then."""
+
+    name: str
+    title: str
+    text: str
+    base: Document
+    points: int
+    who: str
+
+
+@dataclass(frozen=True)
+class StoredStudy(NewStudy):
+    """A stored study. ``runner`` computes it, "" for nobody; ``problem`` says what it ended of, where that is wrong."""
+
+    id: int
+    created_at: datetime
+    runner: str
+    seen_at: datetime | None
+    begun_at: datetime | None
+    begun_with: int
+    stop_asked: bool
+    problem: str
+
+
+@dataclass(frozen=True)
+class StoredPoint:
+    """A row of the table, as ``backend.studies.point.PointResult`` says it."""
+
+    number: int
+    state: str
+    detail: str
+    passed: bool | None
+    values: Document
+    figures: Document
+
+
+def add(session: Session, new: NewStudy) -> StoredStudy:
+    """Keep a study, of which nothing is computed yet."""
+    row = StudyRow(
+        **asdict(new),
+        created_at=datetime.now(UTC),
+        runner="",
+        begun_with=0,
+        stop_asked=False,
+        problem="",
+        station=station_of(session),
+    )
+    session.add(row)
+    session.flush()
+    return to_record(StoredStudy, row)
+
+
+def get(session: Session, study_id: int) -> StoredStudy:
+    """Return a study of the station. Raises UnknownRecordError."""
+    return to_record(StoredStudy, _own(session, study_id))
+
+
+def newest(session: Session, limit: int) -> list[StoredStudy]:
+    """Return the newest studies of the station, newest first."""
+    query = select(StudyRow).where(StudyRow.station == station_of(session)).order_by(StudyRow.id.desc()).limit(limit)
+    return [to_record(StoredStudy, row) for row in session.scalars(query)]
+
+
+def claim(session: Session, study_id: int, runner: str) -> None:
+    """Keep that ``runner`` computes the study from now on. Raises UnknownRecordError."""
+    row, now = _own(session, study_id), datetime.now(UTC)
+    row.runner, row.seen_at, row.begun_at = runner, now, now
+    row.begun_with, row.stop_asked, row.problem = done(session, study_id), False, ""
+
+
+def beat(session: Session, study_id: int, runner: str) -> bool:
+    """Keep that ``runner`` is alive; return whether it may go on: nobody asked it to stop, or took the study over."""
+    row = _own(session, study_id)
+    if row.runner != runner:
+        return False
+    row.seen_at = datetime.now(UTC)
+    return not row.stop_asked
+
+
+def let_go(session: Session, study_id: int, runner: str, problem: str = "") -> None:
+    """Keep that ``runner`` does not compute the study any more."""
+    row = _own(session, study_id)
+    if row.runner == runner:
+        row.runner, row.problem = "", problem
+
+
+def ask_to_stop(session: Session, study_id: int) -> None:
+    """Have whoever computes the study stop. Raises UnknownRecordError."""
+    _own(session, study_id).stop_asked = True
+
+
+def add_points(session: Session, study_id: int, points: Sequence[StoredPoint]) -> None:
+    """Keep rows but for those that are there already."""
+    own: dict[str, Any] = {"study_id": study_id, "station": station_of(session)}
+    if points:
+        insert_new(session, StudyPointRow, [{**own, **asdict(point)} for point in points])
+
+
+def done(session: Session, study_id: int) -> int:
+    """Count the rows that are there."""
+    query = select(func.count()).select_from(StudyPointRow).where(StudyPointRow.study_id == study_id)
+    return session.scalar(query) or 0
+
+
+def numbers(session: Session, study_id: int) -> set[int]:
+    """Return which points are there."""
+    return set(session.scalars(select(StudyPointRow.number).where(StudyPointRow.study_id == study_id)))
+
+
+def states(session: Session, study_id: int) -> dict[str, int]:
+    """Count the rows by how their runs ended."""
+    counted = select(StudyPointRow.state, func.count()).where(StudyPointRow.study_id == study_id)
+    rows = session.execute(counted.group_by(StudyPointRow.state).order_by(StudyPointRow.state))
+    return {row[0]: row[1] for row in rows}
+
+
+def points(session: Session, study_id: int, first: int = 0, limit: int | None = None) -> list[StoredPoint]:
+    """Return the rows that are there from number ``first`` on, in order."""
+    query = select(StudyPointRow).where(StudyPointRow.study_id == study_id, StudyPointRow.number >= first)
+    rows = session.scalars(query.order_by(StudyPointRow.number).limit(limit))
+    return [to_record(StoredPoint, row) for row in rows]
+
+
+def _own(session: Session, study_id: int) -> StudyRow:
+    row = session.get(StudyRow, study_id)
+    if row is None or row.station != station_of(session):
+        raise UnknownRecordError(f"there is no study {study_id}")
+    return row

@@ -1,0 +1,75 @@
+"""Tags of runs: single words, upper and lower case alike, put on and taken off by people."""
+
+import re
+from collections.abc import Sequence
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from backend.refusal import Because, RefusalError
+from backend.storage.index_schema import TAG_MAX, RunTagRow
+from backend.storage.records import UnknownRecordError, require
+from backend.storage.run_index import insert_new
+from backend.storage.run_terms import NONE
+from backend.storage.schema import RunRow
+from backend.storage.stations import station_of
+from backend.storage.touched import touch
+
+_TAG = re.compile(r"[\w.:+-]+")
+
+
+class TagError(RefusalError):
+    """A word that is no tag."""
+
+    def __init__(self, given: str) -> None:
+        super().__init__(
+            Because.BAD_VALUE,
+            f"{given[:TAG_MAX]!r} is no tag: 1 to {TAG_MAX} letters, digits and . : + - _ without a space, "
+            f"and not {NONE!r}",
+            code="bad_tag",
+        )
+
+
+def put(session: Session, run_id: int, tag: str) -> None:
+    """Put a tag on a run, which may have it already. Raises TagError, UnknownRecordError."""
+    require(session, RunRow, run_id, "run")
+    insert_new(session, RunTagRow, [{"run_id": run_id, "tag": _read(tag)}])
+    touch(session, run_id)
+
+
+def take(session: Session, run_id: int, tag: str) -> None:
+    """Take a tag off a run, which may not have it. Raises TagError, UnknownRecordError."""
+    require(session, RunRow, run_id, "run")
+    session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == _read(tag)))
+    touch(session, run_id)
+
+
+def rename(session: Session, before: str, after: str) -> int:
+    """Call a tag otherwise on all runs of the station; return on how many. Raises TagError, UnknownRecordError."""
+    old, new = _read(before), _read(after)
+    mine = select(RunTagRow.run_id).join(RunRow, RunRow.id == RunTagRow.run_id)
+    tagged = list(session.scalars(mine.where(RunTagRow.tag == old, RunRow.station == station_of(session))))
+    if not tagged:
+        raise UnknownRecordError(f"there is no run with the tag {old}")
+    if new != old:
+        insert_new(session, RunTagRow, [{"run_id": run_id, "tag": new} for run_id in tagged])
+        session.execute(delete(RunTagRow).where(RunTagRow.run_id.in_(tagged), RunTagRow.tag == old))
+        touch(session, *tagged)
+    return len(tagged)
+
+
+def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
+    """Return the tags of these runs, in order, of those that have any."""
+    query = select(RunTagRow.run_id, RunTagRow.tag).where(RunTagRow.run_id.in_(run_ids)).order_by(RunTagRow.tag)
+    found: dict[int, list[str]] = {}
+    for run_id, tag in session.execute(query):
+        found.setdefault(run_id, []).append(tag)
+    return found
+
+
+def _read(tag: str) -> str:
+    """Return a tag as it is kept. Raises TagError."""
+    kept = tag.casefold()
+    if not _TAG.fullmatch(kept) or len(kept) > TAG_MAX or kept == NONE:
+        raise TagError(tag)
+    return kept

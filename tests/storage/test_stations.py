@@ -1,0 +1,266 @@
+"""Several stations on one database: what one of them writes, no other takes for its own."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from threading import Barrier
+
+import pytest
+from sqlalchemy import NullPool, create_engine, text
+
+from backend.recording import retention as keeping
+from backend.recording.retention import NotRemovableError, Rule
+from backend.refusal import RefusalError
+from backend.station import STATION_MAX, require_station_name
+from backend.storage import (
+    Database,
+    banks,
+    bring_up,
+    events,
+    experiments,
+    flights,
+    identifications,
+    open_database,
+    recordings,
+    retention,
+    run_search,
+    runs,
+    settings,
+    station_names,
+    tags,
+)
+from backend.storage.banks import BankEntry
+from backend.storage.bring_up import NewStepResult
+from backend.storage.flights import NewFlight
+from backend.storage.recordings import Chunk
+from backend.storage.records import UnknownRecordError
+from backend.storage.run_query import parse
+from backend.storage.runs import EndState
+from backend.storage.stations import HeldStation, StationTakenError
+from tests.postgres import new_database
+from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
+
+
+@pytest.fixture
+def stations(database: Database, tmp_path: Path) -> Iterator[tuple[Database, Database]]:
+    """The database once more, opened by two stations."""
+    url = database.engine.url.render_as_string(hide_password=False)
+    with ExitStack() as stack:
+        opened = [open_database(tmp_path / name, url, station=name) for name in ("rig-a", "rig-b")]
+        for one in opened:
+            stack.callback(one.close)
+        yield opened[0], opened[1]
+
+
+def test_each_station_has_its_own_of_everything(stations: tuple[Database, Database]) -> None:
+    step = NewStepResult("wiring", "card", "f" * 64, passed=False, text="", who="Ana")
+    since = datetime.now(UTC) - timedelta(seconds=1)
+    mine: list[dict[str, object]] = []
+    for station in stations:
+        with station.session() as session:
+            run = runs.create(session, replace(NEW_RUN, note=f"at {station.station}"))
+            identification = identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run.id))
+            bank = banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
+            settings.put(session, "active bank", bank.id, "Ana")
+            settings.put(session, "search/mine", {"where": station.station}, "Ana")
+            text_of = experiments.add(session, "battery", f"of {station.station}", "Ana")
+            event = events.add(session, "trip", "too much force", run_id=run.id, tick=7)
+            flights.add(session, NewFlight(event.id, "force_limit", 0, 7, 9, ["q"], b"xx"))
+            failed = bring_up.add(session, step)
+            passed = bring_up.add(session, replace(step, passed=True))
+        mine.append(
+            {
+                "run": [run.id],
+                "identification": [identification.id],
+                "bank": [(bank.id, 1)],
+                "setting": bank.id,
+                "history": 1,
+                "search": [{"where": station.station}],
+                "experiment": [(text_of.id, 1, f"of {station.station}")],
+                "event": [event.id],
+                "between": [event.id],
+                "flight": [event.id],
+                "step": passed.id,
+                "failure": failed.id,
+                "passed": [passed.id],
+            }
+        )
+    for station, expected in zip(stations, mine, strict=True):
+        with station.reading() as session:
+            active = settings.newest(session, "active bank")
+            seen = {
+                "run": [run.id for run in runs.find(session)],
+                "identification": [one.id for one in identifications.find(session)],
+                "bank": [(bank.id, bank.version) for bank in banks.find(session)],
+                "setting": None if active is None else active.value,
+                "history": len(settings.history(session, "active bank")),
+                "search": [kept.value for kept in settings.newest_under(session, "search/")],
+                "experiment": [(one.id, one.version, one.text) for one in experiments.newest(session)],
+                "event": [event.id for event in events.find(session)],
+                "between": [event.id for event in events.between(session, since, None)],
+                "flight": [flight.event_id for flight in flights.find(session)],
+                "step": bring_up.newest(session)["wiring"].id,
+                "failure": bring_up.last_failure(session, "wiring"),
+                "passed": [one.id for one in bring_up.passed_with(session, "f" * 64)],
+            }
+            assert seen == expected
+            assert experiments.get(session, "battery").text == f"of {station.station}"
+
+
+def test_a_start_closes_the_runs_of_its_own_station_only(stations: tuple[Database, Database]) -> None:
+    a, b = stations
+    with a.session() as session:
+        of_a = runs.create(session, NEW_RUN).id
+    with b.session() as session:
+        of_b = runs.create(session, NEW_RUN).id
+        assert runs.close_interrupted(session) == [of_b]
+    with a.reading() as session:
+        assert runs.get(session, of_a).end_state == EndState.RUNNING
+        assert runs.get(session, of_b).end_state == EndState.SERVICE_DIED
+
+
+def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, Database]) -> None:
+    a, b = stations
+    numbers = []
+    for station in stations:
+        with station.session() as session:
+            run = runs.create(session, NEW_RUN)
+            recordings.begin(session, run.id, ["q"], 1e-3)
+            recordings.add_chunks(session, run.id, [Chunk(0, 10, b"s", b"x" * 99)])
+            runs.end(session, run.id, EndState.COMPLETED)
+            for tick in range(3):
+                event = events.add(session, "trip", "", tick=tick)
+                flights.add(session, NewFlight(event.id, "force_limit", 0, tick, 9, ["q"], b"xx"))
+        numbers.append(run.id)
+    rule = Rule(max_bytes=1, keep_days=0)
+    assert [one.run_id for one in keeping.overview(a, rule).may_go] == numbers[:1]
+    assert keeping.overview(a, rule).total_bytes == 100
+    with pytest.raises(NotRemovableError, match=f"runs named that may not go: {numbers[1]}"):
+        keeping.remove(a, rule, [numbers[1]], "Ana")
+    keeping.remove(a, rule, [numbers[0]], "Ana")
+    with a.session() as session:
+        assert flights.give_way(session, records=1, size_bytes=10**9) == 2
+    with b.reading() as session:
+        assert len(flights.find(session)) == 3
+        assert [one.run_id for one in retention.held(session)] == numbers[1:]
+        assert recordings.extent(session, numbers[1]).count == 10
+
+
+def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Database, Database]) -> None:
+    a, b = stations
+    numbers = []
+    for station in stations:
+        with station.session() as session:
+            numbers.append(runs.create(session, NEW_RUN).id)
+            tags.put(session, numbers[-1], "worn")
+    of_a, of_b = numbers
+    for query, everywhere, expected in (
+        ("", False, [of_a]),
+        ("", True, [of_b, of_a]),
+        ("station = rig-b", False, [of_b]),
+        ("station = RIG-B", False, [of_b]),
+        ("station = rig-a, rig-b", False, [of_b, of_a]),
+        ("station != rig-a", False, [of_b]),
+        ("station ~ rig", False, [of_b, of_a]),
+        ("tag = worn", False, [of_a]),
+    ):
+        with a.reading() as session:
+            found = run_search.search(session, parse(query), everywhere=everywhere, limit=9)
+            assert (list(found.run_ids), found.total) == (expected, len(expected))
+    with a.session() as session:
+        assert tags.rename(session, "worn", "old") == 1
+    with b.reading() as session:
+        assert tags.of_runs(session, numbers) == {of_a: ["old"], of_b: ["worn"]}
+        assert run_search.known_words(session).stations == ("rig-a", "rig-b")
+
+
+def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Database, Database]) -> None:
+    a, b = stations
+    with a.session() as session:
+        bank = banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
+        assert banks.own(session, bank.id) == bank
+    with b.reading() as session:
+        assert banks.get(session, bank.id) == bank
+        with pytest.raises(UnknownRecordError, match=r"of station rig-a: export it there and import it here"):
+            banks.own(session, bank.id)
+
+
+def test_a_station_goes_with_its_database_into_other_processes(stations: tuple[Database, Database]) -> None:
+    again, arguments = stations[0].__reduce__()
+    reopened = again(*arguments)
+    assert reopened.station == "rig-a"
+    reopened.close()
+
+
+def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Path) -> None:
+    url = database.engine.url.render_as_string(hide_password=False)
+    with database.session() as session:
+        run = runs.create(session, NEW_RUN)
+        settings.put(session, "active bank", 3, "Ana")
+        banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
+    with database.session() as session:
+        assert station_names.give_all(session, "rig-a") == 1
+    with database.session() as session, pytest.raises(RefusalError, match="rig-a has 1 rows of table run already"):
+        station_names.give_all(session, "rig-a")
+    with closing(open_database(tmp_path / "a", url, station="rig-a")) as station, station.reading() as session:
+        assert runs.count(session) == 1
+        assert [bank.name for bank in banks.find(session)] == ["bench"]
+        active = settings.newest(session, "active bank")
+        assert active is not None
+        assert active.value == 3
+        for query in ("", "rig-a", "station = rig-a"):
+            assert run_search.search(session, parse(query), everywhere=False, limit=9).run_ids == (run.id,)
+    with database.reading() as session:
+        assert runs.count(session) == 0
+        assert settings.newest(session, "active bank") is None
+
+
+def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
+    engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
+    first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
+    with pytest.raises(StationTakenError, match="another service works on this database as station rig-a"):
+        HeldStation(engines[2], "rig-a")
+    first.let_go()
+    HeldStation(engines[2], "rig-a").let_go()
+    other.let_go()
+
+
+def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
+    engine, other = (create_engine(postgres) for _ in range(2))
+    held = HeldStation(engine, "rig-a")
+    with other.connect() as connection:
+        connection.execute(text("SELECT pg_terminate_backend(pid, 5000) FROM pg_locks WHERE locktype = 'advisory'"))
+    HeldStation(other, "rig-a").let_go()
+    held.let_go()
+    engine.dispose()
+    other.dispose()
+
+
+def test_two_services_may_make_the_tables_at_once(postgres: str, tmp_path: Path) -> None:
+    url = new_database(postgres, "at_once")
+    together = Barrier(2)
+
+    def open_as(name: str) -> str:
+        together.wait(30)
+        database = open_database(tmp_path / name, url, station=name)
+        with database.session() as session:
+            runs.create(session, NEW_RUN)
+        database.close()
+        return database.station
+
+    with ThreadPoolExecutor(2) as threads:
+        assert list(threads.map(open_as, ("rig-a", "rig-b"))) == ["rig-a", "rig-b"]
+
+
+@pytest.mark.parametrize("name", ["-a", "a b", "a/b", "ä", "a" * (STATION_MAX + 1), "\n", ".a"])
+def test_what_is_no_name_of_a_station_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="letters, digits"):
+        require_station_name(name)
+
+
+@pytest.mark.parametrize("name", ["", "a", "rig-2", "Lab.1_x", "a" * STATION_MAX])
+def test_names_of_stations_stay_as_they_are(name: str) -> None:
+    assert require_station_name(name) == name

@@ -1,0 +1,68 @@
+"""Studies and their rows, on both kinds of database: each row once, exact, and of one station."""
+
+from pathlib import Path
+
+import pytest
+
+from backend.storage import Database, open_database, studies
+from backend.storage.records import UnknownRecordError
+from backend.storage.studies import NewStudy, StoredPoint
+
+NEW = NewStudy("map", "Map", "format: 1", {"software": "1.0.0"}, 3, "Ana")
+FIRST = StoredPoint(0, "completed", "", True, {"lam_q": 0.1 + 0.2, "seed": 3}, {"rmse_q": 1e-300, "reach_q_s": None})
+OTHER = StoredPoint(2, "refused", "λ_q: 0.1 s is outside", None, {"lam_q": 0.1}, {})
+
+
+def begun(database: Database) -> int:
+    with database.session() as session:
+        return studies.add(session, NEW).id
+
+
+def test_rows_come_back_as_they_were_in_order_and_once(database: Database) -> None:
+    study = begun(database)
+    for points in ([OTHER], [FIRST, OTHER], []):
+        with database.session() as session:
+            studies.add_points(session, study, points)
+    with database.reading() as session:
+        assert studies.points(session, study) == [FIRST, OTHER]
+        assert studies.points(session, study, first=1, limit=5) == [OTHER]
+        assert studies.numbers(session, study) == {0, 2}
+        assert studies.states(session, study) == {"completed": 1, "refused": 1}
+        assert studies.done(session, study) == 2
+
+
+def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_took_it(database: Database) -> None:
+    study = begun(database)
+
+    def may(runner: str) -> bool:
+        with database.session() as session:
+            return studies.beat(session, study, runner)
+
+    with database.session() as session:
+        studies.claim(session, study, "one:1")
+    assert may("one:1")
+    with database.session() as session:
+        studies.claim(session, study, "two:2")
+    assert (may("one:1"), may("two:2")) == (False, True)
+    with database.session() as session:
+        studies.ask_to_stop(session, study)
+        studies.let_go(session, study, "one:1", "not its own any more")
+    assert not may("two:2")
+    with database.reading() as session:
+        assert (studies.get(session, study).runner, studies.get(session, study).problem) == ("two:2", "")
+    with database.session() as session:
+        studies.claim(session, study, "two:2")
+    assert may("two:2")
+
+
+def test_a_study_is_its_stations_own(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    url = database.engine.url.render_as_string(hide_password=False)
+    other = open_database(tmp_path / "other", url, station="rig-b")
+    with other.session() as session:
+        assert studies.newest(session, 10) == []
+        with pytest.raises(UnknownRecordError, match=f"there is no study {study}"):
+            studies.get(session, study)
+    other.close()
+    with database.reading() as session:
+        assert [found.id for found in studies.newest(session, 10)] == [study]

@@ -1,0 +1,36 @@
+"""Tags of runs: put on, taken off, renamed; what is no tag is refused."""
+
+import pytest
+
+from backend.storage import Database, run_search, runs, tags
+from backend.storage.run_query import parse
+from tests.storage.test_run_search import NEW
+
+
+def test_tags_are_put_taken_and_renamed(database: Database) -> None:
+    with database.session() as session:
+        first, second = (runs.create(session, NEW).id for _ in range(2))
+        tags.put(session, first, "Worn")
+        tags.put(session, first, "worn")
+        tags.put(session, first, "old")
+        tags.put(session, second, "worn")
+        assert tags.of_runs(session, [first, second]) == {first: ["old", "worn"], second: ["worn"]}
+        assert tags.rename(session, "worn", "old") == 2
+        assert tags.of_runs(session, [first, second]) == {first: ["old"], second: ["old"]}
+        tags.take(session, first, "OLD")
+        assert tags.of_runs(session, [first, second]) == {second: ["old"]}
+    with database.reading() as session:
+        assert run_search.search(session, parse("old"), everywhere=False, limit=9).run_ids == (second,)
+
+
+NO_TAGS = ("", "none", "two words", "a,b", 'a"b', "a=b", "x" * 41, "\x00", "a/b")
+
+
+def test_what_is_no_tag_is_refused(database: Database) -> None:
+    with database.session() as session:
+        number = runs.create(session, NEW).id
+        for tag in NO_TAGS:
+            with pytest.raises(tags.TagError, match="letters, digits"):
+                tags.put(session, number, tag)
+            with pytest.raises(tags.TagError, match="letters, digits"):
+                tags.rename(session, "worn", tag)

@@ -1,0 +1,77 @@
+"""Pieces come out of a process of their own as they are made; what goes wrong there is told here."""
+
+import asyncio
+import os
+import signal
+from collections.abc import Iterator
+from contextlib import aclosing
+
+import pytest
+
+from backend.offload import WorkerDiedError
+from backend.piping import piped
+
+LARGE = bytes(range(256)) * 20_000
+
+
+def pieces(count: int) -> Iterator[bytes]:
+    yield b""
+    for number in range(count):
+        yield bytes([number]) * 3
+    yield LARGE
+
+
+def refusing() -> Iterator[bytes]:
+    raise LookupError("there is nothing")
+
+
+def breaking() -> Iterator[bytes]:
+    yield b"begun"
+    raise ValueError("it broke")
+
+
+def dying() -> Iterator[bytes]:
+    yield b"begun"
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def endless() -> Iterator[bytes]:
+    yield str(os.getpid()).encode()
+    while True:
+        yield LARGE
+
+
+async def collected(work: object, *arguments: object) -> list[bytes]:
+    return [piece async for piece in piped(work, *arguments)]  # type: ignore[arg-type]
+
+
+def test_all_pieces_come_in_order() -> None:
+    assert b"".join(asyncio.run(collected(pieces, 3))) == b"\0\0\0\1\1\1\2\2\2" + LARGE
+
+
+def test_what_the_work_refuses_is_raised_before_the_first_piece() -> None:
+    with pytest.raises(LookupError, match="there is nothing"):
+        asyncio.run(collected(refusing))
+
+
+@pytest.mark.parametrize(("work", "error"), [(breaking, ValueError), (dying, WorkerDiedError)])
+def test_what_breaks_off_is_no_end(work: object, error: type[Exception]) -> None:
+    async def take() -> list[bytes]:
+        async with aclosing(piped(work)) as stream:  # type: ignore[arg-type]
+            taken = [await anext(stream)]
+            with pytest.raises(error):
+                await anext(stream)
+        return taken
+
+    assert asyncio.run(take()) == [b"begun"]
+
+
+def test_the_process_ends_when_nobody_takes_its_pieces_any_more() -> None:
+    async def take() -> int:
+        async with aclosing(piped(endless)) as stream:
+            number = int(await anext(stream))
+            await anext(stream)
+        return number
+
+    with pytest.raises(ProcessLookupError):
+        os.kill(asyncio.run(take()), 0)
