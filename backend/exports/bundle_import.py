@@ -1,0 +1,136 @@
+"""A bundle taken in: everything looked through first, then stored with new numbers in one transaction."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from backend.documents.edge import UnreadableDocumentError
+from backend.exports.bundle import recording_of, report_of
+from backend.exports.bundle_file import Bundle, opened
+from backend.exports.errors import ImportRefusedError
+from backend.exports.facts import Facts
+from backend.exports.taking_in import TakenIn, checked, number_of, run_of, same_run, store_run
+from backend.storage import Database, Session, identifications, origins, results
+from backend.storage.carried import (
+    ENTRIES,
+    IDENTIFICATION,
+    REFERENCES,
+    RESULT,
+    RUN,
+    UnfitDocumentError,
+    find_same,
+    put,
+    required,
+)
+from backend.storage.origins import Origin
+from backend.storage.schema import Document
+
+Numbers = dict[tuple[str, int], int]
+"""By kind and number there, the number here."""
+
+
+def take_in(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+    """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
+
+    ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
+
+    Raises ImportRefusedError, OSError.
+    """
+    with opened(file) as bundle, TemporaryDirectory(dir=folder) as unpacked:
+        recorded = _recordings(bundle, Path(unpacked))
+        numbers: Numbers = {}
+        new = False
+        origin = Origin("", 0, 0, name or file.name, bundle.sha256, who)
+        with database.session() as session:
+            for record in bundle.records:
+                new |= _take_in(session, record, numbers, recorded, origin)
+            if (RUN, bundle.run) not in numbers:
+                raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
+            run_id = numbers[RUN, bundle.run]
+            if new and report_of(bundle.run) in bundle.names and results.newest_report(session, run_id, "html") is None:
+                results.add_report(session, run_id, "html", bundle.text(report_of(bundle.run)))
+    return TakenIn(run_id, bundle.run, new=new)
+
+
+def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
+    """Unpack and read all recordings. Raises ImportRefusedError for one that is not that of its run."""
+    found = {}
+    for record in bundle.records:
+        member = recording_of(record["number"])
+        if record["kind"] == RUN and member in bundle.names:
+            file = folder / f"{record['number']}.parquet"
+            bundle.unpack(member, file)
+            try:
+                facts = checked(file)
+                if number_of(facts) != record["number"] or run_of(facts) != record["document"]:
+                    raise ImportRefusedError("it is of another run")
+            except ImportRefusedError as error:
+                raise ImportRefusedError(f"{member}: {error}") from None
+            found[record["number"]] = facts, file
+    known = {recording_of(number) for number in found} | {report_of(bundle.run)}
+    for name in sorted(bundle.names):
+        if "/" in name and name not in known:
+            raise ImportRefusedError(f"{name} belongs to no run of the bundle")
+    return found
+
+
+def _take_in(
+    session: Session,
+    record: Mapping[str, Any],
+    numbers: Numbers,
+    recorded: Mapping[int, tuple[Facts, Path]],
+    origin: Origin,
+) -> bool:
+    """Store one record unless it is here; return whether it was stored. Raises ImportRefusedError with its name."""
+    kind, was = record["kind"], record["number"]
+    try:
+        document = required(kind, record["document"])
+        facts, file = recorded.get(was, (None, None)) if kind == RUN else (None, None)
+        here = same_run(session, document, facts) if kind == RUN else find_same(session, kind, document)
+        new = here is None
+        if here is None:
+            here = _store(session, kind, _renumbered(document, numbers), file)
+            told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
+            origins.add(session, told)
+    except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
+        raise ImportRefusedError(f"{kind} {was}: {error}") from None
+    numbers[kind, was] = here
+    return new
+
+
+def _store(session: Session, kind: str, document: Document, file: Path | None) -> int:
+    """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
+    if kind == RUN:
+        return store_run(session, document, file)
+    number = put(session, kind, document)
+    if kind == RESULT:
+        results.newest(session, document["run_id"])
+    elif kind == IDENTIFICATION:
+        identifications.get(session, number).readable()
+    return number
+
+
+def _renumbered(document: Document, numbers: Numbers) -> Document:
+    """Return a document that names other records by their numbers here. Raises ImportRefusedError."""
+
+    def here(part: Mapping[str, Any]) -> dict[str, Any]:
+        return {
+            name: value if name not in REFERENCES or value is None else _number(REFERENCES[name], value, numbers)
+            for name, value in part.items()
+        }
+
+    renumbered = here(document)
+    if ENTRIES in renumbered:
+        renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
+    settings, bank = renumbered.get("settings"), document.get("bank_id")
+    loop = settings.get("loop") if isinstance(settings, dict) else None
+    if isinstance(settings, dict) and isinstance(loop, dict) and bank is not None and loop.get("bank") == bank:
+        renumbered["settings"] = settings | {"loop": loop | {"bank": renumbered["bank_id"]}}
+    return renumbered
+
+
+def _number(kind: str, was: Any, numbers: Numbers) -> int:
+    if (kind, was) not in numbers:
+        raise ImportRefusedError(f"it names {kind} {was}, which is not before it in the bundle")
+    return numbers[kind, was]

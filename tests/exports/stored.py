@@ -1,0 +1,95 @@
+"""Stored runs to export, and what is stored of an installation."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import text
+
+from backend.experiments.results.again import evaluate_again
+from backend.recording.codec import pack, summarise
+from backend.sample import STORED_NAMES
+from backend.storage import Database, Session, banks, bring_up, identifications, recordings, runs
+from backend.storage.banks import BankEntry
+from backend.storage.bring_up import NewStepResult
+from backend.storage.identifications import NewIdentification
+from backend.storage.recordings import Chunk
+from backend.storage.runs import EndState, NewRun, RunKind
+from plant.interface import T_s
+from plant.parameters import load_parameters
+from tests.documents.earlier_identifications import ACTUATOR
+from tests.reports.tracking_run import PLAN, samples, source_of
+
+LAB = load_parameters("lab")
+NEW = NewRun(RunKind.ACTUATOR_IDENTIFICATION, "rig", "lab", LAB.document(), "Ana", "1.0.0")
+ESTIMATE = NewIdentification(
+    kind="actuator", run_id=None, method="default", usable=True, verdict="usable", who="Ana", software="1", **ACTUATOR
+)
+TABLES = [
+    "run",
+    "recording",
+    "chunk",
+    "identification",
+    "bank",
+    "bank_entry",
+    "result",
+    "report",
+    "origin",
+    "run_index",
+]
+
+
+def noise(rows: int = 2_300, seed: int = 0) -> NDArray[np.float32]:
+    """Samples [rows, columns] with all that a signal may hold."""
+    table = np.random.default_rng(seed).normal(size=(rows, len(STORED_NAMES))).astype(np.float32)
+    table[:, 5] = np.nan
+    table[3, 6:9] = np.inf, -np.inf, -0.0
+    return table
+
+
+def recorded(
+    session: Session, new: NewRun = NEW, table: NDArray[np.float32] | None = None, cuts: tuple[int, ...] = ()
+) -> int:
+    """Store a run that is over; before each of ``cuts`` five samples are missing."""
+    run, table = runs.create(session, new), noise() if table is None else table
+    recordings.begin(session, run.id, list(STORED_NAMES), T_s)
+    for number, (begin, end) in enumerate(itertools.pairwise((0, *cuts, len(table)))):
+        part = table[begin:end]
+        chunk = Chunk(7_000 + begin + 5 * number, len(part), pack(summarise(part)), pack(part))
+        recordings.add_chunks(session, run.id, [chunk])
+    if cuts:
+        recordings.add_gap(session, run.id, 5 * len(cuts), "the disk was full")
+    runs.end(session, run.id, EndState.COMPLETED, "")
+    return run.id
+
+
+def tracked(database: Database) -> int:
+    """Store a tracking run with its bank, the identification behind it, calibrations and a result."""
+    columns = samples(PLAN)
+    source = source_of(columns)
+    with database.session() as session:
+        step = NewStepResult("tare", "card", "f" * 64, True, "", "Ana", calibrations=[{"tendon": "A", "offset": 0.1}])
+        bring_up.add(session, step)
+        made_of = recorded(session)
+        estimate = identifications.add(session, NewIdentification(**{**vars(ESTIMATE), "run_id": made_of}))
+        entries = [BankEntry(10.5, {"tension_N": 10.0}, estimate.id), BankEntry(12.5, {"tension_N": 20.0})]
+        bank = banks.add(session, "bench", entries, who="Ana")
+        settings = source.run.settings | {"loop": source.run.settings["loop"] | {"bank": bank.id}}
+        of = source.run.parameters
+        new = NewRun(RunKind.TRACKING, "simulator", "ideal", of, "Ana", "1", settings, bank.id, "worn")
+        table = np.column_stack([columns[name] for name in STORED_NAMES]).astype(np.float32)
+        run = recorded(session, new, table)
+    assert evaluate_again(database, run).problem == ""
+    return run
+
+
+def held(database: Database) -> dict[str, list[tuple[object, ...]]]:
+    """Return all rows of an installation."""
+    with database.reading() as session:
+        return {table: [tuple(row) for row in session.execute(text(f"SELECT * FROM {table}"))] for table in TABLES}
+
+
+def nothing_left(folder: Path) -> bool:
+    """Whether no file lies about that an import has unpacked."""
+    return [path.name for path in folder.iterdir() if not path.name.startswith("sinew.db")] == []

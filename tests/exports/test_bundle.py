@@ -1,0 +1,224 @@
+"""A run with all that it came from moves to an empty installation; whatever was touched on the way is named."""
+
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from backend.archive.bundling import bundle_pieces
+from backend.archive.history import History
+from backend.documents.digest import digest_of
+from backend.exports import bundle
+from backend.exports.bundle_import import take_in
+from backend.exports.errors import ExportError, ImportRefusedError
+from backend.exports.taking_in import TakenIn
+from backend.messages.history import LineageNode
+from backend.reports.evidence import Evidence, read
+from backend.reports.stored_samples import stored_samples
+from backend.reports.verification import Verified, verify
+from backend.storage import Database, banks, results, runs
+from tests.exports.stored import LAB, NEW, held, nothing_left, recorded, tracked
+
+
+@pytest.fixture
+def run(here: Database) -> int:
+    return tracked(here)
+
+
+@pytest.fixture
+def file(here: Database, run: int, tmp_path: Path) -> Path:
+    found = tmp_path / "run.zip"
+    found.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
+    return found
+
+
+def boxes(database: Database, run: int) -> dict[str, LineageNode]:
+    """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
+    lineage = History(database, LAB, lambda: None).lineage_of(run)
+    return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
+
+
+def test_it_comes_into_an_empty_installation_with_its_lineage(
+    here: Database, there: Database, run: int, file: Path, tmp_path: Path
+) -> None:
+    with there.session() as session:  # so that all numbers are others
+        recorded(session)
+    assert take_in(there, file, "Ben", tmp_path / "there") == TakenIn(run=3, was=2, new=True)
+    before, after = boxes(here, run), boxes(there, 3)
+    assert list(after) == list(before)
+    assert {key.split()[0] for key in after} == {
+        "run", "gains", "bank", "identification", "data", "parameters", "calibration",
+    }  # fmt: skip
+    assert [node.title for node in after.values() if node.bank] == ["bench v1"]
+    with here.reading() as one, there.reading() as other:
+        theirs, ours = runs.get(one, run), runs.get(other, 3)
+        assert ours.started_at == theirs.started_at
+        assert ours.bank_id is not None
+        assert banks.get(other, ours.bank_id).entries[0].identification_id == 1
+        assert ours.settings["loop"]["bank"] == ours.bank_id
+        first, second = results.newest(one, run), results.newest(other, 3)
+        assert first is not None
+        assert second is not None
+        assert (second.metrics, second.criteria) == (first.metrics, first.criteria)
+    assert nothing_left(tmp_path / "there")
+
+
+def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, file: Path, tmp_path: Path) -> None:
+    run = take_in(there, file, "Ben", tmp_path).run
+    with there.reading() as session:
+        kept = results.newest_report(session, run, "html")
+        assert kept is not None
+        page = kept.content.decode()
+    said = read(page)
+    assert isinstance(said, Evidence)
+    columns, number = stored_samples(there, said)
+    assert number == run
+    assert verify(page, columns) == Verified((), ())
+
+
+def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: int, file: Path, tmp_path: Path) -> None:
+    assert take_in(there, file, "Ben", tmp_path).new
+    before = held(there)
+    assert take_in(there, file, "Ben", tmp_path) == TakenIn(run=2, was=2, new=False)
+    assert held(there) == before
+    before = held(here)
+    assert take_in(here, file, "Ben", tmp_path) == TakenIn(run=run, was=2, new=False)
+    assert held(here) == before
+
+
+def test_what_was_taken_in_can_be_handed_on(
+    there: Database, run: int, file: Path, tmp_path: Path, here: Database
+) -> None:
+    taken = take_in(there, file, "Ben", tmp_path)
+    file.write_bytes(b"".join(bundle_pieces(there, taken.run, tmp_path)))
+    assert take_in(here, file, "Ana", tmp_path) == TakenIn(run=run, was=taken.run, new=False)
+
+
+def test_every_single_change_is_found(there: Database, file: Path, tmp_path: Path) -> None:
+    whole, before = file.read_bytes(), held(there)
+    for place in range(0, len(whole), len(whole) // 40):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+        with pytest.raises(ImportRefusedError):
+            take_in(there, file, "Ben", tmp_path / "there")
+    for length in (0, 10, 100, len(whole) // 2, len(whole) - 1):
+        file.write_bytes(whole[:length])
+        with pytest.raises(ImportRefusedError):
+            take_in(there, file, "Ben", tmp_path / "there")
+    assert held(there) == before
+    assert nothing_left(tmp_path / "there")
+
+
+def remade(file: Path, change: Callable[[dict[str, bytes]], None], compression: int = zipfile.ZIP_STORED) -> None:
+    """Write a bundle anew with other members, the digest of the whole right."""
+    with zipfile.ZipFile(file) as archive:
+        members = {info.filename: archive.read(info) for info in archive.infolist()}
+    change(members)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", compression) as archive:
+        archive.comment = bytes(bundle.DIGEST_LENGTH)
+        for name, content in members.items():
+            archive.writestr(name, content)
+    whole = buffer.getvalue()[: -bundle.DIGEST_LENGTH]
+    file.write_bytes(whole + hashlib.sha256(whole).hexdigest().encode())
+
+
+def edited(name: str, change: Callable[[Any], None]) -> Callable[[dict[str, bytes]], None]:
+    def edit(members: dict[str, bytes]) -> None:
+        document = json.loads(members[name])
+        change(document)
+        members[name] = json.dumps(document).encode()
+
+    return edit
+
+
+def first(document: Any, kind: str) -> Any:
+    return next(record["document"] for record in document["records"] if record["kind"] == kind)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (edited("records.json", lambda d: first(d, "bank").update(name="other")), "bank 1 was changed"),
+        (edited("records.json", lambda d: first(d, "result").update(software="2")), "result 1 was changed"),
+        (edited("records.json", lambda d: first(d, "run")["parameters"].clear()), "run 1 was changed"),
+        (edited("records.json", lambda d: d["records"][0]["carried"].update(x=1)), "run 1 was changed"),
+        (edited("manifest.json", lambda d: d.update(format=2)), "manifest.json is not of format 1"),
+        (edited("manifest.json", lambda d: d.update(run=1)), "manifest.json says that it is of run 1"),
+        (edited("manifest.json", lambda d: d["records"].update({"bank 1": "0"})), "bank 1 is another one"),
+        (edited("manifest.json", lambda d: d["members"].pop("reports/2.html")), "does not name it"),
+        (lambda m: m.update({"recordings/2.parquet": m["recordings/1.parquet"]}), "recordings/2.parquet was changed"),
+        (lambda m: m.update({"reports/2.html": b"<html>"}), "reports/2.html was changed"),
+        (lambda m: m.pop("recordings/1.parquet"), "recordings/1.parquet is missing"),
+        (lambda m: m.pop("manifest.json"), "it has no manifest.json"),
+        (lambda m: m.update({"../../escaped.json": b""}), "no member '../../escaped.json'"),
+        (lambda m: m.update({"/escaped.json": b""}), "no member '/escaped.json'"),
+        (lambda m: m.update({"recordings/9.parquet": b""}), "does not name it"),
+        (lambda m: m.update({"records.json": b"[" * 100_000}), "records.json cannot be read"),
+    ],
+)
+def test_what_was_changed_is_named(
+    there: Database, file: Path, tmp_path: Path, change: Callable[[dict[str, bytes]], None], why: str
+) -> None:
+    before = held(there)
+    remade(file, change)
+    with pytest.raises(ImportRefusedError, match=why):
+        take_in(there, file, "Ben", tmp_path / "there")
+    assert held(there) == before
+
+
+def forged(change: Callable[[Any], None]) -> Callable[[dict[str, bytes]], None]:
+    """Change records with all hashes made right again."""
+
+    def forge(members: dict[str, bytes]) -> None:
+        document, manifest = json.loads(members["records.json"]), json.loads(members["manifest.json"])
+        change(document)
+        members["records.json"] = json.dumps(document).encode()
+        manifest["members"]["records.json"]["sha256"] = hashlib.sha256(members["records.json"]).hexdigest()
+        manifest["records"] = {bundle.called(record): digest_of(record) for record in document["records"]}
+        members["manifest.json"] = json.dumps(manifest).encode()
+
+    return forge
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda d: first(d, "result").update(run_id=9), "result 1: it names run 9, which is not before it"),
+        (lambda d: first(d, "result").update(metrics={"version": 1}), "result 1: "),
+        (lambda d: first(d, "identification").update(usable="yes"), "usable of a identification cannot be 'yes'"),
+        (lambda d: first(d, "identification").update(model=[]), "identification 1: "),
+        (lambda d: d["records"].append(d["records"][0] | {"kind": "setting", "number": 1}), "no records of kind"),
+        (lambda d: first(d, "run").update(who="Bob"), "recordings/1.parquet: it is of another run"),
+        (lambda d: d["records"].reverse(), "which is not before it in the bundle"),
+        (lambda d: first(d, "bank").pop("note"), "a bank has the parts"),
+        (lambda d: first(d, "bank")["entries"][0].update(S_nominal="x"), "S_nominal of a bank entry cannot be 'x'"),
+    ],
+)
+def test_hashes_that_hold_are_not_enough(
+    there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], why: str
+) -> None:
+    before = held(there)
+    remade(file, forged(change))
+    with pytest.raises(ImportRefusedError, match=why):
+        take_in(there, file, "Ben", tmp_path / "there")
+    assert held(there) == before
+    assert nothing_left(tmp_path / "there")
+
+
+def test_what_could_swell_is_refused(there: Database, file: Path, tmp_path: Path) -> None:
+    remade(file, lambda members: members.update({"reports/2.html": bytes(50_000_000)}), zipfile.ZIP_DEFLATED)
+    assert file.stat().st_size < 5_000_000
+    with pytest.raises(ImportRefusedError, match="is compressed"):
+        take_in(there, file, "Ben", tmp_path / "there")
+
+
+def test_a_run_that_is_not_over_is_not_bundled(here: Database, tmp_path: Path) -> None:
+    with here.session() as session:
+        run = runs.create(session, NEW).id
+    with pytest.raises(ExportError, match="run 1 is not over"):
+        b"".join(bundle_pieces(here, run, tmp_path))

@@ -1,0 +1,146 @@
+"""An export is taken in as the run that it was, or refused with what is wrong, and then nothing of it is stored."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.documents.digest import digest_of
+from backend.exports.errors import ExportError, ImportRefusedError
+from backend.exports.facts import SEAL
+from backend.exports.formats import DataFormat, write_file
+from backend.exports.source import of_columns, of_run
+from backend.exports.taking_in import TakenIn, take_in
+from backend.recording.digest import digest_of_recording
+from backend.recording.reader import read_samples
+from backend.storage import Database, origins, recordings, runs
+from backend.storage.records import UnknownRecordError
+from tests.exports.stored import NEW, held, noise, recorded
+
+CUTS = (700, 1_900)
+
+
+@pytest.fixture
+def run(here: Database) -> int:
+    with here.session() as session:
+        recorded(session)
+        return recorded(session, cuts=CUTS)
+
+
+def exported(database: Database, run: int, kind: str, folder: Path) -> Path:
+    file = folder / f"run.{kind}"
+    write_file(of_run(database, run), DataFormat(kind), file)
+    return file
+
+
+def sealed(text: str) -> str:
+    """Make the digest right of what a CSV says of itself, where that is a document."""
+    head, line, tail = re.split(r"(# sinew-export: .*)\n", text, maxsplit=1)
+    try:
+        said = json.loads(line.removeprefix("# sinew-export: "))
+    except ValueError:
+        return text
+    said.pop(SEAL)
+    return f"{head}# sinew-export: {json.dumps(said | {SEAL: digest_of(said)}, ensure_ascii=False)}\n{tail}"
+
+
+@pytest.mark.parametrize("kind", DataFormat)
+def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
+    here: Database, there: Database, run: int, kind: DataFormat, tmp_path: Path
+) -> None:
+    taken = take_in(there, exported(here, run, kind, tmp_path), "Ben")
+    assert taken == TakenIn(run=1, was=2, new=True)
+    with here.reading() as one, there.reading() as other:
+        before, after = runs.get(one, run), runs.get(other, 1)
+        assert vars(after) == vars(before) | {"id": 1}
+        assert digest_of_recording(other, 1) == digest_of_recording(one, run)
+        theirs, ours = read_samples(one, run), read_samples(other, 1)
+        np.testing.assert_array_equal(ours.t, theirs.t)
+        np.testing.assert_array_equal(ours.columns["q"], theirs.columns["q"])
+        kept = recordings.get(other, 1)
+        assert (kept.missed, kept.problem) == (10, "the disk was full")
+        assert origins.of_runs(other, [1])[1].sentence == f"imported from run.{kind}, there run 2"
+    assert take_in(there, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=1, was=2, new=False)
+    assert take_in(here, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=2, was=2, new=False)
+
+
+@pytest.mark.parametrize("kind", DataFormat)
+def test_one_byte_of_the_samples_is_enough_to_be_refused(
+    here: Database, there: Database, run: int, kind: DataFormat, tmp_path: Path
+) -> None:
+    file = exported(here, run, kind, tmp_path)
+    whole, before = file.read_bytes(), held(there)
+    changed = bytearray(whole)
+    if kind is DataFormat.CSV:
+        place = whole.rindex(b"1", 0, whole.rindex(b"\n", 0, -1))
+        changed[place] = ord("2")
+    else:
+        changed[int(0.6 * len(whole))] ^= 0x10
+    file.write_bytes(bytes(changed))
+    with pytest.raises(ImportRefusedError):
+        take_in(there, file, "Ben")
+    file.write_bytes(whole[: int(0.7 * len(whole))])
+    with pytest.raises(ImportRefusedError):
+        take_in(there, file, "Ben")
+    assert held(there) == before
+
+
+def test_what_a_csv_says_of_itself_has_to_hold(here: Database, there: Database, run: int, tmp_path: Path) -> None:
+    file = exported(here, run, "csv", tmp_path)
+    whole, before = file.read_text(encoding="utf-8"), held(there)
+    for said, other, why in (
+        ('"format":1', '"format":2', "not of format 1"),
+        ('"samples":2300', '"samples":2299', "holds 2300 samples, and says that it has 2299"),
+        ('"period_s":0.001', '"period_s":0.0015', "no multiples"),
+        ('"of":"run 2"', '"of":"trip 2"', "no run"),
+        ('"end_state":"completed"', '"end_state":"running"', "not over"),
+        ('"end_state":"completed"', '"end_state":7', "end_state of a run cannot be '7'"),
+        ('"kind":"actuator_identification",', "", "a run has the parts"),
+        ('"who":"Ana"', f'"who":"{"x" * 201}"', "who of a run cannot be"),
+        ('"run":{', '"run":[],"was":{', "what it says of itself"),
+        ("# sinew-export: {", "# sinew-export: [", "cannot be read"),
+        ('"value":0.075', '"value":0.076', "was changed"),
+        ("\n0.001,", "\n0.003,", "do not rise"),
+        ("\n0.001,", "\nnan,", "no multiples"),
+        ("t,q,q_ref", "t,q_ref,q", "heading"),
+    ):
+        assert said in whole
+        changed = whole.replace(said, other, 1)
+        file.write_text(changed if "changed" in why else sealed(changed), encoding="utf-8")
+        with pytest.raises(ImportRefusedError, match=why):
+            take_in(there, file, "Ben")
+    assert held(there) == before
+
+
+def test_a_run_that_says_something_else_here_is_refused(here: Database, run: int, tmp_path: Path) -> None:
+    file = exported(here, run, "csv", tmp_path)
+    whole = file.read_text(encoding="utf-8")
+    file.write_text(sealed(whole.replace('"who":"Ana"', '"who":"Bob"', 1)), encoding="utf-8")
+    with pytest.raises(ImportRefusedError, match="run 2 was made at the same moment here, and says something else"):
+        take_in(here, file, "Ben")
+
+
+def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
+    trip = of_columns({"t": np.array([0.0, 0.001, 0.002]), "q": np.zeros(3)}, "trip 4")
+    write_file(trip, DataFormat.CSV, tmp_path / "trip.csv")
+    (tmp_path / "other.csv").write_text("t,q\n0,1\n")
+    (tmp_path / "other.parquet").write_bytes(b"PAR1")
+    (tmp_path / "other.mat").write_bytes(b"MATLAB" + bytes(300))
+    (tmp_path / "other.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "binary.csv").write_bytes(b"# \xff\xfe\n")
+    (tmp_path / "other.xlsx").write_bytes(b"")
+    for name in ("trip.csv", "other.csv", "other.parquet", "other.mat", "other.mcap", "binary.csv", "other.xlsx"):
+        with pytest.raises(ImportRefusedError):
+            take_in(there, tmp_path / name, "Ben")
+
+
+def test_what_cannot_be_read_is_refused_before_the_first_byte(here: Database, tmp_path: Path) -> None:
+    with here.session() as session:
+        run = recorded(session, NEW, noise(10), cuts=(4,))
+        session.connection().exec_driver_sql("UPDATE chunk SET samples = x'00' WHERE first_tick > 7000")
+    with pytest.raises(ExportError, match="run 1 cannot be exported: damaged samples"):
+        of_run(here, run)
+    with pytest.raises(UnknownRecordError):
+        of_run(here, 99)

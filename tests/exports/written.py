@@ -1,0 +1,25 @@
+"""Exports of samples in memory, whole."""
+
+from pathlib import Path
+from tempfile import gettempdir
+
+from backend.exports.formats import DataFormat, pieces
+from backend.exports.source import of_columns
+from backend.recording.columns import Columns
+
+
+def written(columns: Columns, kind: str) -> bytes:
+    """Return an export in one piece."""
+    return b"".join(pieces(of_columns(columns, "samples"), DataFormat(kind), Path(gettempdir())))
+
+
+def to_csv(columns: Columns) -> bytes:
+    return written(columns, "csv")
+
+
+def to_parquet(columns: Columns) -> bytes:
+    return written(columns, "parquet")
+
+
+def to_mat(columns: Columns) -> bytes:
+    return written(columns, "mat")
