@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from backend.loop.commands import Accepted, Command, Event, Refused
+from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
 
 
@@ -44,6 +45,11 @@ class LoopAccess(Protocol):
     @property
     def ring(self) -> Ring:
         """Samples of the loop that runs at present; another ring after a new start."""
+        ...
+
+    @property
+    def granted(self) -> Granted | None:
+        """What the machine granted to the loop; None while there is no loop, and for one that keeps to no clock."""
         ...
 
     def listen(self, listener: Listener) -> Callable[[], None]:

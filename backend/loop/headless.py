@@ -6,6 +6,7 @@ from collections.abc import Callable
 from backend.loop.access import Listener
 from backend.loop.commands import Accepted, Command, Event, Refused, SetTuning
 from backend.loop.loop import Loop
+from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
 from plant.interface import Plant, T_s
 from plant.parameters import PlantParameters
@@ -27,6 +28,7 @@ class Headless:
         each_batch: Callable[[Ring], None] = lambda _ring: None,
     ) -> None:
         self.ring = Ring.create()
+        self.granted: Granted | None = None
         self._loop = Loop(plant, parameters, self.ring, tuning)
         self._each_batch = each_batch
         self._listeners: list[Listener] = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from backend.experiments.composing import ready_made
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
@@ -25,7 +26,23 @@ ENDINGS: dict[str, tuple[Command, str]] = {
     "a soft stop as the operator is lost": (Stop(Fault.OPERATOR_LOST, hard=False), "link_lost"),
     "a trip": (Inject(Broken(Breakage.SAFETY_TRIP)), "tripped"),
 }
-AFTER_S = {"tracking": 20.0, "lambda_sweep": 30.0, "frequency_response": 45.0, "disturbance_battery": 30.0}
+AFTER_S = {
+    "tracking": 20.0,
+    "compliance": 34.0,
+    "step_battery": 40.0,
+    "stiffness_sweep": 30.0,
+    "lambda_sweep": 30.0,
+    "bank_comparison": 35.0,
+    "disturbance_battery": 30.0,
+    "frequency_response": 45.0,
+}
+"""Some time in the program of each that is ready-made [s], after the first figure can be had."""
+
+TOO_EARLY = {
+    "robustness": (9.0, "both motors had been loaded and let go"),
+    "disturbance_battery": (8.0, "the pushes were over"),
+}
+"""Some time [s] before it, and what was not over by then."""
 
 
 @dataclass
@@ -52,6 +69,10 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Co
     return source
 
 
+def test_all_that_is_ready_made_is_cut_short_here() -> None:
+    assert {*AFTER_S, *TOO_EARLY} == set(ready_made.NAMES)
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("name", AFTER_S)
 def test_it_keeps_what_it_has_and_says_what_is_missing(
@@ -73,12 +94,17 @@ def test_it_keeps_what_it_has_and_says_what_is_missing(
     assert verify(to_html(report), source.columns) == Verified((), ())
 
 
-def test_what_ended_before_anything_could_be_measured_says_so(tmp_path_factory: pytest.TempPathFactory) -> None:
-    source = interrupted(tmp_path_factory, "disturbance_battery", Stop(), 8.0)
-    assert source.run.end_state == "stopped"
-    assert source.columns["t"].size >= 8000
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("name", TOO_EARLY)
+def test_what_ended_before_anything_could_be_measured_says_so(
+    tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
+) -> None:
+    (after_s, awaited), (command, end_state) = TOO_EARLY[name], ENDINGS[ending]
+    source = interrupted(tmp_path_factory, name, command, after_s)
+    assert source.run.end_state == end_state
+    assert source.columns["t"].size >= 1000 * after_s
     assert source.result is None
     report = build_report(source)
     assert report.outcome == "incomplete"
-    assert report.verdict == "No result: the run ended before the pushes were over."
+    assert report.verdict == f"No result: the run ended before {awaited}."
     assert verify(to_html(report), source.columns) == Verified((), ())

@@ -20,11 +20,11 @@ from backend.identification.fit import Method
 from backend.reports.actuator_identification import again_command
 from backend.reports.build import build_report
 from backend.reports.document import Paragraph, Report
-from backend.reports.exports import to_csv
 from backend.reports.source import Source
 from backend.storage.identifications import Identification
 from plant.interface import T_s
 from plant.parameters import load_parameters
+from tests.exports.written import to_csv
 from tests.reports.tracking_run import BEGAN, PLAN, samples, source_of
 
 CHANNELS = ("G_q", "G_S")

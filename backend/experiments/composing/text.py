@@ -1,4 +1,4 @@
-"""An experiment as YAML or JSON: read with the line of each part, and written. Pure.
+"""An experiment as YAML or JSON: read with the line of each part, and written; a study is read so, too. Pure.
 
 Only what JSON has too is taken: mappings with texts as keys, lists, texts, numbers, true, false, null. No anchors or
 aliases, which could make a small text endless, and no tags.
@@ -8,10 +8,10 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from backend.documents.experiment import EXPERIMENT, FORMAT, Experiment
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
@@ -19,6 +19,7 @@ from backend.refusal import Path
 
 MAX_CHARACTERS = 100_000
 _DEEPEST = 40
+_T = TypeVar("_T")
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without types
@@ -48,29 +49,39 @@ _PLAIN = "tag:yaml.org,2002:"
 
 def read(text: str) -> tuple[Experiment, Lines]:
     """Return the experiment that a text says, and the line of each of its parts. Raises ExperimentError."""
+    document, lines = document_of(text)
+    return of_document(document, lines), lines
+
+
+def document_of(text: str) -> tuple[Any, Lines]:
+    """Return what a text says as plain data, and the line of each of its parts. Raises ExperimentError."""
     if len(text) > MAX_CHARACTERS:
         raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are taken: shorten it")
     lines: dict[Path, int] = {}
     try:
         node = _Loader(text).get_single_node()
-        document = None if node is None else _value(node, (), lines, 0)
+        return None if node is None else _value(node, (), lines, 0), lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
     except (yaml.YAMLError, RecursionError) as error:
         raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
-    return of_document(document, lines), lines
 
 
 def of_document(document: Any, lines: Lines) -> Experiment:
     """Return the experiment that a document is. Raises ExperimentError naming the place."""
     if not isinstance(document, Mapping):
         raise ExperimentError("an experiment is a mapping with format, name, title and phases", (), 1)
-    if document.get("format") != FORMAT:
-        why = f"{document.get('format')!r} is not known: this Sinew reads format {FORMAT}"
+    return in_form(EXPERIMENT, FORMAT, document, lines)
+
+
+def in_form(form: TypeAdapter[_T], known: int, document: Mapping[str, Any], lines: Lines) -> _T:
+    """Return what a document of the ``known`` format says. Raises ExperimentError naming the place."""
+    if document.get("format") != known:
+        why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
         raise ExperimentError(why, ("format",), line_of(("format",), lines))
     try:
-        return EXPERIMENT.validate_json(json.dumps(document))
+        return form.validate_json(json.dumps(document))
     except ValidationError as error:
         found = error.errors(include_url=False)
         # a word that is not known is what made another one missing

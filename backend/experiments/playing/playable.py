@@ -1,5 +1,6 @@
 """The program of a plan on one plant, with the gains of every tuning that it puts into use, or why it cannot be."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from backend.experiments.banks.bank_building import points_of, tuning_command
@@ -13,13 +14,27 @@ from backend.loop.program import Program
 from backend.loop.set_tuning import SetTuning
 from backend.refusal import Path, RefusedValueError
 from backend.storage import Database, banks
+from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 from backend.tuning.preview import Previewer
 from plant.parameters import PlantParameters
 
+BankOf = Callable[[int], Bank]
+"""Returns the bank of a number. Raises UnknownRecordError."""
 
-def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> Program:
+
+def banks_in(database: Database) -> BankOf:
+    """Return what looks banks up in a database."""
+
+    def bank_of(number: int) -> Bank:
+        with database.reading() as session:
+            return banks.own(session, number)
+
+    return bank_of
+
+
+def playable(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: TuningChoice) -> Program:
     """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
 
     Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
@@ -31,7 +46,7 @@ def playable(database: Database, parameters: PlantParameters, plan: Plan, tuning
     require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
-        _command(database, parameters, plan, choice, place)
+        _command(bank_of, parameters, plan, choice, place)
         for place, choice in zip(plan.laid.change_places, choices_of(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
@@ -50,14 +65,11 @@ def banks_of(plan: Plan) -> set[int]:
 
 
 def _command(
-    database: Database, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
+    bank_of: BankOf, parameters: PlantParameters, plan: ComposedPlan, choice: TuningChoice, path: Path
 ) -> SetTuning:
     line = line_of(path, plan.lines)
     try:
-        bank = None
-        if choice.bank:
-            with database.reading() as session:
-                bank = banks.get(session, choice.bank)
+        bank = bank_of(choice.bank) if choice.bank else None
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
         previewer.require_safe(choice.lambdas)
         return tuning_command(parameters, choice, bank)

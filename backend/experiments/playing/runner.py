@@ -12,14 +12,14 @@ from importlib.metadata import version
 from typing import Any
 
 from backend import __version__
-from backend.documents.run_settings import SETTINGS, KeptLoop, RunSettings
+from backend.documents.run_settings import SETTINGS, KeptGrant, KeptLoop, RunSettings
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import IdentificationPlan, Plan
 from backend.experiments.plans.stored_plan import declared, kept_values
 from backend.experiments.playing.play import SLICE_S, NotPlayedError, play, require_ready
-from backend.experiments.playing.playable import playable
+from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.results.evaluation import Evaluation, evaluate
 from backend.experiments.settings import declared_values
@@ -80,12 +80,13 @@ def create_run(station: Station, order: Order) -> Run:
         start = start_from(station.loop.ring.newest())
         told = forecast([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
-    playable(station.database, station.parameters, order.plan, order.loop_settings.tuning)
+    playable(banks_in(station.database), station.parameters, order.plan, order.loop_settings.tuning)
     settings = RunSettings(
         plan=kept_values(order.plan),
         loop=KeptLoop(**asdict(order.loop_settings)),
         declared=(*declared(order.plan), *declared_values(order.loop_settings)),
         versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
+        granted=None if station.loop.granted is None else KeptGrant(**asdict(station.loop.granted)),
     )
     new = NewRun(
         kind=RunKind(order.plan.kind),
@@ -125,7 +126,7 @@ async def played(
     """
     try:
         tuning = order.loop_settings.tuning
-        program = await asyncio.to_thread(playable, station.database, station.parameters, order.plan, tuning)
+        program = await asyncio.to_thread(playable, banks_in(station.database), station.parameters, order.plan, tuning)
         await play(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)
     except (NotPlayedError, RefusedValueError) as refused:

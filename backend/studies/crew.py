@@ -1,0 +1,126 @@
+"""Who computes the points of a study: processes of this machine. What dies over a point has it computed once more."""
+
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Protocol
+
+from backend.offload import POLITE, begin_beside
+from backend.studies.point import LOST, Base, Point, PointResult, run_point, without_run
+
+DEATHS_MAX = 3
+"""So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""
+_AHEAD = 2
+
+Work = Callable[[Base, Point], PointResult]
+
+
+class CrewGoneError(Exception):
+    """Nobody is left who could compute; the message says what to do."""
+
+
+class Crew(Protocol):
+    """Computes points beside each other; ``width`` are in its hands at once, so that nobody waits for the next."""
+
+    @property
+    def width(self) -> int:
+        """How many points to give at once."""
+        ...
+
+    def give(self, point: Point) -> None:
+        """Hand over a point."""
+        ...
+
+    def finished(self, timeout_s: float) -> list[PointResult]:
+        """Return what has been computed since, in whichever order; wait up to ``timeout_s`` for the first."""
+        ...
+
+    def close(self) -> None:
+        """End all, whatever they compute."""
+        ...
+
+
+class LocalCrew:
+    """``jobs`` processes of this machine, polite to all others. ``work`` is what they do."""
+
+    def __init__(self, base: Base, jobs: int, work: Work = run_point) -> None:
+        self._base = base
+        self._jobs = jobs
+        self._work = work
+        self._pool: ProcessPoolExecutor | None = None
+        self._given: dict[Future[PointResult], Point] = {}
+        self._again: list[Point] = []
+        self._deaths: dict[int, int] = {}
+
+    @property
+    def width(self) -> int:
+        """Each process has a point, and the next one lies ready."""
+        return _AHEAD * self._jobs
+
+    def give(self, point: Point) -> None:
+        """Hand over a point."""
+        if self._again:
+            self._again.append(point)
+            return
+        self._submit(point)
+
+    def finished(self, timeout_s: float) -> list[PointResult]:
+        """Return what has been computed since; a pool whose process has died is replaced, its points given again."""
+        done, _ = wait(self._given, timeout_s, FIRST_COMPLETED)
+        results: list[PointResult] = []
+        for future in done:
+            point = self._given.pop(future)
+            try:
+                results.append(future.result())
+            except BrokenProcessPool as died:
+                results += self._died_over(point, str(died))
+        self._give_again()
+        return results
+
+    def close(self) -> None:
+        """End the processes at once: a point is computed whole or not at all."""
+        if self._pool is not None:
+            processes = list((self._pool._processes or {}).values())  # nothing public ends them before they are done
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.kill()
+            self._pool = None
+
+    def _submit(self, point: Point) -> None:
+        try:
+            self._given[self._present().submit(self._work, self._base, point)] = point
+        except BrokenProcessPool:  # died since, over another point
+            self._pool = None
+            self._given[self._present().submit(self._work, self._base, point)] = point
+
+    def _present(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._jobs, context, begin_beside, (POLITE,))
+        return self._pool
+
+    def _died_over(self, point: Point, words: str) -> list[PointResult]:
+        self._pool = None
+        self._deaths[point.number] = self._deaths.get(point.number, 0) + 1
+        if self._deaths[point.number] >= DEATHS_MAX:
+            return [without_run(point, LOST, f"the process that computes it died {DEATHS_MAX} times over it: {words}")]
+        self._again.append(point)
+        return []
+
+    def _give_again(self) -> None:
+        """Give once more what a process died over; what could be the reason comes alone."""
+        while self._again:
+            alone = self._deaths.get(self._again[0].number, 0) >= DEATHS_MAX - 1
+            if self._given and (alone or any(self._is_alone(point) for point in self._given.values())):
+                return
+            self._submit(self._again.pop(0))
+
+    def _is_alone(self, point: Point) -> bool:
+        return self._deaths.get(point.number, 0) >= DEATHS_MAX - 1
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0))

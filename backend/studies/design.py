@@ -1,0 +1,200 @@
+"""Which runs a study has: plain arithmetic on its text, the same wherever and whenever it is done."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from backend.documents.run_settings import Value
+from backend.documents.study import POINTS_MAX, Axis, Spread, Study
+from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.settings import Setting, SettingError, describe
+from backend.refusal import Path, require_within
+from backend.studies.point import Base, Point, number_of, planned, plant_with
+from plant.parameters import ParameterError
+
+SIGMAS = 3.0
+"""Where a normal spread ends: values beyond are not drawn, for no bound could be promised."""
+_NORMAL = NormalDist()
+_SEED = "seed"
+
+
+@dataclass(frozen=True)
+class Design:
+    """The points of a study by their number, from 0. The last axis changes fastest but for draws, and seeds."""
+
+    study: Study
+    base: Base
+
+    def __len__(self) -> int:
+        shape = [len(values) for _, values in self.axes]
+        return prod(shape) * self.study.draws * self.study.seeds
+
+    def point(self, number: int) -> Point:
+        """Return the point of a number. Raises IndexError."""
+        if not 0 <= number < len(self):
+            raise IndexError(number)
+        rest, noise = divmod(number, self.study.seeds)
+        rest, draw = divmod(rest, self.study.draws)
+        chosen: dict[str, Value] = {}
+        for name, values in reversed(self.axes):
+            rest, place = divmod(rest, len(values))
+            chosen[name] = values[place]
+        ordered = {name: chosen[name] for name, _ in self.axes}
+        settings = {name: value for name, value in ordered.items() if "." not in name}
+        if self.study.seeds > 1:
+            settings[_SEED] = self._first_seed + noise
+        plant = {name: float(value) for name, value in ordered.items() if "." in name}
+        return Point(number, settings, plant | self._drawn(draw))
+
+    @cached_property
+    def axes(self) -> tuple[tuple[str, tuple[Value, ...]], ...]:
+        """What is gone through, and its values, in order."""
+        return tuple((axis.over, values_of(axis)) for axis in self.study.axes)
+
+    @property
+    def _first_seed(self) -> int:
+        return int(self.base.settings.get(_SEED, 0))
+
+    def _drawn(self, draw: int) -> dict[str, float]:
+        if not self.study.spread:
+            return {}
+        uniform = np.random.Generator(np.random.PCG64([self.study.seed, draw])).random(len(self.study.spread))
+        return {
+            spread.of: self._nominal(spread) + scale_of(spread, self._nominal(spread)) * _shape(spread, float(u))
+            for spread, u in zip(self.study.spread, uniform, strict=True)
+        }
+
+    def _nominal(self, spread: Spread) -> float:
+        section, entry, *place = spread.of.split(".")
+        return number_of(self.base.parameters[section][entry]["value"], place)
+
+
+def values_of(axis: Axis) -> tuple[Value, ...]:
+    """Return the values of an axis, the ends exactly as they are written."""
+    if axis.values:
+        return axis.values
+    assert axis.first is not None  # _require_axis has looked
+    assert axis.last is not None
+    assert axis.count is not None
+    space = np.linspace if axis.spacing == "even" else np.geomspace
+    between = [float(value) for value in space(axis.first, axis.last, axis.count)[1:-1]]
+    return (axis.first, *between, axis.last)
+
+
+def scale_of(spread: Spread, nominal: float) -> float:
+    """Return half width or standard deviation in the unit of the number."""
+    return abs(nominal) * spread.relative if spread.relative is not None else float(spread.absolute or 0.0)
+
+
+def designed(study: Study, lines: Lines, base: Base, settings: tuple[Setting, ...]) -> Design:
+    """Return the design of a study whose every value can be, each by itself.
+
+    What only their combination forbids is told by the row of the point. ``settings`` are those of the experiment.
+    Raises ExperimentError naming line, value, bound and unit.
+    """
+    known = {setting.name: setting for setting in (*settings, *describe(LoopSettings))}
+    for name, value in study.settings.items():
+        _require_setting(known, name, value, ("settings", name), lines)
+    taken: set[str] = set()
+    for place, axis in enumerate(study.axes):
+        path: Path = ("axes", place)
+        _require_axis(axis, path, lines)
+        _require_new(axis.over, taken, (*path, "over"), lines)
+        for value in _outermost(values_of(axis)) if "." in axis.over else values_of(axis):
+            if "." in axis.over:
+                _require_number(base, axis.over, value, (*path, "over"), lines)
+            else:
+                _require_setting(known, axis.over, value, (*path, "over"), lines)
+    for place, spread in enumerate(study.spread):
+        path = ("spread", place)
+        _require_new(spread.of, taken, (*path, "of"), lines)
+        _require_spread(base, spread, path, lines)
+    design = Design(study, base)
+    _require_counts(study, design, lines, _SEED in taken)
+    try:
+        planned(base, design.point(0))
+    except ParameterError as error:
+        raise ExperimentError(str(error), ("spread",), line_of(("spread",), lines)) from None
+    return design
+
+
+def _outermost(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return the values of a number by which its bounds are kept or not; all, where one of them is none."""
+    numbers = [value for value in values if not isinstance(value, bool | str)]
+    return (min(numbers), max(numbers)) if len(numbers) == len(values) else values
+
+
+def _require_counts(study: Study, design: Design, lines: Lines, seeds_are_an_axis: bool) -> None:
+    with at((), lines):
+        require_within("points", len(design), 1, POINTS_MAX, "1", words="runs of the study")
+    if study.draws > 1 and not study.spread:
+        raise ExperimentError("nothing is drawn: name a spread, or leave draws out", ("draws",), _line("draws", lines))
+    if study.seeds > 1 and seeds_are_an_axis:
+        raise ExperimentError("the seed is an axis already", ("seeds",), _line("seeds", lines))
+
+
+def _line(name: str, lines: Lines) -> int | None:
+    return line_of((name,), lines)
+
+
+def _require_new(name: str, taken: set[str], path: Path, lines: Lines) -> None:
+    if name in taken:
+        raise ExperimentError(f"{name} is varied twice", path, line_of(path, lines))
+    taken.add(name)
+
+
+def _require_axis(axis: Axis, path: Path, lines: Lines) -> None:
+    ends = (axis.first, axis.last, axis.count)
+    if bool(axis.values) == any(end is not None for end in ends) or (not axis.values and None in ends):
+        why = "say either values, or first, last and count"
+        raise ExperimentError(why, path, line_of(path, lines))
+    if axis.first is not None and axis.last is not None and axis.spacing == "factor" and axis.first * axis.last <= 0:
+        why = f"by equal factors one does not come from {axis.first:g} to {axis.last:g}: choose spacing even"
+        raise ExperimentError(why, (*path, "spacing"), line_of((*path, "spacing"), lines))
+
+
+def _require_setting(known: dict[str, Setting], name: str, value: Value, path: Path, lines: Lines) -> None:
+    with at(path, lines):
+        if name not in known:
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(known)}", legal=tuple(known))
+        known[name].parse(value)
+
+
+def _require_spread(base: Base, spread: Spread, path: Path, lines: Lines) -> None:
+    if (spread.relative is None) == (spread.absolute is None):
+        raise ExperimentError("say either relative or absolute", path, line_of(path, lines))
+    nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
+    reach = scale_of(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
+    if reach == 0.0:
+        why = f"{spread.of} is 0, of which nothing relative can be drawn: say absolute"
+        raise ExperimentError(why, (*path, "relative"), line_of((*path, "relative"), lines))
+    for end in (nominal - reach, nominal + reach):
+        _require_number(base, spread.of, end, path, lines)
+
+
+def _require_number(base: Base, name: str, value: Any, path: Path, lines: Lines) -> float:
+    """Return what a number of the plant is; ``value`` is what it is to be, None for what it is."""
+    section, entry, *place = (*name.split("."), "")
+    try:
+        nominal = number_of(base.parameters[section][entry]["value"], [part for part in place if part])
+        if value is not None:
+            if isinstance(value, bool | str):
+                raise ParameterError(f"{value!r} is not a number")
+            plant_with(base.parameters_name, base.parameters, {name: float(value)})
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        told = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such number"
+        raise ExperimentError(told, path, line_of(path, lines)) from None
+    return nominal
+
+
+def _shape(spread: Spread, u: float) -> float:
+    """Return a number of the standard form of a spread for one drawn evenly from 0 to 1."""
+    if spread.by == "uniform":
+        return 2.0 * u - 1.0
+    low, high = _NORMAL.cdf(-SIGMAS), _NORMAL.cdf(SIGMAS)
+    return _NORMAL.inv_cdf(low + u * (high - low))

@@ -1,0 +1,114 @@
+"""What the table of a study comes to: maps of a figure over two axes, and how each figure is spread. Pure."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from statistics import fmean, median
+
+from backend.documents.experiment import Experiment
+from backend.documents.run_settings import Value
+from backend.experiments.results.measures import FIGURES
+from backend.experiments.settings import SettingError
+from backend.storage.studies import StoredPoint
+
+DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", "M_s_q", "reach_q_s")
+"""Figures whose maps come first, where a study has them: overshoot, least tension, M_s, time to 90 %."""
+
+PICKS: dict[str, Callable[[list[float]], float]] = {"mean": fmean, "least": min, "largest": max}
+"""What a cell shows of the several runs that fall into it."""
+
+
+@dataclass(frozen=True)
+class FigureName:
+    """A figure of the table: ``label`` in words, ``unit`` SI."""
+
+    name: str
+    label: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Map:
+    """A figure over two axes: ``cells`` by place of y, then of x; None where no run gave a number."""
+
+    figure: str
+    pick: str
+    x: str
+    y: str
+    x_values: tuple[Value, ...]
+    y_values: tuple[Value, ...]
+    cells: tuple[tuple[float | None, ...], ...]
+
+
+@dataclass(frozen=True)
+class Spreading:
+    """How the numbers of a figure lie, over the ``count`` runs that gave one."""
+
+    figure: str
+    count: int
+    least: float
+    median: float
+    mean: float
+    largest: float
+
+
+def figure_names(experiment: Experiment) -> dict[str, FigureName]:
+    """Return the figures that the runs of a study have, those that are drawn first in front."""
+    named = {
+        item.name: FigureName(item.name, item.metadata["label"], item.metadata["unit"])
+        for measure in experiment.measures
+        for item in fields(FIGURES[measure])
+        if item.metadata
+    }
+    named |= {
+        "M_s_q": FigureName("M_s_q", "Sensitivity peak of the position loop", "1"),
+        "M_s_S": FigureName("M_s_S", "Sensitivity peak of the stiffness loop", "1"),
+    }
+    first = [name for name in DRAWN_FIRST if name in named]
+    return {name: named[name] for name in (*first, *(name for name in named if name not in first))}
+
+
+def map_of(
+    points: Sequence[StoredPoint], axes: Mapping[str, tuple[Value, ...]], x: str, y: str, figure: str, pick: str
+) -> Map:
+    """Return the map of a figure over two of the ``axes``, over all else by ``pick``.
+
+    Raises SettingError for what is no axis of the study, or no pick.
+    """
+    for what, name in (("x", x), ("y", y)):
+        if name not in axes:
+            raise SettingError(what, name, f"it is no axis of this study; axes are {', '.join(axes) or 'none'}")
+    if x == y:
+        raise SettingError("y", y, "it is x already")
+    if pick not in PICKS:
+        raise SettingError("pick", pick, f"choose one of {', '.join(PICKS)}", legal=tuple(PICKS))
+    found: dict[tuple[Value, Value], list[float]] = {}
+    for point in points:
+        value = point.figures.get(figure)
+        if value is not None and math.isfinite(value):
+            found.setdefault((point.values[x], point.values[y]), []).append(value)
+
+    def cell(at_x: Value, at_y: Value) -> float | None:
+        values = found.get((at_x, at_y))
+        return PICKS[pick](values) if values else None
+
+    cells = tuple(tuple(cell(at_x, at_y) for at_x in axes[x]) for at_y in axes[y])
+    return Map(figure, pick, x, y, axes[x], axes[y], cells)
+
+
+def axes_to_draw(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:
+    """Return which axes a map is over where nobody says: λ_q and λ_S, else the first two; None where there is one."""
+    if {"lam_q", "lam_S"} <= set(axes):
+        return "lam_q", "lam_S"
+    names = list(axes)
+    return (names[0], names[1]) if len(names) > 1 else None
+
+
+def spreadings(points: Sequence[StoredPoint], names: Sequence[str]) -> list[Spreading]:
+    """Return how each figure is spread, of those that any run has."""
+    found = []
+    for name in names:
+        values = [v for point in points if (v := point.figures.get(name)) is not None]
+        if values:
+            found.append(Spreading(name, len(values), min(values), median(values), fmean(values), max(values)))
+    return found

@@ -1,0 +1,157 @@
+"""One run of a study, computed from plain data alone: wherever and in whichever order, the same row."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from backend import __version__
+from backend.documents.run_settings import Value
+from backend.experiments.banks.bank_building import points_of
+from backend.experiments.composing import text
+from backend.experiments.plans.catalogue import Entry, entry_of
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.loop_settings import LoopSettings, split_values
+from backend.experiments.playing.in_memory import play_in_memory
+from backend.experiments.playing.play import NotPlayedError
+from backend.experiments.results.metrics import NoSamplesError
+from backend.refusal import RefusedValueError
+from backend.storage.banks import Bank
+from backend.storage.records import UnknownRecordError
+from backend.tuning.formulas import TuningError
+from backend.tuning.preview import Previewer
+from plant.parameters import ParameterError, PlantParameters, parameters_of
+
+REFUSED = "refused"
+"""State of a point that no run can be made of: λ that is not safe, a plant that cannot be."""
+FAILED = "failed"
+"""State of a point that could not be computed for a reason that nobody foresaw."""
+LOST = "lost"
+"""State of a point over which the process that computes it has died again and again."""
+
+_REFUSALS = (RefusedValueError, ParameterError, TuningError, NotPlayedError, NoSamplesError, UnknownRecordError)
+
+
+@dataclass(frozen=True)
+class Base:
+    """What all runs of a study have in common, as plain data.
+
+    ``experiment`` is its canonical text, ``parameters`` the document of the plant, ``settings`` those that no axis
+    changes, tuning included; ``banks`` are all that are used. ``software`` is the version that computes.
+    """
+
+    experiment: str
+    run_kind: str
+    parameters_name: str
+    parameters: dict[str, Any]
+    settings: dict[str, Value]
+    banks: tuple[Bank, ...] = ()
+    software: str = __version__
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one run has of its own: ``settings`` by name, numbers of the ``plant`` by section.entry, in SI."""
+
+    number: int
+    settings: dict[str, Value]
+    plant: dict[str, float]
+
+
+@dataclass(frozen=True)
+class PointResult:
+    """A row of the table. ``state`` is an end state of a run, or REFUSED, FAILED or LOST, with ``detail`` in words.
+
+    ``figures`` are those of the experiment in SI, None where one was not measured, and ``M_s_q``, ``M_s_S``; ``passed``
+    tells whether all criteria hold, None where that is not known.
+    """
+
+    number: int
+    state: str
+    detail: str
+    passed: bool | None
+    values: dict[str, Value]
+    figures: dict[str, float | None]
+
+
+def run_point(base: Base, point: Point) -> PointResult:
+    """Simulate one point. Whatever becomes of it is a row: nothing is raised."""
+    try:
+        if base.software != __version__:
+            raise ValueError(f"Sinew {__version__} computes here, the study is of Sinew {base.software}")
+        return _computed(base, point)
+    except _REFUSALS as error:
+        return without_run(point, REFUSED, str(error))
+    except Exception as error:
+        return without_run(point, FAILED, f"{type(error).__name__}: {error}")
+
+
+def without_run(point: Point, state: str, detail: str) -> PointResult:
+    """Return the row of a point that was not run, and why."""
+    return PointResult(point.number, state, detail, None, _values(point), {})
+
+
+def planned(base: Base, point: Point) -> tuple[PlantParameters, ComposedPlan, LoopSettings]:
+    """Return what a point is a run of. Raises SettingError, OutOfRangeError, ExperimentError, ParameterError."""
+    entry = _entry(base.experiment, base.run_kind)
+    plan, loop = split_values(entry.settings, entry.make, {**base.settings, **point.settings})
+    assert isinstance(plan, ComposedPlan)
+    return plant_with(base.parameters_name, base.parameters, point.plant), plan, loop
+
+
+def plant_with(name: str, document: Mapping[str, Any], numbers: Mapping[str, float]) -> PlantParameters:
+    """Return a set of parameters with other ``numbers``, by section.entry or section.entry.place.
+
+    Raises ParameterError for one that is not there or out of its bounds.
+    """
+    changed = deepcopy(dict(document))
+    for path, number in numbers.items():
+        section, entry, *place = path.split(".")
+        try:
+            held = changed[section][entry]
+            number_of(held["value"], place)  # there has to be one
+        except (KeyError, IndexError, TypeError, ValueError):
+            raise ParameterError(f"{path}: the plant has no such number") from None
+        if place:
+            held["value"][int(place[0])] = number
+        else:
+            held["value"] = number
+    return parameters_of(name, changed)
+
+
+def number_of(value: Any, place: list[str]) -> float:
+    """Return a number of an entry, or that at a place of its row. Raises IndexError, TypeError, ValueError."""
+    number = value[int(place[0])] if place else value
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        raise TypeError("it is no number")
+    return float(number)
+
+
+def _computed(base: Base, point: Point) -> PointResult:
+    parameters, plan, loop = planned(base, point)
+    banks = {bank.id: bank for bank in base.banks}
+
+    def bank_of(number: int) -> Bank:
+        if number not in banks:
+            raise UnknownRecordError(f"there is no bank {number}")
+        return banks[number]
+
+    played = play_in_memory(parameters, plan, loop, bank_of)
+    bank = bank_of(loop.bank) if loop.bank else None
+    previewer = Previewer(parameters, points_of(bank), lam_motor=loop.lam_motor, b=loop.b)
+    M_s_q, M_s_S = previewer.sensitivity(loop.lambdas)
+    figures = {item.name: item.value for item in played.metrics.figures}
+    judged = [item.passed for item in played.criteria]
+    passed = None if not judged or (None in judged and False not in judged) else all(judged)
+    figures |= {"M_s_q": M_s_q, "M_s_S": M_s_S}
+    return PointResult(point.number, played.end_state, played.end_detail, passed, _values(point), figures)
+
+
+def _values(point: Point) -> dict[str, Value]:
+    return {**point.settings, **point.plant}
+
+
+@lru_cache(maxsize=8)
+def _entry(experiment: str, run_kind: str) -> Entry:
+    return entry_of(text.of_canonical(experiment), run_kind=run_kind)

@@ -1,0 +1,87 @@
+"""A study as it is kept, with all that its text speaks of as that was when it was begun."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from backend.documents.edge import Edge
+from backend.documents.run_settings import Value
+from backend.documents.study import FORMAT, STUDY, Study
+from backend.experiments.composing import text
+from backend.experiments.composing.refused import ExperimentError, Lines, line_of
+from backend.experiments.plans.catalogue import Entry, entry_of
+from backend.experiments.plans.composed_plan import KIND
+from backend.experiments.playing.playable import BankOf, banks_of
+from backend.storage.records import UnknownRecordError
+from backend.storage.studies import NewStudy, StoredStudy
+from backend.studies.design import Design, designed
+from backend.studies.point import Base, planned
+from plant.parameters import PlantParameters
+
+BASE: Edge[Base] = Edge(Base, "what it is computed from", 0)
+_BASE = TypeAdapter(Base)  # writes the dates of banks too, which documents by themselves have none of
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a study is begun among: experiments by name, the plant, the tuning where it names none, the banks."""
+
+    entry_named: Callable[[str], Entry]
+    parameters: PlantParameters
+    tuning: Mapping[str, Value]
+    bank_of: BankOf
+
+
+def read(written: str) -> tuple[Study, Lines]:
+    """Return the study that a text says, and the line of each of its parts. Raises ExperimentError."""
+    document, lines = text.document_of(written)
+    if not isinstance(document, Mapping):
+        raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
+    return text.in_form(STUDY, FORMAT, document, lines), lines
+
+
+def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
+    """Return a study as it is to be kept. Raises ExperimentError naming line, value, bound and unit."""
+    study, lines = read(written)
+    entry = _entry(study, lines, around)
+    if entry.written is None:
+        why = f"{entry.name} is no experiment that is data: write it as one"
+        raise ExperimentError(why, ("experiment",), line_of(("experiment",), lines))
+    base = Base(
+        text.canonical(entry.written),
+        entry.run_kind,
+        around.parameters.name,
+        around.parameters.document(),
+        {**around.tuning, **study.settings},
+    )
+    design = designed(study, lines, base, entry.settings)
+    base = Base(**{**vars(base), "banks": _banks(design, around.bank_of, lines)})
+    return NewStudy(study.name, study.title, written, _BASE.dump_python(base, mode="json"), len(design), who)
+
+
+def design_of(stored: StoredStudy) -> Design:
+    """Return the points of a stored study. Raises UnreadableDocumentError, ExperimentError."""
+    return Design(read(stored.text)[0], BASE.read(stored.base, f"study {stored.id}"))
+
+
+def _entry(study: Study, lines: Lines, around: Surroundings) -> Entry:
+    if study.written is None:
+        return around.entry_named(study.experiment)
+    inner = {path[1:]: line for path, line in lines.items() if path[:1] == ("written",)}
+    try:
+        return entry_of(study.written, inner, run_kind=KIND)
+    except ExperimentError as error:
+        raise ExperimentError(error.why, ("written", *error.path), error.line) from None
+
+
+def _banks(design: Design, bank_of: BankOf, lines: Lines) -> tuple[Any, ...]:
+    """Return the banks that are used: of the tuning, of an axis, or on the way of the first point."""
+    _, plan, loop = planned(design.base, design.point(0))
+    numbers = {loop.bank, *banks_of(plan)}
+    numbers |= {int(value) for name, values in design.axes if name == "bank" for value in values}
+    try:
+        return tuple(bank_of(number) for number in sorted(numbers - {0}))
+    except UnknownRecordError as error:
+        raise ExperimentError(str(error), (), line_of((), lines)) from None

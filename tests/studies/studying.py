@@ -1,0 +1,84 @@
+"""What the tests of studies share: a short study, and work that takes no time or dies."""
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.storage import Database, studies
+from backend.storage.studies import StoredPoint
+from backend.studies.point import Base, Point, PointResult
+from plant.parameters import load_parameters
+
+SHORT = """
+format: 1
+name: short
+title: Short
+settings: {q_duration_s: 0.5, S_duration_s: 0.5, S_high: 12.0}
+axes:
+  - {over: lam_q, values: [0.5, 0.8]}
+  - {over: sensors.force_noise, values: [0.0, 0.2]}
+spread:
+  - {of: motor.c0, by: normal, relative: 0.1}
+draws: 2
+seeds: 2
+seed: 7
+"""
+"""16 runs; tracking for 6.5 s each."""
+
+
+def begun(database: Database, text: str = SHORT) -> int:
+    """Keep a study on the lab's plant; return its number."""
+    return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningChoice().document()).id
+
+
+def table(database: Database, study: int) -> list[StoredPoint]:
+    with database.reading() as session:
+        return studies.points(session, study)
+
+
+def quick(base: Base, point: Point) -> PointResult:
+    """A row in no time."""
+    return _row(point)
+
+
+def die_once(base: Base, point: Point) -> PointResult:
+    """Kill the own process over point 5, the first time."""
+    mark = _folder(base) / "died"
+    if point.number == 5 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return _row(point)
+
+
+def die_always(base: Base, point: Point) -> PointResult:
+    """Kill the own process over point 5, each time."""
+    if point.number == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return _row(point)
+
+
+def patient(base: Base, point: Point) -> PointResult:
+    """Wait until somebody puts a file there, from point 4 on; leave a mark for each that is computed."""
+    while point.number >= 4 and not (_folder(base) / "go").exists():
+        time.sleep(0.01)
+    (_folder(base) / f"{point.number}-{os.getpid()}").touch()
+    return _row(point)
+
+
+def _folder(base: Base) -> Path:
+    return Path(str(base.parameters["folder"]))
+
+
+def _row(point: Point) -> PointResult:
+    figures: dict[str, float | None] = {"overshoot_q_percent": float(point.number)}
+    return PointResult(point.number, "completed", "", True, {**point.settings, **point.plant}, figures)
+
+
+def in_folder(base: Base, folder: Path) -> Base:
+    """A base that tells work of these tests where its marks are."""
+    document: dict[str, Any] = {**base.parameters, "folder": str(folder)}
+    return Base(**{**vars(base), "parameters": document})

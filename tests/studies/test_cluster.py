@@ -1,0 +1,97 @@
+"""A study on a Dask cluster: the same table, bit for bit; a worker that is killed loses nothing."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from backend.storage import Database, open_database
+from backend.studies.cluster import ClusterCrew, on_cluster
+from backend.studies.crew import CrewGoneError
+from backend.studies.point import Base, Point
+from backend.studies.runner import local, run_study
+from tests.studies import studying
+from tests.studies.studying import begun, in_folder, table
+
+pytest.importorskip("distributed")
+ROOT = Path(__file__).parents[2]
+
+
+class Cluster:
+    """A scheduler and two workers, each a process of its own."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self._folder, self._stack = folder, stack
+        place = folder / "scheduler.json"
+        self.scheduler = self._start(
+            "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place)
+        )
+        while not place.exists():
+            time.sleep(0.02)
+        while not (said := place.read_text()).endswith("}"):
+            time.sleep(0.02)
+        self.address = str(json.loads(said)["address"])
+        self.workers = [self.worker(), self.worker()]
+
+    def worker(self) -> subprocess.Popen[bytes]:
+        alone = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(self._folder))
+        return self._start("worker", self.address, *alone)
+
+    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        command = [sys.executable, "-m", "dask", *words]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._stack.callback(process.wait)
+        self._stack.callback(process.kill)
+        return process
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    with ExitStack() as stack:
+        yield Cluster(tmp_path, stack)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return open_database(tmp_path / "data")
+
+
+def test_a_cluster_computes_the_same_table_bit_for_bit(database: Database, cluster: Cluster) -> None:
+    here, there = begun(database), begun(database)
+    assert run_study(database, here, local(2))
+    assert run_study(database, there, on_cluster(cluster.address))
+    assert len(table(database, here)) == 16
+    assert repr(table(database, here)) == repr(table(database, there))
+
+
+def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
+    database: Database, cluster: Cluster, tmp_path: Path
+) -> None:
+    study = begun(database)
+
+    class Losing(ClusterCrew):
+        def give(self, point: Point) -> None:
+            super().give(point)
+            if point.number == 5:  # from 4 on they wait: both workers have one in their hands
+                cluster.workers[0].send_signal(signal.SIGKILL)
+                cluster.workers[0].wait()
+                (tmp_path / "go").touch()
+
+    def losing(base: Base) -> ClusterCrew:
+        return Losing(in_folder(base, tmp_path), cluster.address, studying.patient)
+
+    assert run_study(database, study, losing)
+    assert [(row.number, row.state) for row in table(database, study)] == [(n, "completed") for n in range(16)]
+
+
+def test_a_scheduler_that_is_not_there_is_told(database: Database) -> None:
+    with pytest.raises(CrewGoneError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
+        run_study(database, begun(database), on_cluster("tcp://127.0.0.1:1"))

@@ -1,0 +1,119 @@
+"""Which runs a study has, against what its text says in closed form."""
+
+import itertools
+import math
+import re
+
+import numpy as np
+import pytest
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.composing.refused import ExperimentError
+from backend.experiments.plans.catalogue import experiment
+from backend.storage.banks import Bank
+from backend.storage.records import UnknownRecordError
+from backend.storage.studies import StoredStudy
+from backend.studies.design import Design
+from backend.studies.stored import Surroundings, design_of, new_study
+from plant.parameters import load_parameters
+
+
+def no_bank(number: int) -> Bank:
+    raise UnknownRecordError(f"there is no bank {number}")
+
+
+AROUND = Surroundings(experiment, load_parameters("lab"), TuningChoice().document(), no_bank)
+
+
+def design(body: str) -> Design:
+    new = new_study(f"format: 1\nname: a\ntitle: A\n{body}", AROUND, "Ana")
+    kept = dict.fromkeys(("created_at", "seen_at", "begun_at"))
+    stored = StoredStudy(**vars(new), id=1, runner="", begun_with=0, stop_asked=False, problem="", **kept)  # type: ignore[arg-type]  # nobody looks at its dates
+    return design_of(stored)
+
+
+def test_a_grid_is_all_combinations_the_last_axis_fastest() -> None:
+    grid = design("axes: [{over: lam_q, first: 0.4, last: 0.8, count: 3}, {over: lam_S, values: [0.3, 0.5]}]")
+    found = [grid.point(number).settings for number in range(len(grid))]
+    assert found == [{"lam_q": q, "lam_S": S} for q, S in itertools.product((0.4, 0.4 + 0.2, 0.8), (0.3, 0.5))]
+
+
+def test_equal_factors_are_a_geometric_row_with_its_ends_as_written() -> None:
+    grid = design("axes: [{over: lam_q, first: 0.4, last: 1.6, count: 5, spacing: factor}]")
+    values = [grid.point(number).settings["lam_q"] for number in range(5)]
+    assert values[0] == 0.4
+    assert values[-1] == 1.6
+    assert values == pytest.approx([0.4 * 4.0 ** (place / 4) for place in range(5)])
+
+
+def test_every_combination_meets_the_same_draws_and_noise() -> None:
+    study = design(
+        "axes: [{over: lam_q, values: [0.5, 0.8]}]\nspread: [{of: motor.c0, relative: 0.1}]\ndraws: 3\nseeds: 2"
+    )
+    points = [study.point(number) for number in range(len(study))]
+    assert len(points) == 2 * 3 * 2
+    assert [point.plant for point in points[:6]] == [point.plant for point in points[6:]]
+    assert [point.settings["seed"] for point in points] == [0, 1] * 6
+    assert len({point.plant["motor.c0"] for point in points}) == 3
+
+
+def test_spreads_lie_where_they_are_said_to() -> None:
+    study = design(
+        "spread:\n  - {of: motor.c0, relative: 0.2}\n  - {of: sensors.force_delay, by: normal, absolute: 0.001}\n"
+        "  - {of: spring.k.1, relative: 0.1}\ndraws: 2000\nseed: 3"
+    )
+    lab = AROUND.parameters
+    points = [study.point(number).plant for number in range(2000)]
+    c0 = np.array([point["motor.c0"] for point in points]) / lab.motor.c0
+    delay = np.array([point["sensors.force_delay"] for point in points]) - lab.sensors.force_delay
+    k1 = np.array([point["spring.k.1"] for point in points]) / lab.spring.k[1]
+    assert 0.8 <= c0.min() < 0.801 < 1.199 < c0.max() <= 1.2
+    assert c0.std() == pytest.approx(0.2 / math.sqrt(3.0), rel=0.05)
+    assert np.abs(delay).max() <= 0.003
+    assert delay.std() == pytest.approx(0.001, rel=0.05)
+    assert abs(np.corrcoef(c0, k1)[0, 1]) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("axes: [{over: lam_q, values: [0.5, 9.0]}]", "line 4: axes 1, over: tuning parameter of the position loop: 9"),
+        ("axes: [{over: lam_x, values: [0.5]}]", "unknown setting"),
+        ("axes: [{over: motor.c9, values: [0.5]}]", "motor.c9: the plant has no such number"),
+        ("axes: [{over: motor.c0, values: [50.0]}]", "motor.c0 = 50 N·m is outside 0 to 10 N·m"),
+        ("axes: [{over: motor.c0, values: [big]}]", "'big' is not a number"),
+        ("axes: [{over: lam_q}]", "say either values, or first, last and count"),
+        ("axes: [{over: lam_q, first: 0.4, last: 0.8}]", "say either values"),
+        ("axes: [{over: lam_q, values: [0.5]}, {over: lam_q, values: [0.6]}]", "lam_q is varied twice"),
+        ("axes: [{over: q_hold, first: -1.0, last: 1.0, count: 3, spacing: factor}]", "choose spacing even"),
+        ("spread: [{of: motor.c0}]", "say either relative or absolute"),
+        ("spread: [{of: asymmetry.spring_A, by: normal, relative: 0.3}]", "is outside 0.5 to 2 1"),
+        ("draws: 10", "draws: nothing is drawn"),
+        ("axes: [{over: seed, values: [1, 2]}]\nseeds: 3", "line 5: seeds: the seed is an axis already"),
+        ("seeds: 100000\ndraws: 2\nspread: [{of: motor.c0, relative: 0.1}]", "runs of the study: 200000 is outside"),
+        ("experiment: sequence", "experiment: sequence is no experiment that is data"),
+        ("experiment: nothing", "there is no such experiment"),
+        ("settings: {lam_q: 0.5, b: 3}", "line 4: settings, b"),
+        ("axes: [{over: bank, values: [3]}]", "there is no bank 3"),
+        ("axis: []", "it is not known here"),
+        ("written: {format: 1, name: b, title: B, phases: []}", "line 4: written, phases: it is empty"),
+        ("settings: {S_low: 13.0, S_high: 12.0}", "lower level"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_line_value_and_bound(body: str, told: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(told)) as refused:
+        design(body)
+    assert isinstance(refused.value, ExperimentError) or "experiment" in body or "S_low" in body
+
+
+def test_a_study_may_hold_its_own_experiment() -> None:
+    written = (
+        "written:\n  format: 1\n  name: own\n  title: Own\n  settings:\n"
+        "    - {name: depth, symbol: a, unit: rad, meaning: amplitude, default: 0.3, minimum: 0.1, maximum: 0.8}\n"
+        "  phases:\n    - name: one\n      title: One\n      parts:\n"
+        "        - {do: step, q_ref: depth, duration_s: 1.0}\n"
+        "axes: [{over: depth, values: [0.2, 0.4]}]"
+    )
+    assert len(design(written)) == 2
+    with pytest.raises(ExperimentError, match="line 14: written, phases 1, parts 1, q_ref"):
+        design(written.replace("q_ref: depth", "q_ref: width"))

@@ -1,0 +1,209 @@
+"""A study on this machine: the rows of single runs, whatever dies, is stopped, or is taken up again."""
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.storage import Database, banks, open_database, studies
+from backend.storage.banks import BankEntry
+from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
+from backend.studies.point import LOST, Base
+from backend.studies.runner import Progress, TakenError, local, run_study
+from backend.studies.stored import design_of
+from backend.tuning.models import designed_point
+from plant.parameters import load_parameters
+from tests.studies import studying
+from tests.studies.studying import SHORT, begun, in_folder, table
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return open_database(tmp_path / "data")
+
+
+def with_work(work: Work, folder: Path, jobs: int = 2) -> Callable[[Base], LocalCrew]:
+    return lambda base: LocalCrew(in_folder(base, folder), jobs, work)
+
+
+def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database) -> None:
+    lab = load_parameters("lab")
+    point = designed_point(lab)
+    models = {name: getattr(point, name) for name in ("K_q", "T_q", "K_S", "T_S")}
+    entries = [BankEntry(S, models, None) for S in (8.5, 14.0)]
+    with database.session() as session:
+        bank = banks.add(session, "two", entries, "Ana")
+    tuning = TuningChoice(bank=bank.id).document()
+    text = SHORT.replace("draws: 2", "draws: 1").replace("seeds: 2", "seeds: 1")
+    study = Studies(database).begin(text, "Ana", lab, tuning).id
+    with database.reading() as session:
+        assert design_of(studies.get(session, study)).base.banks == (bank,)
+    assert run_study(database, study, local(2))
+    assert {row.state for row in table(database, study)} == {"completed"}
+
+
+def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    assert run_study(database, study, local(2))
+    rows = table(database, study)
+    assert [row.number for row in rows] == list(range(16))
+    lab = load_parameters("lab")
+    for row in (rows[0], rows[7], rows[-1]):
+        parameters = replace(
+            lab,
+            motor=replace(lab.motor, c0=row.values["motor.c0"]),
+            sensors=replace(lab.sensors, force_noise=row.values["sensors.force_noise"]),
+        )
+        plan = experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
+        settings = LoopSettings(lam_q=row.values["lam_q"], seed=row.values["seed"])
+        with headless_station(database, parameters, settings) as station:
+            outcome = asyncio.run(run_experiment(station, Order(plan, settings, "Ana")))
+        assert outcome.evaluation.result is not None
+        expected = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}
+        assert {name: row.figures[name] for name in expected} == expected
+        assert row.state == outcome.run.end_state == "completed"
+
+
+def test_what_no_run_can_be_made_of_is_a_row_that_says_why(database: Database) -> None:
+    axes = "axes: [{over: lam_q, values: [0.1]}]"
+    study = begun(database, f"format: 1\nname: a\ntitle: A\n{axes}")
+    assert run_study(database, study, local(1))
+    (row,) = table(database, study)
+    assert (row.state, row.figures) == ("refused", {})
+    assert "M_s exceeds 1.7" in row.detail
+
+
+def test_a_worker_that_is_killed_loses_nothing(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    assert run_study(database, study, with_work(studying.die_once, tmp_path))
+    assert (tmp_path / "died").exists()
+    assert [(row.number, row.state) for row in table(database, study)] == [(n, "completed") for n in range(16)]
+
+
+def test_a_point_that_kills_every_worker_is_told_and_takes_no_other_with_it(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    assert run_study(database, study, with_work(studying.die_always, tmp_path))
+    rows = table(database, study)
+    assert [row.number for row in rows if row.state != "completed"] == [5]
+    assert rows[5].state == LOST
+    assert f"died {DEATHS_MAX} times" in rows[5].detail
+
+
+def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    asked: list[int] = []
+
+    def notify(progress: Progress) -> None:
+        if asked:  # by now it is known
+            (tmp_path / "go").touch()
+        elif progress.done == 4:
+            asked.append(progress.done)
+            with database.session() as session:
+                studies.ask_to_stop(session, study)
+
+    assert not run_study(database, study, with_work(studying.patient, tmp_path, jobs=1), notify)
+    assert [row.number for row in table(database, study)] == list(range(6))  # those in its hands were waited for
+    stopped = Studies(database).view(study)
+    assert (stopped.state, stopped.problem) == ("stopped", "")
+    assert run_study(database, study, with_work(studying.patient, tmp_path))
+    assert computed_in(tmp_path) == list(range(16))
+    assert Studies(database).view(study).state == "done"
+
+
+def test_two_do_not_compute_the_same_study(database: Database) -> None:
+    study = begun(database)
+    with database.session() as session:
+        studies.claim(session, study, "elsewhere:1")
+    with pytest.raises(TakenError, match="elsewhere:1"):
+        run_study(database, study, local(1))
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from backend.storage import open_database
+from backend.studies.crew import LocalCrew
+from backend.studies.runner import run_study
+from tests.studies.studying import in_folder, patient
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    database = open_database(folder / "data")
+    run_study(database, int(sys.argv[2]), lambda base: LocalCrew(in_folder(base, folder), 2, patient))
+"""
+
+
+def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen([sys.executable, str(script), str(tmp_path), str(study)], env=environment)
+    until(lambda: len(table(database, study)) == 4)
+    with pytest.raises(TakenError):
+        run_study(database, study, local(1))
+    workers = children(process.pid)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    killed = Studies(database).view(study)
+    assert killed.state == "stopped"
+    assert "died without a word" in killed.problem
+    until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # none is left behind
+    (tmp_path / "go").touch()
+    assert run_study(database, study, with_work(studying.patient, tmp_path))
+    assert [row.number for row in table(database, study)] == list(range(16))
+    assert computed_in(tmp_path) == list(range(16))  # each of them once
+
+
+def computed_in(folder: Path) -> list[int]:
+    """Return the numbers of all marks that were left there."""
+    return sorted(int(path.name.split("-")[0]) for path in folder.glob("*-*"))
+
+
+def children(process: int) -> list[int]:
+    return [int(word) for path in Path(f"/proc/{process}/task").glob("*/children") for word in path.read_text().split()]
+
+
+def until(reached: Callable[[], bool]) -> None:
+    while not reached():  # the time limit of the test ends what never comes
+        time.sleep(0.02)
+
+
+def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(studying.SHORT.replace("draws: 2\nseeds: 2", ""))
+    data = ("--data", str(tmp_path / "data"), "--json")
+
+    def sinew(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "backend", "study", *words, *data], capture_output=True, text=True, check=False
+        )
+
+    done = json.loads(sinew("run", str(file), "--jobs", "1").stdout)
+    assert (done["study"]["state"], done["study"]["done"]) == ("done", 4)
+    rows = json.loads(sinew("show", "1").stdout)["rows"]
+    drawn = tmp_path / "map.png"
+    over = ("--over", "lam_q", "sensors.force_noise")
+    shown = json.loads(sinew("map", "1", "--figure", "min_tension_N", *over, "--out", str(drawn)).stdout)
+    assert shown["cells"] == [
+        [row["figures"]["min_tension_N"] for row in rows if row["values"]["sensors.force_noise"] == noise]
+        for noise in (0.0, 0.2)
+    ]
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert "there is no figure weight" in sinew("map", "1", "--figure", "weight").stderr
+    assert "there is no study 9" in sinew("stop", "9").stderr
+    file.write_text("format: 2")
+    assert "line 1: format: 2 is not known" in sinew("run", str(file)).stderr
