@@ -33,9 +33,9 @@ def build_report(source: Source) -> Report:
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
     evidence = evidence_of(source)
     if evidence is None:
-        return _told(report, source.angles)
+        return told(report, source.angles)
     sections = (*report.sections, *timing_section(source), hashes_section(evidence))
-    return _told(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
+    return told(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
 
 
 def hashes_section(evidence: Evidence) -> Section:
@@ -49,8 +49,8 @@ def hashes_section(evidence: Evidence) -> Section:
     return Section("What it was made of", (Table("Content hashes.", titles, rows), Paragraph(words)))
 
 
-def _told(report: Report, angles: Angles) -> Report:
-    """Return the report with the angles in its prose as they are read; numbers of tables and axes are so already."""
+def told(report: Report, angles: Angles) -> Report:
+    """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already."""
     return replace(
         report,
         verdict=in_words(report.verdict, angles),

@@ -1,9 +1,7 @@
 """Content hashes: what a report was made of, so that whoever has the same can tell that it is the same."""
 
 import hashlib
-import json
 import zlib
-from typing import Any
 
 import numpy as np
 
@@ -15,12 +13,6 @@ BLOCK_S = 1.0
 """Samples have a check sum for each signal and stretch of this length [s]: it says where one was changed."""
 
 _BLOCK = round(BLOCK_S / T_s)
-
-
-def of_document(document: Any) -> str:
-    """Return the SHA-256 of what JSON can say, whatever the order of its keys."""
-    text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def of_samples(columns: Columns) -> str:

@@ -11,10 +11,11 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from backend import __version__
+from backend.documents.digest import digest_of
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.reading import Angles
 from backend.recording.columns import Columns
-from backend.reports.digests import blocks_of, of_document, of_samples
+from backend.reports.digests import blocks_of, of_samples
 from backend.reports.source import Source
 from backend.storage.bank_entry import ChannelFit
 from backend.storage.banks import Bank
@@ -24,7 +25,7 @@ from backend.storage.runs import Run, RunKind
 
 FORMAT = 1
 _BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
-SINEW, DRAWING = "Sinew", "matplotlib"
+SINEW, DRAWING, SETTING = "Sinew", "matplotlib", "typst"
 ACCOUNT = "account"
 """Name of the hash of all the rest that a report carries."""
 
@@ -53,7 +54,17 @@ class Evidence:
     made_with: dict[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class SeriesEvidence:
+    """The accounts of all runs of a series, in its order."""
+
+    format: str
+    runs: tuple[Evidence, ...]
+
+
+SERIES = "series 1"
 _EVIDENCE: TypeAdapter[Evidence] = TypeAdapter(Evidence)
+_SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
 def hashes_of(source: Source) -> dict[str, str]:
@@ -61,14 +72,14 @@ def hashes_of(source: Source) -> dict[str, str]:
     run = source.run
     found = {
         "samples": of_samples(source.columns),
-        "parameters": of_document(run.parameters),
-        "settings": of_document(run.settings),
+        "parameters": digest_of(run.parameters),
+        "settings": digest_of(run.settings),
     }
     if source.bank is not None:
         entries = [[entry.S_nominal, entry.model] for entry in source.bank.entries]
-        found["bank"] = of_document([source.bank.name, source.bank.version, entries])
+        found["bank"] = digest_of([source.bank.name, source.bank.version, entries])
     if source.identification is not None:
-        found["identification"] = of_document([source.identification.model, source.identification.quality])
+        found["identification"] = digest_of([source.identification.model, source.identification.quality])
     return found
 
 
@@ -97,14 +108,14 @@ def evidence_of(source: Source) -> Evidence | None:
 
 
 def made_with() -> dict[str, str]:
-    """Return the versions that the words and the drawings of a report depend on."""
-    return {SINEW: __version__, DRAWING: version(DRAWING)}
+    """Return the versions that the words, the drawings and the PDF of a report depend on."""
+    return {SINEW: __version__, DRAWING: version(DRAWING), SETTING: version(SETTING)}
 
 
 def account_hash(evidence: Evidence) -> str:
     """Return the hash of what a report carries, but for itself."""
     hashes = {name: digest for name, digest in evidence.hashes.items() if name != ACCOUNT}
-    return of_document(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
+    return digest_of(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
 
 def source_of(evidence: Evidence, columns: Columns, metrics: Metrics | None, criteria: tuple[Criterion, ...]) -> Source:
@@ -125,9 +136,10 @@ def source_of(evidence: Evidence, columns: Columns, metrics: Metrics | None, cri
     )
 
 
-def to_element(evidence: Evidence) -> str:
+def to_element(evidence: Evidence | SeriesEvidence) -> str:
     """Return the element of a page that carries it; nothing in it can end the element."""
-    document = _EVIDENCE.dump_python(evidence, mode="json")
+    adapter: TypeAdapter[Any] = _SERIES if isinstance(evidence, SeriesEvidence) else _EVIDENCE
+    document = adapter.dump_python(evidence, mode="json")
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -140,17 +152,18 @@ def without_element(page: str) -> str:
     return page if begin < 0 or end < begin else page[:begin] + page[end + len(_END) :]
 
 
-def read(page: str) -> Evidence:
-    """Return what a page carries. Raises EvidenceError."""
+def read(page: str) -> Evidence | SeriesEvidence:
+    """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
     begin = page.find(_BEGIN)
     end = page.find(_END, begin)
     if begin < 0 or end < 0:
         raise EvidenceError("it carries no account of its numbers: it is no report of a run, or of an older Sinew")
     text = page[begin + len(_BEGIN) : end]
     try:
-        if json.loads(text).get("format") != FORMAT:
+        kind = json.loads(text).get("format")
+        if kind not in (FORMAT, SERIES):
             raise EvidenceError(f"its account is not of format {FORMAT}: take the Sinew that it was made with")
-        return _EVIDENCE.validate_json(text)
+        return _SERIES.validate_json(text) if kind == SERIES else _EVIDENCE.validate_json(text)
     except (ValidationError, ValueError, AttributeError) as error:
         if isinstance(error, EvidenceError):
             raise

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from backend.documents.result import CRITERIA
+from backend.exports.formats import DataFormat, write_file
+from backend.exports.source import stored_or_none
 from backend.reading import Angles
-from backend.recording.columns import recorded_columns
 from backend.reports.build import build_report
-from backend.reports.exports import to_csv
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source, load_source
@@ -22,20 +22,20 @@ def write_files(database: Database, run_id: int, folder: Path, angles: Angles = 
 
     ``angles`` is for the report; data and metrics are in SI.
 
-    Raises UnknownRecordError, OSError.
+    Raises UnknownRecordError, ExportError, OSError.
     """
     source = load_source(database, run_id, angles)
     report = build_report(source)
     contents = {
         "report.html": to_html(report).encode(),
         "report.pdf": to_pdf(report),
-        "data.csv": to_csv(recorded_columns(database, run_id)[0]),
         "metrics.json": json.dumps(metrics_document(source), indent=2, ensure_ascii=False).encode() + b"\n",
     }
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():
         (folder / name).write_bytes(content)
-    return tuple(folder / name for name in contents)
+    write_file(stored_or_none(database, run_id), DataFormat.CSV, folder / "data.csv")
+    return tuple(folder / name for name in ("report.html", "report.pdf", "data.csv", "metrics.json"))
 
 
 def metrics_document(source: Source) -> dict[str, Any]:

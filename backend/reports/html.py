@@ -8,6 +8,8 @@ from backend.reports.document import Block, Figure, Paragraph, Report, Section, 
 
 _SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)\b|·10\^(?P<power>−?\d+)"
 _SYMBOLS = re.compile(_SYMBOL)
+_SIZES = 1, 2, 4, 8
+"""How many times as large a figure can be looked at; ``report.css`` has a rule for each."""
 _SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
 
 
@@ -63,9 +65,21 @@ def _block(block: Block, numbering: _Numbering) -> str:
             return _table(block, numbering.tables)
         case Figure(_, svg, caption):
             numbering.figures += 1
-            label = f"Figure {numbering.figures}."
-            drawing = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
-            return f"<figure>\n{drawing}\n<figcaption><b>{label}</b> {_prose(caption)}</figcaption>\n</figure>"
+            return _figure(svg, caption, numbering.figures)
+
+
+def _figure(svg: str, caption: str, number: int) -> str:
+    """Return a drawing that can be looked at closely: a page that runs no script zooms by the choice of a size."""
+    drawing = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
+    sizes = "".join(
+        f'<label><input type="radio" name="size-{number}" value="{size}"{" checked" if size == 1 else ""}>'
+        f"<span>{size}×</span></label>"
+        for size in _SIZES
+    )
+    choice = f'<fieldset class="sizes"><legend>Size of figure {number}</legend>{sizes}</fieldset>'
+    sheet = f'<div class="sheet" tabindex="0" role="region" aria-label="Figure {number}">\n{drawing}\n</div>'
+    words = f"<figcaption><b>Figure {number}.</b> {_prose(caption)}</figcaption>"
+    return f"<figure>\n{choice}\n{sheet}\n{words}\n</figure>"
 
 
 def _table(table: Table, number: int) -> str:

@@ -88,7 +88,7 @@ def table_of(declared: Sequence[DeclaredValue], source: Source) -> Table:
         (
             item.meaning,
             item.symbol,
-            _chosen(item.value, item.unit, source.angles),
+            chosen(item.value, item.unit, source.angles),
             shown_unit(item.unit, source.angles),
         )
         for item in declared
@@ -150,7 +150,7 @@ def parameter_section(source: Source) -> Section:
     rows = tuple(
         (
             f"{section}.{entry}",
-            _chosen(number.value, number.unit, source.angles),
+            chosen(number.value, number.unit, source.angles),
             shown_unit(number.unit, source.angles),
             number.source,
         )
@@ -167,9 +167,10 @@ def parameter_section(source: Source) -> Section:
     return Section("Plant parameters", (Table(caption, columns, rows),))
 
 
-def _chosen(value: Any, unit: str, angles: Angles) -> str:
+def chosen(value: Any, unit: str, angles: Angles) -> str:
+    """Return a number that somebody chose, or a list of such, as it is read."""
     if isinstance(value, list):
-        return "; ".join(_chosen(item, unit, angles) for item in value)
+        return "; ".join(chosen(item, unit, angles) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from backend.documents.run_settings import KeptGrant
 from backend.reports.document import Column, Section, Table, shown
 from backend.reports.source import Source
 
@@ -32,6 +33,7 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         ]
     else:
         rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
+    rows += _granted_rows(source.run.set_to.granted)
     titles = (
         Column("Quantity", number=False),
         Column("Value"),
@@ -39,3 +41,17 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         Column("Meaning", number=False, wide=True),
     )
     return (Section("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
+
+
+def _granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
+    """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
+    if granted is None:
+        return []
+    scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
+    memory = "locked" if granted.memory_locked else "not locked"
+    return [
+        ("Scheduling", scheduling, "", "granted to the loop by the machine"),
+        ("Memory", memory, "", "granted to the loop by the machine"),
+        ("Timer slack", str(granted.timer_slack_ns), "ns", "by which the machine may wake the loop later than asked"),
+        *(("Not granted", "", "", refusal) for refusal in granted.refusals),
+    ]

@@ -2,20 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
+from backend.documents.outcome import Outcome, outcome_of
 from backend.documents.result import Criterion, Metrics
 
-
-class Outcome(StrEnum):
-    """How a run counts."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    INCOMPLETE = "incomplete"
-    """it ended early, or not all of it could be measured"""
-    NEUTRAL = "neutral"
-    """there is nothing to judge it by"""
+__all__ = ["SEEN", "Outcome", "Verdict", "verdict_of"]
 
 
 @dataclass(frozen=True)
@@ -29,22 +20,22 @@ class Verdict:
 def verdict_of(metrics: Metrics | None, criteria: Sequence[Criterion], problem: str = "") -> Verdict:
     """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
     if metrics is None:
-        return Verdict(Outcome.INCOMPLETE, f"No result: {problem or 'the run has not been evaluated'}.")
+        return Verdict(outcome_of(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
     if not metrics.complete:
         failed = _titles(criteria, passed=False)
         already = f" Already failed: {', '.join(failed)}." if failed else ""
         played = f"{metrics.played_s:.6g} s of {metrics.planned_s:.6g} s were played"
-        return Verdict(Outcome.INCOMPLETE, f"Incomplete: {played}. Figures cover that part only.{already}")
+        return Verdict(outcome_of(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
     if not criteria:
-        return Verdict(Outcome.NEUTRAL, "Completed. No criteria are set for this kind of run.")
-    return _judged(criteria)
+        return Verdict(outcome_of(metrics, criteria), "Completed. No criteria are set for this kind of run.")
+    return Verdict(outcome_of(metrics, criteria), _judged(criteria))
 
 
 SEEN = {"<": "at least this", ">": "at most this"}
 """What a figure is that was not seen whole, by the relation to its bound."""
 
 
-def _judged(criteria: Sequence[Criterion]) -> Verdict:
+def _judged(criteria: Sequence[Criterion]) -> str:
     failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
     parts = []
     if failed:
@@ -52,11 +43,7 @@ def _judged(criteria: Sequence[Criterion]) -> Verdict:
     if unmeasured:
         verb = "was" if len(unmeasured) == 1 else "were"
         parts.append(f"{len(unmeasured)} of {len(criteria)} criteria {verb} not measured: {', '.join(unmeasured)}.")
-    if failed:
-        return Verdict(Outcome.FAILED, " ".join(parts))
-    if unmeasured:
-        return Verdict(Outcome.INCOMPLETE, " ".join(parts))
-    return Verdict(Outcome.PASSED, f"All {len(criteria)} criteria passed.")
+    return " ".join(parts) or f"All {len(criteria)} criteria passed."
 
 
 def _titles(criteria: Sequence[Criterion], *, passed: bool | None) -> list[str]:

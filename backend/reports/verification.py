@@ -5,8 +5,8 @@ What differs is told by its name: a figure, a criterion, a parameter, a sample, 
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from html import unescape
 from typing import Any
 
@@ -24,6 +24,7 @@ from backend.reports.evidence import (
     SINEW,
     Evidence,
     EvidenceError,
+    SeriesEvidence,
     account_hash,
     hashes_of,
     made_with,
@@ -32,13 +33,16 @@ from backend.reports.evidence import (
     without_element,
 )
 from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source
 from backend.sample import STORED_NAMES
 from plant.parameters import ParameterError, parameters_of
 
 _LIKE = 1e-9
 """Share by which a number may differ where another machine has computed it again."""
 
-_MOST = 50
+MOST = 50
+"""Differences that are told; who finds so many needs no more."""
 _TAG = re.compile(r"<[^>]*>")
 _SET = re.compile(r"</?(?:i|b|sub|sup)>")
 _DRAWING = re.compile(r"<svg.*?</svg>", re.DOTALL)
@@ -71,30 +75,75 @@ def verify(page: str, columns: Columns | None) -> Verified:
 
     Raises EvidenceError for a page without an account.
     """
-    evidence = read(page)
+    return _verified(page, _of_a_run(page), columns)[0]
+
+
+def _verified(page: str, evidence: Evidence, columns: Columns | None) -> tuple[Verified, Source | None]:
+    """Return what was compared, and what the report is made from again."""
     if columns is None:
         raise EvidenceError(
             "the samples that it was made of are not here: name their file with --samples, or the folder with their run"
         )
+    differences, source = computed_again(evidence, columns)
+    if source is None:
+        return Verified(differences, ()), None
+    shown = compare_pages(page, lambda: to_html(build_report(source)), evidence.made_with)
+    return Verified((*differences, *shown.differences)[:MOST], shown.left_out), source
+
+
+def verify_pdf(pdf: bytes, page: str, columns: Columns | None) -> Verified:
+    """Verify the page that a PDF stands beside, and then whether the PDF is the one that its numbers give.
+
+    A PDF carries no account; it is made again and compared byte by byte. Raises EvidenceError.
+    """
+    evidence = _of_a_run(page)
+    verified, source = _verified(page, evidence, columns)
+    if verified.differences or source is None:
+        return verified
+    said, here = evidence.made_with, made_with()
+    if said != here:
+        words = "the PDF: other versions of what draws and sets it made the report, so that its bytes differ"
+        return replace(verified, left_out=(*verified.left_out, words))
+    if to_pdf(build_report(source)) == pdf:
+        return verified
+    return Verified((Difference("the PDF", "other pages", "those that the numbers of its page give"),), ())
+
+
+def _of_a_run(page: str) -> Evidence:
+    evidence = read(page)
+    if isinstance(evidence, SeriesEvidence):
+        raise EvidenceError("it is of a series: its runs are looked for where they are stored, in the folder of --data")
+    return evidence
+
+
+def computed_again(evidence: Evidence, columns: Columns) -> tuple[tuple[Difference, ...], Source | None]:
+    """Compare an account with samples; return what differs, and what the report is made from again.
+
+    None where it cannot be computed again.
+    """
     differences = [*_samples(evidence, columns)]
     try:
-        again = _again(evidence, columns)
+        metrics, criteria = _again(evidence, columns)
     except (UnreadableDocumentError, ParameterError, ValueError, KeyError, TypeError) as error:
         problem = Difference("what it was computed from", "a run that can be computed again", str(error)[:200])
-        return Verified((*differences, problem), ())
-    source = source_of(evidence, columns, *again)
-    metrics, criteria = again
+        return (*differences, problem), None
+    source = source_of(evidence, columns, metrics, criteria)
     differences += _documents("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics))
     differences += _documents("criteria", evidence.criteria, CRITERIA.write(criteria))
     differences += _hashes(evidence.hashes, {**hashes_of(source), ACCOUNT: account_hash(evidence)})
-    said, here = evidence.made_with, made_with()
+    return tuple(differences[:MOST]), source
+
+
+def compare_pages(page: str, make_again: Callable[[], str], said: Mapping[str, str]) -> Verified:
+    """Compare a page, made with the versions that it says, with the same page made here."""
+    here = made_with()
     if said.get(SINEW) != here[SINEW]:
         left_out = f"the page as it is read: it was written by Sinew {said.get(SINEW)}, this is {here[SINEW]}"
-        return Verified(tuple(differences[:_MOST]), (left_out,))
-    drawings = said == here
-    differences += _pages(page, to_html(build_report(source)), drawings=drawings)
+        return Verified((), (left_out,))
+    drawings = said.get(DRAWING) == here[DRAWING]
+    differences = tuple(_pages(page, make_again(), drawings=drawings))
     left = () if drawings else (f"figures: they were drawn by {DRAWING} {said.get(DRAWING)}, here is {here[DRAWING]}",)
-    return Verified(tuple(differences[:_MOST]), left)
+    return Verified(differences[:MOST], left)
 
 
 def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Difference]:

@@ -10,6 +10,7 @@ from typing import cast
 import pytest
 
 from backend.documents.result import CRITERIA, METRICS
+from backend.exports.source import of_columns
 from backend.reports.document import Figure, Report, Table
 from backend.reports.files import write_files
 from backend.reports.html import to_html
@@ -177,10 +178,12 @@ def test_files_for_a_folder_say_the_same_as_the_report(
     tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("backend.reports.files.load_source", lambda *_: tracking_source)
-    monkeypatch.setattr("backend.reports.files.recorded_columns", lambda *_: (tracking_source.columns, 0))
+    monkeypatch.setattr(
+        "backend.reports.files.stored_or_none", lambda *_: of_columns(tracking_source.columns, "run 12")
+    )
     paths = write_files(cast("Database", None), 12, tmp_path / "out")
     assert [path.name for path in paths] == ["report.html", "report.pdf", "data.csv", "metrics.json"]
-    assert (tmp_path / "out" / "data.csv").read_text().startswith("t,q,q_ref,S,S_ref,")
+    assert "\nt,q,q_ref,S,S_ref," in (tmp_path / "out" / "data.csv").read_text()
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics["metrics"]["max_tension_N"] == pytest.approx(36.0, abs=0.1)
     assert metrics["units"]["max_tension_N"] == "N"

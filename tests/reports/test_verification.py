@@ -17,7 +17,6 @@ from backend.experiments.playing.runner import Order, run_experiment
 from backend.recording.columns import Columns
 from backend.reports.build import build_report
 from backend.reports.evidence import EvidenceError, read
-from backend.reports.exports import to_csv, to_parquet
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.samples_file import SamplesFileError, read_samples_file
@@ -25,6 +24,7 @@ from backend.reports.source import Source, load_source
 from backend.reports.verification import Verified, verify
 from backend.storage import open_database
 from plant.parameters import load_parameters
+from tests.exports.written import to_csv, written
 
 BEGIN, END = '<template id="evidence">', "</template>"
 Document = dict[str, Any]
@@ -74,7 +74,7 @@ def test_two_installations_write_the_same_bytes_but_for_the_date(report: Made, t
     assert to_html(build_report(again)) == report.page
     assert to_pdf(build_report(again)) == to_pdf(build_report(report.source))
     assert to_csv(other.columns) == to_csv(report.source.columns)
-    assert to_parquet(other.columns) == to_parquet(report.source.columns)
+    assert written(other.columns, "parquet") == written(report.source.columns, "parquet")
 
 
 def put(*path: str | int, value: Any) -> Callable[[Document], None]:
@@ -178,10 +178,10 @@ def test_a_sample_more_or_less_is_found(report: Made) -> None:
     assert "number of samples" in names(verify(report.page, fewer))
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat", ".mcap"])
 def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"data{suffix}"
-    file.write_bytes({".csv": to_csv, ".parquet": to_parquet}[suffix](report.source.columns))
+    file.write_bytes(written(report.source.columns, suffix[1:]))
     assert verify(report.page, read_samples_file(file)) == Verified((), ())
 
 
@@ -192,6 +192,10 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
         with pytest.raises(EvidenceError):
             read(page)
     (tmp_path / "data.csv").write_text("t,q\n0,1\n")
+    with pytest.raises(SamplesFileError, match="no export of a run"):
+        read_samples_file(tmp_path / "data.csv")
+    few = {name: np.zeros(3) for name in ("t", "q")}
+    (tmp_path / "data.csv").write_bytes(to_csv(few))
     with pytest.raises(SamplesFileError, match="the column mode is missing"):
         read_samples_file(tmp_path / "data.csv")
     (tmp_path / "data.parquet").write_bytes(b"PAR1")

@@ -1,0 +1,43 @@
+"""The runs of a series, gathered: as many and as long as one report can hold."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+from backend.reading import Angles
+from backend.refusal import Because, RefusalError
+from backend.reports.source import Source, load_source
+from backend.storage import Database, recordings, runs
+from backend.storage.records import UnknownRecordError
+from backend.storage.runs import EndState, RunKind
+
+MOST_RUNS = 100
+MOST_SAMPLES = 3_000_000
+"""All runs together: their samples are in memory at once, 50 minutes of them."""
+
+
+def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> list[Source]:
+    """Gather what is stored of each run. Raises RefusalError, UnknownRecordError, before samples are read."""
+    chosen = list(dict.fromkeys(numbers))
+    if not 2 <= len(chosen) <= MOST_RUNS:
+        raise RefusalError(
+            Because.BAD_VALUE, f"number of runs: {len(chosen)} is outside 2 to {MOST_RUNS}: name other runs"
+        )
+    samples = 0
+    with database.reading() as session:
+        for number in chosen:
+            run = runs.get(session, number)
+            with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
+                samples += recordings.extent(session, number).count
+            if run.kind == RunKind.SESSION:
+                raise RefusalError(
+                    Because.BAD_VALUE, f"run {number} is a session: nothing of it was computed; leave it out"
+                )
+            if run.end_state == EndState.RUNNING:
+                raise RefusalError(
+                    Because.BAD_VALUE, f"run {number} is not over yet: leave it out, or wait for its end"
+                )
+    if samples > MOST_SAMPLES:
+        raise RefusalError(
+            Because.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
+        )
+    return [load_source(database, number, angles) for number in chosen]

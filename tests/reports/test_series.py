@@ -1,0 +1,164 @@
+"""One report of many runs: what differs, how metrics spread, and whether it all holds where the runs are stored."""
+
+import asyncio
+import re
+import statistics
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.reading import Angles
+from backend.recording.columns import Columns
+from backend.refusal import RefusalError
+from backend.reports.build import build_report
+from backend.reports.document import Report, Table
+from backend.reports.evidence import Evidence, EvidenceError, SeriesEvidence, read
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.rendering import render_series
+from backend.reports.series import series_report
+from backend.reports.series_source import load_series
+from backend.reports.series_verification import verify_series
+from backend.reports.source import Source
+from backend.reports.stored_samples import stored_samples
+from backend.reports.verification import Verified, verify, verify_pdf
+from backend.storage import Database, open_database, runs
+from backend.storage.records import UnknownRecordError
+from plant.parameters import load_parameters
+
+LAMBDAS = (0.4, 0.5, 0.6)
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    plan = ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
+    opened = open_database(tmp_path_factory.mktemp("series"))
+    for lam_q in LAMBDAS:
+        settings = LoopSettings(lam_q=lam_q)
+        with headless_station(opened, load_parameters("ideal"), settings) as station:
+            asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator")))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def sources(database: Database) -> list[Source]:
+    return load_series(database, [1, 2, 3], Angles.RADIANS)
+
+
+@pytest.fixture(scope="module")
+def page(sources: list[Source]) -> str:
+    return to_html(series_report(sources))
+
+
+def tables(report: Report, heading: str) -> list[Table]:
+    section = next(one for one in report.sections if one.heading == heading)
+    return [block for block in section.blocks if isinstance(block, Table)]
+
+
+def account(page: str) -> SeriesEvidence:
+    found = read(page)
+    assert isinstance(found, SeriesEvidence)
+    return found
+
+
+def test_what_differs_is_lambda_alone(sources: list[Source]) -> None:
+    (differing,) = tables(series_report(sources), "What differs")
+    ((title, *cells),) = differing.rows
+    assert "λ_q [s]" in title
+    assert cells == ["0.4", "0.5", "0.6"]
+
+
+def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[Source]) -> None:
+    beside, spread = tables(series_report(sources), "Metrics")
+    rms = [float(np.sqrt(np.mean((s.columns["q"] - s.columns["q_ref"]) ** 2))) for s in sources]
+    row = next(row for row in beside.rows if row[0] == "RMSE of q")
+    assert [float(cell.split(" ")[0]) for cell in row[2:]] == pytest.approx(rms, rel=5e-3)
+    assert float(re.findall(r"\(([^)]*)\)", row[4].replace("−", "-"))[0]) == pytest.approx(rms[2] - rms[0], rel=0.05)
+    row = next(row for row in spread.rows if row[0] == "RMSE of q")
+    expected = [statistics.fmean(rms), statistics.stdev(rms), min(rms), max(rms)]
+    assert row[2] == "3"
+    assert [float(cell) for cell in row[3:]] == pytest.approx(expected, rel=5e-3)
+
+
+def test_of_seven_runs_five_stand_beside_each_other(sources: list[Source]) -> None:
+    many = [replace(sources[0], run=replace(sources[0].run, id=number)) for number in range(1, 8)]
+    report = series_report(many)
+    first, second, spread = tables(report, "Metrics")
+    assert [column.title for column in first.columns[2:]] == [f"Run {number}" for number in range(1, 6)]
+    assert [column.title for column in second.columns[2:]] == ["Run 6", "Run 7"]
+    assert all(cell in ("0", "not measured") for cell in (row[4] for row in spread.rows))
+    assert "Nothing: the runs have the same settings" in to_html(report)
+    assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str) -> None:
+    assert "<script" not in page
+    held = verify_series(page, account(page), lambda one: stored_samples(database, one)[0])
+    assert held == Verified((), ())
+
+
+def test_a_change_is_found_and_named_with_its_run(database: Database, page: str) -> None:
+    def bent(one: Evidence) -> Columns | None:
+        columns, number = stored_samples(database, one)
+        if columns is None or number != 2:
+            return columns
+        q = columns["q"].copy()
+        q[3200] += 1e-3
+        return columns | {"q": q}
+
+    names = [one.name for one in verify_series(page, account(page), bent).differences]
+    assert "run 2, samples of q from 3 s to 4 s" in names
+    assert not any(name.startswith(("run 1", "run 3")) for name in names)
+    visible = page.replace(">0.5<", ">0.55<", 1)
+    found = verify_series(visible, account(visible), lambda one: stored_samples(database, one)[0])
+    assert len(found.differences) == 1
+    assert "tuning parameter of the position loop" in found.differences[0].name
+
+
+def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: list[Source]) -> None:
+    with pytest.raises(EvidenceError, match="it is of a series"):
+        verify(page, sources[0].columns)
+    with pytest.raises(EvidenceError, match="the samples of its run 1 are not here"):
+        verify_series(page, account(page), lambda _: None)
+
+
+def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[Source]) -> None:
+    evidence = account(to_html(series_report(sources))).runs[1]
+    elsewhere = replace(evidence, run=replace(evidence.run, id=77))
+    columns, number = stored_samples(database, elsewhere)
+    assert number == 2
+    assert columns is not None
+    with database.reading() as session:
+        began = runs.get(session, 1).started_at
+    columns, number = stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=began)))
+    assert number == 1  # another one that began then: what differs can be told
+    never = began.replace(year=2001)
+    assert stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=never))) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [([1], "number of runs: 1 is outside 2 to 100"), ([1, 1], "number of runs: 1"), ([1, 99], "no run 99")],
+)
+def test_what_makes_no_series_is_refused(database: Database, numbers: list[int], told: str) -> None:
+    with pytest.raises((RefusalError, UnknownRecordError), match=told):
+        load_series(database, numbers, Angles.DEGREES)
+
+
+def test_a_pdf_holds_by_the_page_beside_it(sources: list[Source], tmp_path: Path) -> None:
+    report = build_report(sources[0])
+    page, pdf = to_html(report), to_pdf(report)
+    assert verify_pdf(pdf, page, sources[0].columns) == Verified((), ())
+    other = to_pdf(build_report(sources[1]))
+    assert [one.name for one in verify_pdf(other, page, sources[0].columns).differences] == ["the PDF"]
+    touched = page.replace("by A. Operator", "by B. Operator", 1)
+    assert "heading" in verify_pdf(pdf, touched, sources[0].columns).differences[0].name
+    assert render_series(sources, "pdf") == to_pdf(series_report(sources))

@@ -1,0 +1,53 @@
+"""How a run kept its time, as its report says it, against samples of which it is known."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from backend.documents.run_settings import SETTINGS, KeptGrant
+from backend.reports.document import Table
+from backend.reports.source import Source
+from backend.reports.timing import timing_section
+
+
+def rows(source: Source) -> dict[str, tuple[str, ...]]:
+    ((table,),) = [section.blocks for section in timing_section(source)]
+    assert isinstance(table, Table)
+    return {row[0]: row[1:] for row in table.rows}
+
+
+def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: Source) -> None:
+    columns = dict(tracking_source.columns)
+    size = columns["t"].size
+    late = np.full(size, 20e-6)
+    late[-1] = 1.5e-3
+    overruns = np.arange(size) // 1000 + 4.0
+    kept = np.ones(size, bool)
+    kept[[100, 101, 102, 2000]] = False  # two gaps
+    clocked = {name: column[kept] for name, column in (columns | {"lateness_s": late, "overruns": overruns}).items()}
+    found = rows(replace(tracking_source, columns=clocked))
+    assert found["Samples"][0] == str(size - 4)
+    assert found["Gaps"][0] == "2"
+    assert found["Deadlines missed"][0] == f"{overruns[-1] - 4.0:.0f}"
+    assert found["Lateness, median"][:2] == ("0.0200", "ms")
+    assert found["Lateness, largest"][:2] == ("1.50", "ms")
+
+
+def test_what_the_machine_granted_is_told_and_what_not(tracking_source: Source) -> None:
+    granted = KeptGrant(60, memory_locked=False, timer_slack_ns=1, refusals=("locked memory: raise memlock",))
+    settings = SETTINGS.write(replace(tracking_source.run.set_to, granted=granted))
+    found = rows(replace(tracking_source, run=replace(tracking_source.run, settings=settings)))
+    assert found["Scheduling"][0] == "SCHED_FIFO 60"
+    assert found["Memory"][0] == "not locked"
+    assert found["Timer slack"][:2] == ("1", "ns")
+    assert found["Not granted"][-1] == "locked memory: raise memlock"
+
+
+def test_a_run_on_no_clock_was_granted_nothing(tracking_source: Source) -> None:
+    assert {"Scheduling", "Memory"} & rows(tracking_source).keys() == set()
+    assert rows(tracking_source)["Lateness"][0] == "none"
+
+
+def test_without_a_sample_there_is_no_timing(tracking_source: Source) -> None:
+    empty = {name: column[:0] for name, column in tracking_source.columns.items()}
+    assert timing_section(replace(tracking_source, columns=empty)) == ()
