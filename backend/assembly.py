@@ -22,6 +22,7 @@ from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
 from backend.archive.retention import Retention
+from backend.archive.run_library import RunLibrary
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
@@ -45,6 +46,7 @@ from backend.operating.present_state import PresentState
 from backend.operating.safe_stop import SafeStop
 from backend.operating.saved_tunings import SavedTunings
 from backend.operating.session_runs import SessionRuns
+from backend.operating.studies_under_way import StudiesUnderWay
 from backend.operating.tuning_in_use import TuningInUse
 from backend.processes import Processes
 from backend.recording.flight import PART as FLIGHTS
@@ -129,8 +131,8 @@ def assemble(
     history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
-    downloads = Downloads(database, processes.reports)
     evaluations = Evaluations(database, processes.computing, lambda: present.task)
+    downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
     stored_runs = StoredRuns(
         database, lambda: present.task, lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run)
     )
@@ -169,6 +171,10 @@ def assemble(
     scenes = [scene_router(signed_in, mirror, path) for path, mirror in mirrors.items()]
     bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
+    studies = StudiesUnderWay(
+        database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports
+    )
+    stack.push_async_callback(studies.close)
     service = Service(
         actuator=actuator,
         control=control,
@@ -178,6 +184,7 @@ def assemble(
         bring_up=bring_up,
         live=live,
         runs=stored_runs,
+        run_library=RunLibrary(database),
         identifications=StoredIdentifications(database, stored_runs.progress),
         evaluations=evaluations,
         banks=banks,
@@ -187,6 +194,7 @@ def assemble(
         downloads=downloads,
         maintenance=Maintenance(database, settings.data, supervisor),
         retention=retention,
+        studies=studies,
     )
     return Assembled(service, recorder, scenes, draw)
 

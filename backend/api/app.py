@@ -23,10 +23,12 @@ from backend.api.routes import (
     operate,
     own_experiments,
     preferences,
+    run_library,
     runs,
     session,
     site,
     stream,
+    studies,
     system,
     tuning,
 )
@@ -87,7 +89,9 @@ def create_app(
         banks,
         own_experiments,  # its names come before the numbers of runs
         experiments,
+        run_library,
         runs,
+        studies,
         system,
     ):
         app.include_router(part.router, responses=errors.RESPONSES)

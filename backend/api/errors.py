@@ -17,12 +17,14 @@ from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.results.again import NotEvaluableError
 from backend.experiments.settings import SettingError
+from backend.exports.errors import ExportError
 from backend.identification.errors import IdentificationError
 from backend.loop.access import LoopDiedError
 from backend.loop.channel import ChannelError
 from backend.loop.mode import LEGAL
 from backend.messages.base import Problem, Refusal
-from backend.messages.malformed import SHOWN, problem_of_form
+from backend.messages.malformed import problem_of_form
+from backend.messages.problems import plain, printable, problem_of, problem_of_experiment, problem_of_setting
 from backend.offload import WorkerDiedError
 from backend.reading import Angles, in_words
 from backend.recording.reader import UnknownSignalError
@@ -34,9 +36,6 @@ from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
 
 _log = logging.getLogger(__name__)
-
-_LARGEST = 2**53
-"""Numbers beyond are shown as text: a browser could not read them exactly, nor infinity at all."""
 
 STATUS = {
     Because.MALFORMED: 400,
@@ -79,6 +78,7 @@ _BECAUSE: dict[type[Exception], Because] = {
     TuningError: Because.BAD_VALUE,
     UnknownSignalError: Because.BAD_VALUE,
     ChannelError: Because.BAD_VALUE,
+    ExportError: Because.BAD_VALUE,
     NotRemovableError: Because.NOT_NOW,
     LoopDiedError: Because.UNAVAILABLE,
     NotEvaluableError: Because.NOT_NOW,
@@ -117,11 +117,11 @@ def install(app: FastAPI, angles_of: AnglesOf) -> None:
 
     @app.exception_handler(SettingError)
     async def setting_refused(request: Request, error: SettingError) -> JSONResponse:
-        return await answer(request, 422, partial(_setting_problem, error))
+        return await answer(request, 422, partial(problem_of_setting, error))
 
     @app.exception_handler(ExperimentError)
     async def experiment_refused(request: Request, error: ExperimentError) -> JSONResponse:
-        return await answer(request, 422, partial(_experiment_problem, error))
+        return await answer(request, 422, partial(problem_of_experiment, error))
 
     @app.exception_handler(NotReadyError)
     async def not_ready(_request: Request, error: NotReadyError) -> JSONResponse:
@@ -169,71 +169,12 @@ def _in_words(problem: Problem, angles: Angles) -> Problem:
     return problem.model_copy(update={"message": in_words(problem.message, angles)})
 
 
-def problem_of(error: OutOfRangeError, angles: Angles = Angles.DEGREES) -> Problem:
-    """Return the error body of a refused number, told to somebody who reads angles in this unit."""
-    return Problem(
-        code="out_of_range",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        value=_plain(error.value),
-        minimum=error.minimum,
-        maximum=error.maximum,
-        unit=error.unit,
-    )
-
-
-def _setting_problem(error: SettingError, angles: Angles) -> Problem:
-    return Problem(
-        code="bad_setting",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        value=_plain(error.value),
-        unit=error.unit or None,
-        legal=list(error.legal) or None,
-    )
-
-
-def _experiment_problem(error: ExperimentError, angles: Angles) -> Problem:
-    return Problem(
-        code="bad_experiment",
-        message=error.sentence(angles),
-        quantity=error.quantity,
-        words=error.words,
-        path=list(error.path) or None,
-        line=error.line,
-    )
-
-
 def _form_problem(request: Request, error: Mapping[str, Any], angles: Angles) -> Problem:
     wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
     problem = problem_of_form(error, None if wanted is None else wanted.field_info.annotation, angles)
-    return problem.model_copy(update={"value": _plain(problem.value)})
-
-
-def _plain(value: object) -> object:
-    """Return what JSON can show of a refused value; a token or a large body is not repeated."""
-    if isinstance(value, bool) or value is None:
-        return value
-    if isinstance(value, int | float):
-        return value if abs(value) <= _LARGEST else str(value)[:SHOWN]
-    return value[:SHOWN] if isinstance(value, str) else None
-
-
-def _printable(value: object) -> object:
-    """Return ``value`` with nothing in its texts that cannot be sent: half a character becomes a question mark."""
-    if isinstance(value, str):
-        return value.encode("utf-8", "replace").decode()
-    if isinstance(value, list):
-        return [_printable(item) for item in value]
-    if isinstance(value, dict):
-        return {name: _printable(item) for name, item in value.items()}
-    return _plain(value)
+    return problem.model_copy(update={"value": plain(problem.value)})
 
 
 def _answer(status: int, problem: Problem, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    body = _printable(Refusal(error=problem).model_dump(exclude_none=True))
+    body = printable(Refusal(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))

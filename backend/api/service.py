@@ -18,6 +18,7 @@ from backend.archive.own_experiments import OwnExperiments
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import Retention
+from backend.archive.run_library import RunLibrary
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
@@ -26,6 +27,7 @@ from backend.operating.bring_up import BringUp
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
 from backend.operating.saved_tunings import SavedTunings
+from backend.operating.studies_under_way import StudiesUnderWay
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
 
@@ -42,6 +44,7 @@ class Service:
     bring_up: BringUp
     live: LiveStream
     runs: StoredRuns
+    run_library: RunLibrary
     identifications: StoredIdentifications
     evaluations: Evaluations
     banks: StoredBanks
@@ -51,6 +54,7 @@ class Service:
     downloads: Downloads
     maintenance: Maintenance
     retention: Retention
+    studies: StudiesUnderWay
 
 
 def service_of(connection: HTTPConnection) -> Service:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.messages.history import ChecklistState, ChecklistStep
-from backend.storage import Session, banks, identifications, results, runs
+from backend.storage import Session, banks, identifications, origins, results, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
@@ -19,7 +19,8 @@ Found = Identification | None
 
 def steps(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
     """Return the steps in order, for the plant's present ``parameters`` and the number of the bank ``in_use``."""
-    estimates = identifications.find(session)
+    imported = origins.numbers_of(session, origins.IDENTIFICATION)
+    estimates = [one for one in identifications.find(session) if one.id not in imported]
 
     def run_of(estimate: Identification) -> Run | None:
         return None if estimate.run_id is None else runs.get(session, estimate.run_id)
@@ -85,7 +86,7 @@ def _bank(
             entry = next(name_of_entry(one) for one in bank.entries if one.identification_id == source.id)
             detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
             return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
-        newer = next((one for one in estimates if _replaces(one, source)), None)
+        newer = next((one for one in estimates if replaces(one, source)), None)
         if newer is not None:
             detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
             return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
@@ -94,7 +95,8 @@ def _bank(
     return _step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
 
 
-def _replaces(one: Identification, source: Identification) -> bool:
+def replaces(one: Identification, source: Identification) -> bool:
+    """Return whether ``one`` is a newer usable identification at the point of ``source``."""
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
     try:

@@ -1,31 +1,50 @@
-"""Reports and exports of runs, made in a process of their own so that the live stream does not stutter."""
+"""Reports and exports of runs, made in processes of their own so that the live stream does not stutter."""
 
 import asyncio
+import logging
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Sequence
+from contextlib import aclosing
 from datetime import UTC, datetime
+from pathlib import Path
 
+from backend.archive.bundling import bundle_pieces
+from backend.exports.formats import DataFormat, pieces
+from backend.exports.source import of_columns, of_run
 from backend.libraries import DRAWING
 from backend.offload import Offload
+from backend.piping import piped
 from backend.reading import Angles
-from backend.recording.columns import columns_of_run
 from backend.recording.flight import flight_columns
 from backend.refusal import Because, RefusalError
-from backend.reports.rendering import export, render
+from backend.reports.rendering import render, render_series
+from backend.reports.series_source import load_series
 from backend.reports.source import Source, load_source
 from backend.storage import Database, results
 from backend.storage.runs import EndState, RunKind
 
 COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
+AT_ONCE = 6
+"""Downloads of samples under way at a time, each with a process of its own."""
 
+_LOG = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"
 
 
 class Downloads:
-    """Makes what is downloaded."""
+    """Makes what is downloaded; ``folder`` has room for what a format has to turn.
 
-    def __init__(self, database: Database, offload: Offload) -> None:
+    ``evaluate`` gives a run its result, or keeps with the run why it has none, and raises.
+    """
+
+    def __init__(
+        self, database: Database, offload: Offload, folder: Path, evaluate: Callable[[int], Awaitable[None]]
+    ) -> None:
         self._database = database
+        self._evaluate = evaluate
         self._offload = offload
+        self._folder = folder
+        self._under_way = 0
 
     def prepare(self) -> None:
         """Load what reports need ahead of the first one."""
@@ -39,21 +58,63 @@ class Downloads:
         """Return the report as PDF. Raises UnknownRecordError, RefusalError."""
         return await self._report(run_id, "pdf", angles)
 
-    async def data(self, run_id: int, kind: str) -> bytes:
-        """Return all samples as "csv", "parquet" or "mat". Raises UnknownRecordError."""
-        columns = await asyncio.to_thread(columns_of_run, self._database, run_id)
-        return await self._offload.run(export, columns, kind)
+    async def series(self, run_ids: Sequence[int], kind: str, angles: Angles) -> bytes:
+        """Return a report of many runs as "html" or "pdf"; it is not kept. Raises UnknownRecordError, RefusalError."""
+        sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
+        return await self._offload.run(render_series, sources, kind)
 
-    async def flight(self, event_id: int, kind: str) -> bytes:
-        """Return a flight record as "csv", "parquet" or "mat". Raises UnknownRecordError."""
-        columns = await asyncio.to_thread(flight_columns, self._database, event_id)
-        return await self._offload.run(export, columns, kind)
+    async def data(self, run_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
+        """Return all samples in a format, piece by piece. Raises UnknownRecordError, ExportError, RefusalError."""
+        return await self._streamed(_run_pieces, run_id, kind)
+
+    async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
+        """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RefusalError."""
+        return await self._streamed(_flight_pieces, event_id, kind)
+
+    async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
+        """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RefusalError."""
+        return await self._streamed(bundle_pieces, run_id)
+
+    async def _streamed(
+        self, work: Callable[..., Iterator[bytes]], number: int, *kind: DataFormat
+    ) -> AsyncGenerator[bytes]:
+        if self._under_way >= AT_ONCE:
+            raise RefusalError(
+                Because.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
+            )
+        stream = self._counted(piped(work, self._database, number, self._folder, *kind))
+        await anext(stream)
+        return stream
+
+    async def _counted(self, stream: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
+        """Yield nothing when the first piece is there: all that can be refused has been by then; then the pieces."""
+        self._under_way += 1
+        try:
+            async with aclosing(stream):
+                first = await anext(stream, b"")
+                yield b""
+                yield first
+                async for piece in stream:
+                    yield piece
+        finally:
+            self._under_way -= 1
 
     async def _report(self, run_id: int, kind: str, angles: Angles) -> bytes:
         source = await asyncio.to_thread(self._source, run_id, angles)
+        if _was_left_behind(source):
+            await self._catch_up(run_id)
+            source = await asyncio.to_thread(self._source, run_id, angles)
         content = await self._offload.run(render, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
+
+    async def _catch_up(self, run_id: int) -> None:
+        try:
+            await self._evaluate(run_id)
+        except RefusalError:  # it is under way
+            raise
+        except Exception as error:
+            _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
 
     def _source(self, run_id: int, angles: Angles) -> Source:
         source = load_source(self._database, run_id, angles)
@@ -76,6 +137,23 @@ def _is_awaited(source: Source) -> bool:
     ended = source.run.ended_at
     return (
         source.run.evaluation_problem == ""
+        and source.run.end_state != EndState.SERVICE_DIED
         and ended is not None
         and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
     )
+
+
+def _was_left_behind(source: Source) -> bool:
+    """Whether its service died before the result could be computed."""
+    run = source.run
+    without = source.result is None and source.identification is None
+    is_due = run.kind != RunKind.SESSION and run.evaluation_problem == ""
+    return without and is_due and run.end_state == EndState.SERVICE_DIED
+
+
+def _run_pieces(database: Database, run_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
+    return pieces(of_run(database, run_id), kind, folder)
+
+
+def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
+    return pieces(of_columns(flight_columns(database, event_id), f"trip {event_id}"), kind, folder)

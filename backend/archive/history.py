@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from backend.archive import checklist
+from backend.archive.lineage import READ_AT_ONCE_BYTES, LineageGraph, SampleDigests
 from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
 from backend.recording.flight import TRIP_EVENT
 from backend.storage import Database, Session, banks, events, identifications, recordings, runs
@@ -16,16 +17,23 @@ _RUNS_SHOWN = 20
 
 
 class History:
-    """``bank_in_use`` tells the number of the active bank."""
+    """``bank_in_use`` tells the number of the active bank; longer recordings than ``largest_bytes`` have no digest."""
 
-    def __init__(self, database: Database, parameters: PlantParameters, bank_in_use: Callable[[], int | None]) -> None:
+    def __init__(
+        self,
+        database: Database,
+        parameters: PlantParameters,
+        bank_in_use: Callable[[], int | None],
+        largest_bytes: int = READ_AT_ONCE_BYTES,
+    ) -> None:
         self._database = database
         self._parameters = parameters.document()
         self._bank_in_use = bank_in_use
+        self._samples = SampleDigests(largest_bytes)
 
     async def lineage(self, run_id: int) -> Lineage:
         """Return what a run came from and what came of it. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._lineage, run_id)
+        return await asyncio.to_thread(self.lineage_of, run_id)
 
     async def marks(self, run_id: int) -> RunMarks:
         """Return what happened during a run. Raises UnknownRecordError."""
@@ -35,7 +43,8 @@ class History:
         """Return how far the set-up is."""
         return await asyncio.to_thread(self._checklist)
 
-    def _lineage(self, run_id: int) -> Lineage:
+    def lineage_of(self, run_id: int) -> Lineage:
+        """Return what a run came from and what came of it. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             bank = None if run.bank_id is None else banks.get(session, run.bank_id)
@@ -50,6 +59,7 @@ class History:
                 entries=[] if bank is None else _entries(session, bank),
                 banks_built=[_named(one) for one in built],
                 runs_with_them=runs.with_banks(session, [one.id for one in built], limit=_RUNS_SHOWN),
+                nodes=LineageGraph(session, self._parameters, self._samples).of(run, built),
             )
 
     def _marks(self, run_id: int) -> RunMarks:
@@ -59,7 +69,7 @@ class History:
                 period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
             except UnknownRecordError:
                 return RunMarks(marks=[])
-            found = events.between(session, run.started_at, run.ended_at)
+            found = events.between(session, run.started_at, run.ended_at, station=run.station)
         marks = [
             RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
             for event in found

@@ -9,7 +9,7 @@ from backend.experiments.composing.refused import ExperimentError, line_of
 from backend.experiments.plans.catalogue import Entry, entry_of, experiments
 from backend.experiments.plans.catalogue import experiment as ready
 from backend.experiments.plans.composed_plan import ComposedPlan
-from backend.experiments.playing.playable import playable
+from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
 from backend.messages.own_experiment import CheckedExperiment, OwnExperiment
 from backend.storage import Database
@@ -97,7 +97,7 @@ class OwnExperiments:
         entry = entry_of(experiment, lines)
         plan = entry.usual
         assert isinstance(plan, ComposedPlan)
-        program = playable(self._database, parameters, plan, tuning)
+        program = playable(banks_in(self._database), parameters, plan, tuning)
         return Checked(entry, program.duration_s, len(program.segments), len(program.tunings))
 
     def _stored(self, name: str) -> StoredExperiment:

@@ -13,8 +13,9 @@ from backend.messages.run import Evaluation, RunList, RunView, SamplesView
 from backend.messages.state import TaskView
 from backend.recording.reader import Envelope, read_envelope
 from backend.refusal import Because, RefusalError
-from backend.storage import Database, Session, flights, recordings, results, runs
-from backend.storage.records import UnknownRecordError
+from backend.storage import Database, Session, flights, origins, recordings, results, run_search, runs, tags
+from backend.storage.recordings import Extent, Recording
+from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
 
 
@@ -27,6 +28,33 @@ class Excerpt:
     to_s: float
     points: int
     signals: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Which runs are asked for: of ``kinds`` (none: of all), with the words of ``search``, that fit all of ``where``.
+
+    ``everywhere``: of all stations, not of this one only.
+    """
+
+    kinds: Sequence[str] = ()
+    search: str = ""
+    where: Sequence[str] = ()
+    everywhere: bool = False
+    limit: int = 100
+    offset: int = 0
+
+    def query(self) -> Query:
+        """Return what is asked. Raises RefusalError for an unknown kind, QueryError."""
+        for unknown in (one for one in self.kinds if one not in set(RunKind)):
+            raise RefusalError(
+                Because.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
+            )
+        of_kind = [Compare(Value("kind", 0), Op.EQUAL, tuple(Value(kind, 0) for kind in self.kinds))]
+        words = [Word(Value(word, 0)) for word in self.search.split()]
+        if not all(word.value.text.isprintable() for word in words):
+            raise QueryError(0, "a character that cannot be printed stands in it: delete it")
+        return All((*map(parse, self.where), *(of_kind if self.kinds else []), *words))
 
 
 class StoredRuns:
@@ -42,15 +70,9 @@ class StoredRuns:
         self._task = task
         self._is_evaluated = is_evaluated
 
-    async def runs(self, kind: str | None, search: str, limit: int, offset: int) -> RunList:
-        """Return a page of runs, newest first. Raises RefusalError for an unknown kind."""
-        wanted = kind.split(",") if kind else []
-        for unknown in (one for one in wanted if one not in set(RunKind)):
-            raise RefusalError(
-                Because.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
-            )
-        kinds = [RunKind(one) for one in wanted]
-        return await asyncio.to_thread(self._runs, kinds, search, limit, offset)
+    async def runs(self, asked: Asked) -> RunList:
+        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+        return await asyncio.to_thread(self.found, asked)
 
     async def run(self, run_id: int) -> RunView:
         """Return one run. Raises UnknownRecordError."""
@@ -79,16 +101,19 @@ class StoredRuns:
 
     # In a thread --------------------------------------------------------------------------------------------
 
-    def _runs(self, kinds: Sequence[RunKind], search: str, limit: int, offset: int) -> RunList:
+    def found(self, asked: Asked) -> RunList:
+        """Return a page of runs, newest first. Raises RefusalError for an unknown kind, QueryError."""
+        query = asked.query()
         with self._database.reading() as session:
-            found = runs.find(session, kinds=kinds, search=search, limit=limit, offset=offset)
-            with_result = results.present(session, [run.id for run in found])
-            views = [self._view(session, run, run.id in with_result) for run in found]
-            return RunList(runs=views, total=runs.count(session, kinds=kinds, search=search))
+            page = run_search.search(
+                session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
+            )
+            views = self._views(session, runs.of_numbers(session, page.run_ids))
+            return RunList(runs=views, total=page.total)
 
     def _run(self, run_id: int) -> RunView:
         with self._database.reading() as session:
-            return self._view(session, runs.get(session, run_id), bool(results.present(session, [run_id])))
+            return self._views(session, [runs.get(session, run_id)])[0]
 
     def _flights(self) -> FlightList:
         with self._database.reading() as session:
@@ -120,19 +145,18 @@ class StoredRuns:
             run = runs.get(session, run_id)
             return views.experiment_view(run, results.newest(session, run_id), self.progress(run))
 
-    def _view(self, session: Session, run: Run, has_result: bool) -> RunView:
-        """Return a run with the extent of what was recorded of it."""
-        view = partial(views.run_view, run, self._evaluation(run, has_result))
-        try:
-            recording = recordings.get(session, run.id)
-        except UnknownRecordError:
-            return view(samples=0, duration_s=0.0, missed=0)
-        try:
-            extent = recordings.extent(session, run.id)
-        except UnknownRecordError:
-            return view(0, 0.0, recording.missed, recording.removed_at)
-        duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
-        return view(extent.count, duration_s, recording.missed, recording.removed_at)
+    def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
+        """Return runs with their tags and the extent of what was recorded of them."""
+        numbers = [run.id for run in found]
+        with_result, tagged = results.present(session, numbers), tags.of_runs(session, numbers)
+        recorded, imported = recordings.of_runs(session, numbers), origins.of_runs(session, numbers)
+
+        def view_of(run: Run) -> RunView:
+            origin = imported[run.id].sentence if run.id in imported else ""
+            evaluation = self._evaluation(run, run.id in with_result)
+            return _view(run, evaluation, recorded.get(run.id), tagged.get(run.id, []), origin)
+
+        return [view_of(run) for run in found]
 
     def _evaluation(self, run: Run, has_result: bool) -> Evaluation:
         task = self._task()
@@ -148,3 +172,20 @@ class StoredRuns:
         if task is None or task.run != run.id:
             return 1.0
         return min(0.99, task.elapsed_s / task.duration_s)
+
+
+def _view(
+    run: Run,
+    evaluation: Evaluation,
+    recorded: tuple[Recording, Extent | None] | None,
+    tagged: Sequence[str],
+    origin: str,
+) -> RunView:
+    view = partial(views.run_view, run, evaluation, tags=tagged, origin=origin)
+    if recorded is None:
+        return view(samples=0, duration_s=0.0, missed=0)
+    recording, extent = recorded
+    if extent is None:
+        return view(0, 0.0, recording.missed, recording.removed_at)
+    duration_s = (extent.end_tick - extent.first_tick) * recording.period_s
+    return view(extent.count, duration_s, recording.missed, recording.removed_at)

@@ -1,8 +1,7 @@
 """From stored records to what the interface shows of them; no record is changed here."""
 
-import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import datetime
 from typing import Any
@@ -24,25 +23,11 @@ from backend.sample import STORED
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
-from backend.storage.runs import Run, RunKind
+from backend.storage.run_title import experiment_of, title_of
+from backend.storage.runs import Run
 from plant.interface import T_s
 
 _UNITS = {field.name: field.unit for field in STORED}
-
-
-def title_of(run: Run) -> str:
-    """Return what was run, in words; of an experiment that is data its own title."""
-    if run.kind != RunKind.EXPERIMENT:
-        return run.kind.replace("_", " ").capitalize()
-    return _written(run, "title") or "Experiment that cannot be read"
-
-
-def _written(run: Run, part: str) -> str:
-    """Return a part of the experiment that a run has kept, "" where it cannot be read."""
-    try:
-        return str(json.loads(str((run.set_to.plan or {})["experiment"]))[part])
-    except (UnreadableDocumentError, ValueError, KeyError, TypeError):
-        return ""
 
 
 def run_view(
@@ -52,6 +37,9 @@ def run_view(
     duration_s: float,
     missed: int,
     samples_deleted: datetime | None = None,
+    *,
+    tags: Sequence[str] = (),
+    origin: str = "",
 ) -> RunView:
     """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so."""
     settings, problem = [], run.evaluation_problem
@@ -76,6 +64,9 @@ def run_view(
         samples_deleted=samples_deleted,
         settings=settings,
         note=run.note,
+        tags=list(tags),
+        station=run.station,
+        origin=origin,
         evaluation=evaluation,
         evaluation_problem=problem,
     )
@@ -126,7 +117,7 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
     """Return an experiment run with metrics and criteria, where they have been computed."""
     return ExperimentView(
         id=run.id,
-        name=_written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind,
+        name=experiment_of(run),
         title=title_of(run),
         status=run.end_state,
         created=run.started_at,

@@ -8,7 +8,22 @@ import sys
 import typer
 from pydantic import ValidationError
 
-from backend.cli import bank, database, doctor, experiment, experiments, identify, report, rig, runs, serve, token
+from backend.cli import (
+    bank,
+    database,
+    doctor,
+    experiment,
+    experiments,
+    foxglove,
+    identify,
+    queue,
+    report,
+    rig,
+    runs,
+    serve,
+    study,
+    token,
+)
 from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail
 from backend.refusal import RefusedValueError
@@ -26,12 +41,15 @@ app.command()(serve.serve)
 app.command()(serve.link)
 app.command()(experiment.experiment)
 app.add_typer(experiments.app, name="experiments")
+app.add_typer(queue.app, name="queue")
 app.add_typer(identify.app, name="identify")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
+app.add_typer(study.app, name="study")
 app.add_typer(report.app, name="report")
 app.add_typer(database.app, name="db")
 app.add_typer(rig.app, name="rig")
+app.command()(foxglove.foxglove)
 app.add_typer(token.app, name="token")
 app.command()(doctor.doctor)
 
@@ -74,6 +92,7 @@ def _expected() -> tuple[type[Exception], ...]:
     from backend.storage.maintenance import BackupError
     from backend.storage.migrate import SchemaError
     from backend.storage.records import UnknownRecordError
+    from backend.studies.crew import CrewGoneError
     from backend.tuning.formulas import TuningError
     from backend.web_server.listening import CannotListenError
     from plant.interface import PlantError
@@ -84,6 +103,7 @@ def _expected() -> tuple[type[Exception], ...]:
         BackupError,
         BankError,
         CannotListenError,
+        CrewGoneError,
         ExperimentError,
         DataFolderError,
         LoopDiedError,

@@ -10,7 +10,7 @@ import typer
 
 from backend.cli.ordering import current_user, values_of
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
-from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
 
 if TYPE_CHECKING:
     from backend.experiments.banks.bank_difference import EntryDifference, LoopFigures
@@ -32,11 +32,11 @@ app = typer.Typer(
 
 
 @app.command("list")
-def list_banks(data: DataFolder = None, as_json: AsJson = False) -> None:
+def list_banks(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """List all versions of all banks, newest first."""
     from backend.storage import banks
 
-    with database_of(settings_with(data=data)) as database, database.reading() as session:
+    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
         found = banks.find(session)
     if as_json:
         print_json([asdict(bank) for bank in found])
@@ -49,13 +49,14 @@ def list_banks(data: DataFolder = None, as_json: AsJson = False) -> None:
 def show(
     bank: Annotated[int, typer.Argument(help="Number of the bank.")],
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Show the entries of a bank and the identifications they came from."""
     from backend.storage import banks, identifications
     from backend.storage.bank_entry import fits_in
 
-    with database_of(settings_with(data=data)) as database, database.reading() as session:
+    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
         found = banks.get(session, bank)
         _print(found, identifications.runs_of(session), fits_in(session, found), as_json=as_json)
 
@@ -66,6 +67,7 @@ def build(
     identifications: Annotated[list[int], typer.Argument(help="Numbers of the identification runs.")],
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
@@ -74,7 +76,7 @@ def build(
     from backend.storage.bank_entry import fits_in
     from plant.parameters import load_parameters
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         parameters = load_parameters(params or _parameters_name(database, identifications))
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
@@ -94,6 +96,7 @@ def diff(
     values: LambdaWords = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Tell what another bank, or points identified again, would change: models, gains and M_s.
@@ -110,7 +113,7 @@ def diff(
     if (after is None) == (not again):
         fail("give either a second bank or --with identifications", status=2)
     lambdas = from_values(LoopSettings, values_of(values or [])).lambdas
-    settings = settings_with(data=data, params=params)
+    settings = settings_with(data=data, params=params, station=station)
     with database_of(settings) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
@@ -129,12 +132,13 @@ def export(
     bank: Annotated[int, typer.Argument(help="Number of the bank.")],
     file: Annotated[Path, typer.Argument(help="File to write, JSON.")],
     data: DataFolder = None,
+    station: StationName = None,
 ) -> None:
     """Write a bank to a file, to take it to another data folder."""
     from backend.experiments.banks.bank_files import to_document
     from backend.storage import banks
 
-    with database_of(settings_with(data=data)) as database, database.reading() as session:
+    with database_of(settings_with(data=data, station=station)) as database, database.reading() as session:
         document = to_document(banks.get(session, bank))
     file.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
     out.print(f"wrote {file}", highlight=False, markup=False)
@@ -146,13 +150,14 @@ def import_file(
     name: Annotated[str, typer.Option("--name", help="Name for the bank; that of the file without it.")] = "",
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
     from backend.experiments.banks.bank_files import import_bank, read_file
     from plant.parameters import load_parameters
 
-    settings = settings_with(data=data, params=params)
+    settings = settings_with(data=data, params=params, station=station)
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
         bank = import_bank(database, load_parameters(settings.params), document, current_user(), name)

@@ -60,6 +60,31 @@ def restore(
     out.print(f"restored {file}", highlight=False, markup=False)
 
 
+@app.command("name-station")
+def name_station(
+    station: Annotated[str, typer.Argument(help="Name of the station that gets what is of none.")],
+    data: DataFolder = None,
+) -> None:
+    """Give all that a database without stations holds to one; refused while a service works on it."""
+    from backend.data_folder import only_service_on
+    from backend.station import require_station_name
+    from backend.storage.station_names import give_all
+    from backend.storage.stations import HeldStation
+
+    if not require_station_name(station):
+        fail("say what the station is to be called", status=2)
+    settings = settings_with(data=data, station="")
+    with only_service_on(settings.data), database_of(settings) as database:
+        held = HeldStation(database.engine, "")
+        try:
+            with database.session() as session:
+                given = give_all(session, station)
+        finally:
+            held.let_go()
+    with database_of(settings):  # what runs are searched by is renewed
+        out.print(f"{given} runs are of station {station} now; start its service with --station {station}")
+
+
 @app.command()
 def check(data: DataFolder = None) -> None:
     """Check that the database is whole; exit 1 when it is not."""

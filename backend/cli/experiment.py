@@ -7,7 +7,16 @@ import typer
 
 from backend.cli.ordering import current_user, in_force, ordered, run_headless, run_in_turn, values_of
 from backend.cli.output import AsJson, fail
-from backend.cli.place import DataFolder, ParameterSet, PlantName, VirtualCard, WiringFile, database_of, settings_with
+from backend.cli.place import (
+    DataFolder,
+    ParameterSet,
+    PlantName,
+    StationName,
+    VirtualCard,
+    WiringFile,
+    database_of,
+    settings_with,
+)
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -41,6 +50,7 @@ def experiment(
     wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Run experiments headless on the simulator, faster than real time; stored like those from the browser.
@@ -55,7 +65,9 @@ def experiment(
     from backend.experiments.playing.runner import Order
 
     chosen = values_of(values or []) | ({} if controller is None else {"controller": controller})
-    settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
+    settings = settings_with(
+        plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
+    )
     standing, who = in_force(settings), current_user()
     orders = []
     for name in names:
@@ -88,4 +100,3 @@ def text_in(file: Path) -> str:
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         fail(f"{file} cannot be read: {error}", status=2)
-        raise

@@ -15,6 +15,7 @@ from backend.cli.place import (
     DataFolder,
     ParameterSet,
     PlantName,
+    StationName,
     VirtualCard,
     WiringFile,
     database_of,
@@ -51,6 +52,7 @@ def motor(
     wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify K_m, T_m and dry friction of both motors from unloaded voltage steps (method section 2).
@@ -64,7 +66,7 @@ def motor(
         MotorIdentificationPlan,
         values_of(values or []),
         out,
-        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data),
+        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
         as_json,
     )
 
@@ -79,6 +81,7 @@ def spring(
     wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify both springs from a slow sweep of the tension, or one from a measured table (method section 3).
@@ -88,7 +91,9 @@ def spring(
     """
     from backend.experiments.plans.identification_plans import SpringIdentificationPlan
 
-    settings = settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data)
+    settings = settings_with(
+        plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
+    )
     if table is None:
         _identify(SpringIdentificationPlan, values_of(values or []), out, settings, as_json)
     elif values or out:
@@ -107,6 +112,7 @@ def actuator(
     wiring: WiringFile = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
@@ -118,7 +124,7 @@ def actuator(
     from backend.experiments.plans.plan import ActuatorIdentificationPlan
 
     settings, chosen = (
-        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data),
+        settings_with(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
         values_of(values or []),
     )
     if tensions is None:

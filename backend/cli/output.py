@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -31,7 +31,7 @@ def angles() -> Angles:
     return Angles.RADIANS if os.environ.get(ANGLES) == Angles.RADIANS else Angles.DEGREES
 
 
-def fail(*messages: str, status: int = 1) -> None:
+def fail(*messages: str, status: int = 1) -> NoReturn:
     """Print a line for each message, whatever line breaks it has, and end with ``status``."""
     for message in messages:
         errors.print(

@@ -16,6 +16,9 @@ DataFolder = Annotated[
     Path | None,
     typer.Option("--data", readable=False, help="Folder with the database and the tokens. [./data]"),
 ]
+StationName = Annotated[
+    str | None, typer.Option("--station", help="Name of the rig among several on one database; also SINEW_STATION.")
+]
 ParameterSet = Annotated[str | None, typer.Option("--params", help="Parameter set: lab, ideal or a TOML file. [lab]")]
 
 PlantName = Annotated[
@@ -48,7 +51,7 @@ def database_of(settings: Settings) -> "Iterator[Database]":
     """Open the database, migrated to the newest schema, for the block."""
     from backend.storage import open_database
 
-    database = open_database(settings.data, settings.database_url, settings.database_password())
+    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     try:
         yield database
     finally:

@@ -27,7 +27,6 @@ def recordings(
             found = remove(database, rule, delete, getpass.getuser()) if delete else overview(database, rule)
         except NotRemovableError as error:
             fail(str(error), status=2)
-            return
     if as_json:
         may_go = [{"run": run.run_id, "started": run.started_at, "size_bytes": run.size_bytes} for run in found.may_go]
         print_json({"total_bytes": found.total_bytes, "limit_bytes": rule.max_bytes, "may_go": may_go})

@@ -5,25 +5,48 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.output import AsJson, errors, fail, out, print_json
+from backend.cli.output import AsJson, angles, errors, fail, out, print_json
 from backend.cli.place import DataFolder, database_of, settings_with
 from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.recording.columns import Columns
     from backend.reports.evidence import Evidence
+    from backend.reports.verification import Verified
 
-app = typer.Typer(help="Reports: whether one holds.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Reports: of a series, and whether one holds.", no_args_is_help=True, rich_markup_mode=None)
 
 
-@app.callback()
-def _reports() -> None:
-    """Keep ``verify`` a word of its own."""
+@app.command()
+def series(
+    numbers: Annotated[list[int], typer.Argument(metavar="RUN...", help="Numbers of the runs, in order.")],
+    to: Annotated[
+        list[Path] | None, typer.Option("--to", help="File to write, .html or .pdf; series.html if left out.")
+    ] = None,
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write one report of many runs: what differs between them, their metrics beside each other, their curves."""
+    from backend.reports.rendering import render_series
+    from backend.reports.series_source import load_series
+
+    kinds, files = {".html": "html", ".pdf": "pdf"}, to or [Path("series.html")]
+    unknown = next((file for file in files if file.suffix not in kinds), None)
+    if unknown is not None:
+        fail(f"{unknown}: a report is written as .html or .pdf")
+    with database_of(settings_with(data=data)) as database:
+        sources = load_series(database, numbers, angles())
+    for file in files:
+        file.write_bytes(render_series(sources, kinds[file.suffix]))
+    if as_json:
+        print_json({"runs": [source.run.id for source in sources], "files": [str(file) for file in files]})
+        return
+    out.print(f"written: {', '.join(map(str, files))}", highlight=False, markup=False, soft_wrap=True)
 
 
 @app.command()
 def verify(
-    file: Annotated[Path, typer.Argument(help="report.html of a run.")],
+    file: Annotated[Path, typer.Argument(help="report.html or report.pdf of a run, or the report of a series.")],
     samples: Annotated[
         Path | None,
         typer.Option("--samples", help="CSV or Parquet of its samples; else data.csv beside it, else the stored run."),
@@ -33,19 +56,16 @@ def verify(
 ) -> None:
     """Compute every number of a report again from its samples and say whether they hold.
 
-    Ends with 0 where all hold, 1 where something differs, 2 where it cannot be told.
+    A PDF is verified by the page of the same name beside it. Ends with 0 where all hold, 1 where something differs, 2
+    where it cannot be told.
     """
-    from backend.reports.evidence import EvidenceError, read
+    from backend.reports.evidence import EvidenceError
     from backend.reports.samples_file import SamplesFileError
-    from backend.reports.verification import verify as verified_by
 
     try:
-        page = file.read_bytes().decode("utf-8")
-        columns, origin = _columns(file, samples, settings_with(data=data), read(page))
-        found = verified_by(page, columns)
+        found, origin = _verified(file, samples, settings_with(data=data))
     except (OSError, UnicodeDecodeError, EvidenceError, SamplesFileError) as error:
         fail(f"{file}: it cannot be told whether it holds: {error}", status=2)
-        raise
     if as_json:
         print_json(
             {
@@ -66,6 +86,28 @@ def verify(
         out.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
+def _verified(file: Path, samples: Path | None, settings: Settings) -> "tuple[Verified, str]":
+    """Return what was found, and where the samples are from."""
+    from backend.reports import verification
+    from backend.reports.evidence import EvidenceError, SeriesEvidence, read
+    from backend.reports.series_verification import verify_series
+
+    of_pdf = file.suffix == ".pdf"
+    beside = file.with_suffix(".html")
+    if of_pdf and not beside.exists():
+        raise EvidenceError(f"a PDF carries no account of its numbers, and its page {beside.name} is not beside it")
+    page = (beside if of_pdf else file).read_bytes().decode("utf-8")
+    evidence = read(page)
+    if isinstance(evidence, SeriesEvidence):
+        if of_pdf or samples is not None:
+            raise EvidenceError("a series is verified by its page, from the stored runs")
+        return verify_series(page, evidence, lambda one: _stored(settings, one)[0]), "its stored runs"
+    columns, origin = _columns(file, samples, settings, evidence)
+    if of_pdf:
+        return verification.verify_pdf(file.read_bytes(), page, columns), origin
+    return verification.verify(page, columns), origin
+
+
 def _columns(
     file: Path, samples: Path | None, settings: Settings, evidence: "Evidence"
 ) -> "tuple[Columns | None, str]":
@@ -76,19 +118,12 @@ def _columns(
     named = samples or next((one for one in beside if one.exists()), None)
     if named is not None:
         return read_samples_file(named), str(named)
-    return _stored(settings, evidence), f"run {evidence.run.id} of the data folder"
+    columns, number = _stored(settings, evidence)
+    return columns, f"run {number} of the data folder"
 
 
-def _stored(settings: Settings, evidence: "Evidence") -> "Columns | None":
-    """Return the samples of the stored run that began at the same moment, None where there is none."""
-    from backend.recording.columns import recorded_columns
-    from backend.storage import runs
-    from backend.storage.records import UnknownRecordError
+def _stored(settings: Settings, evidence: "Evidence") -> "tuple[Columns | None, int | None]":
+    from backend.reports.stored_samples import stored_samples
 
     with database_of(settings) as database:
-        try:
-            with database.reading() as session:
-                run = runs.get(session, evidence.run.id)
-        except UnknownRecordError:
-            return None
-        return recorded_columns(database, run.id)[0] if run.started_at == evidence.run.started_at else None
+        return stored_samples(database, evidence)

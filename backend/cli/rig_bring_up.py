@@ -12,6 +12,7 @@ from backend.cli.place import (
     DataFolder,
     ParameterSet,
     PlantName,
+    StationName,
     VirtualCard,
     WiringFile,
     settings_with,
@@ -41,6 +42,7 @@ def bring_up(
     card_address: CardAddress = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Bring a rig up, guided: small steps at low voltage, each kept with date and person; exit 1 where one fails.
@@ -50,7 +52,13 @@ def bring_up(
     On the virtual card the program's own hand does what is asked for, and answers may come from a pipe, a line each.
     """
     settings = settings_with(
-        plant=plant, virtual_card=virtual_card, wiring=wiring, card_address=card_address, params=params, data=data
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
     )
     require_rig(settings)
     wanted = [found.id for found in STEPS if found.id in step] if step else not_done(settings)
@@ -67,11 +75,18 @@ def tare(
     card_address: CardAddress = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Take 1 s of both load cells without load as their zeros; needs a wiring test of this wiring."""
     settings = settings_with(
-        plant=plant, virtual_card=virtual_card, wiring=wiring, card_address=card_address, params=params, data=data
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
     )
     require_rig(settings)
     play(settings, [Order(StepId.TARE)], as_json=as_json)
@@ -88,6 +103,7 @@ def calibrate(
     card_address: CardAddress = None,
     params: ParameterSet = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrate load cells with known weights, the best line through them; needs a wiring test of this wiring.
@@ -103,7 +119,13 @@ def calibrate(
     names = ["weight_1_N", "weight_2_N", *(more.name for more in MORE_WEIGHTS)]
     values = values_of(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
     settings = settings_with(
-        plant=plant, virtual_card=virtual_card, wiring=wiring, card_address=card_address, params=params, data=data
+        plant=plant,
+        virtual_card=virtual_card,
+        wiring=wiring,
+        card_address=card_address,
+        params=params,
+        data=data,
+        station=station,
     )
     require_rig(settings)
     play(settings, [Order(StepId.CALIBRATE, values, load_cell)], as_json=as_json)

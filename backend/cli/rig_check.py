@@ -31,7 +31,6 @@ def check(
         if as_json:
             print_json({"problems": [problem._asdict() for problem in error.problems]})
         fail(*error.sentences)
-        return
     read = _read_once(settings_with(wiring=wiring).wiring) if open_card else None
     if as_json:
         print_json({"wiring": found.title, "problems": []} | ({} if read is None else {"read": read._asdict()}))

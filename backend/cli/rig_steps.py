@@ -90,7 +90,6 @@ def play(settings: Settings, orders: Sequence[Order], *, as_json: bool) -> None:
     except AlreadyRunningError as error:
         address = address_of_service(settings.data)
         fail(f"{error}" if not address else f"{error}. Or bring the rig up on its page Bring-up at {address}")
-        return
     _show(stands, as_json=as_json)
     if stands.ended:
         fail(stands.ended)

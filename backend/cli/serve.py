@@ -13,6 +13,7 @@ from backend.cli.place import (
     ParameterSet,
     PlantName,
     Recording,
+    StationName,
     VirtualCard,
     WiringFile,
     settings_with,
@@ -32,6 +33,7 @@ def serve(
     host: Annotated[str | None, typer.Option(help="Address to listen on. [127.0.0.1]")] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free one. [8000]")] = None,
     data: DataFolder = None,
+    station: StationName = None,
     show_link: Annotated[
         bool | None,
         typer.Option("--show-link/--hide-link", help="Print the sign-in link. [on a terminal only: logs are kept]"),
@@ -51,6 +53,7 @@ def serve(
         host=host,
         port=port,
         data=data,
+        station=station,
         show_link=show_link,
     )
     require_available(settings.plant_choice)
@@ -75,7 +78,6 @@ def link(data: DataFolder = None) -> None:
     address = address_of_service(settings.data)
     if address is None:
         fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
-        return
     _print_links(address, load_tokens(settings.data) if settings.require_token else None)
 
 

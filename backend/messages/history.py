@@ -27,6 +27,34 @@ class LineageEntry(Schema):
     run: int | None = Field(description="identification run; null for data from elsewhere or from geometry")
 
 
+class LineageKind(StrEnum):
+    """What a box of the lineage is about."""
+
+    RUN = "run"
+    GAINS = "gains"
+    BANK = "bank"
+    IDENTIFICATION = "identification"
+    DATA = "data"
+    PARAMETERS = "parameters"
+    CALIBRATION = "calibration"
+
+
+class LineageNode(Schema):
+    """A box of the lineage; ``run``, ``bank`` and ``identification`` say which page tells more of it."""
+
+    id: str
+    kind: LineageKind
+    title: str
+    detail: str
+    sha256: str | None = Field(description="digest of its content, in hex")
+    no_sha256: str = Field(description="why there is no digest")
+    out_of_date: str = Field(description="what holds no more, empty where all does")
+    run: int | None = Field(description="the run it is, or the run whose samples it is")
+    bank: int | None
+    identification: int | None = Field(description="the identification by the number of its run")
+    origins: list[str] = Field(description="ids of what it came from")
+
+
 class Lineage(Schema):
     """Back to raw data and forth to what came of it."""
 
@@ -38,6 +66,7 @@ class Lineage(Schema):
     entries: list[LineageEntry]
     banks_built: list[LineageBank] = Field(description="banks with an entry that was identified from this run")
     runs_with_them: list[int] = Field(description="newest runs that used these banks")
+    nodes: list[LineageNode] = Field(description="the same as boxes, each with a digest of its content")
 
 
 class RunMark(Schema):

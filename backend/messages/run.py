@@ -48,6 +48,9 @@ class RunView(Schema):
     samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
     settings: list[UsedSetting]
     note: str
+    tags: list[str]
+    station: str = Field(description="the rig whose service made it; empty where a database has one only")
+    origin: str = Field(description="where it was imported from; empty where it was made here")
     evaluation: Evaluation
     evaluation_problem: str = Field(description="why the run has no result, where that is known")
 

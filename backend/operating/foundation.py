@@ -15,6 +15,7 @@ from backend.operating.kept_tuning import KeptTuning
 from backend.operating.tuning_in_use import TuningInUse
 from backend.settings import Settings
 from backend.storage import Database, open_database, runs
+from backend.storage.stations import HeldStation
 from backend.supervision import Supervision
 from plant.parameters import PlantParameters, load_parameters
 
@@ -43,11 +44,12 @@ def lay_foundation(
 ) -> Foundation:
     """Open the database and read from it what the ``launched`` loop process is to be told; ``stack`` closes it again.
 
-    Raises StorageError, SchemaError, ParameterError and TuningError.
+    Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
     """
     parameters = load_parameters(settings.params)
-    database = open_database(settings.data, settings.database_url, settings.database_password())
+    database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
+    stack.callback(HeldStation(database.engine, settings.station).let_go)
     soundness = Soundness(database, settings.data)
     soundness.before_start()
     _close_interrupted(database)

@@ -36,7 +36,7 @@ class KeptTuning:
                 choice = kept_choice.earlier(session, tuning.choice, tuning.parameters)
                 if choice is None:
                     return None
-                return Chosen(choice, None if choice.bank == 0 else banks.get(session, choice.bank))
+                return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("what was in force before the present tuning cannot be had any more")
             return None
@@ -53,7 +53,7 @@ class KeptTuning:
             if not kept.same_plant:
                 return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
-                bank = None if kept.choice.bank == 0 else banks.get(session, kept.choice.bank)
+                bank = None if kept.choice.bank == 0 else banks.own(session, kept.choice.bank)
             tuning = initial(parameters, kept.choice, bank)
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
             return _defaults(parameters, f"the tuning of last time is refused, {error}")

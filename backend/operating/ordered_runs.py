@@ -15,7 +15,7 @@ from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
 from backend.experiments.plans.stored_plan import values_of
 from backend.experiments.playing.play import NotReadyError, require_ready
-from backend.experiments.playing.playable import banks_of, choices_of, playable
+from backend.experiments.playing.playable import banks_in, banks_of, choices_of, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
 from backend.experiments.results.evaluation import Evaluation
@@ -109,7 +109,7 @@ class OrderedRuns:
         self._require_seed(wanted)
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
-        await asyncio.to_thread(playable, self._station.database, tuning.parameters, plan, wanted.tuning)
+        await asyncio.to_thread(playable, banks_in(self._station.database), tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
     async def check_experiment(

@@ -29,6 +29,7 @@ const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));
 const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
+const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
@@ -37,7 +38,8 @@ const numbered = (page: string) => new RegExp(`^/${page}(?:/(?<id>\\d+))?$`);
 const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
 const EXPERIMENTS = numbered("experiments");
-const RUNS = /^\/runs(?:\/(?<id>\d+)(?:\/(?<other>\d+))?)?$/;
+const STUDIES = numbered("studies");
+const RUNS = /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:\/(?<others>\d+(?:,\d+){0,18}))?))?$/;
 
 export function App() {
   const session = useQuery(sessionQuery);
@@ -96,6 +98,7 @@ function Shell() {
                 <Route path={IDENTIFY} component={IdentifyPage} />
                 <Route path={BANKS} component={BanksPage} />
                 <Route path={EXPERIMENTS} component={ExperimentsPage} />
+                <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />

@@ -35,7 +35,8 @@ def busy(tmp_path: Path) -> Iterator[Service]:
         run = operator.get("/api/state").raise_for_status().json()["recording_run"]
         operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
         ended(operator, run)
-        operator.get(f"/api/runs/{run}/data.csv").raise_for_status()
+        operator.get(f"/api/runs/{run}/data.csv").raise_for_status()  # its process ends with it
+        operator.get(f"/api/runs/{run}/report.html").raise_for_status()  # by the process that stays for such work
         asyncio.run(_ask_to_publish(service, viewer))
         yield service
 

@@ -89,7 +89,8 @@ def test_tracking_runs_reports_and_is_downloaded(off: httpx.Client) -> None:
     assert "default-src 'none'" in page.headers["content-security-policy"]
 
     stored = off.get(f"/api/runs/{run}").json()
-    csv = off.get(f"/api/runs/{run}/data.csv").raise_for_status().text.splitlines()
+    text = off.get(f"/api/runs/{run}/data.csv").raise_for_status().text
+    csv = [line for line in text.splitlines() if not line.startswith("#")]
     assert csv[0].startswith("t,q,q_ref,S,S_ref,theta_A,theta_B,F_A,F_B,u_A,u_B")
     assert len(csv) - 1 == stored["samples"] == pytest.approx(7000, abs=2)
     table = parquet.read_table(BytesIO(off.get(f"/api/runs/{run}/data.parquet").raise_for_status().content))

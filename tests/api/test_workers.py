@@ -84,9 +84,11 @@ def run(off: httpx.Client) -> int:
 def test_reports_and_exports_survive_their_process(service: Service, off: httpx.Client, run: int) -> None:
     assert off.get(f"/api/runs/{run}/report.html").is_success
     assert kill_all(service, POLITE) >= 1
+    (told,) = until(
+        lambda: [text for text in off.get("/api/state").json()["problems"] if "reports and exports" in text]
+    )
     for path in ("report.html", "report.pdf", "data.csv"):
         assert off.get(f"/api/runs/{run}/{path}").status_code == 200
-    (told,) = [text for text in off.get("/api/state").json()["problems"] if "reports and exports" in text]
     assert "was started anew" in told or "is being started anew" in told
     assert off.post("/api/experiments/dry-run", json=SHORT).is_success
 
@@ -166,8 +168,32 @@ def about_dry_runs(client: httpx.Client) -> list[str]:
 
 
 @pytest.fixture
-def hanging(service: Service, viewer: httpx.Client) -> Iterator[socket.socket]:
-    """A connection that waits for a viewer's long dry run."""
+def reported(off: httpx.Client, run: int) -> int:
+    """A short run whose report was asked for: the process of reports is there and at rest."""
+    assert off.get(f"/api/runs/{run}/report.html").is_success
+    return run
+
+
+def processor_ticks(pid: int) -> int:
+    """Time that a process has spent on the processors (proc(5): utime and stime)."""
+    after_name = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return int(after_name[11]) + int(after_name[12])
+
+
+@contextmanager
+def held(pid: int) -> Iterator[None]:
+    """Hold a process: it is there, and what it computes takes for ever."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
+
+
+@pytest.fixture
+def hanging(service: Service, viewer: httpx.Client, reported: int) -> Iterator[socket.socket]:
+    """A connection that waits for a viewer's long dry run, while nobody waits for a report."""
     parts = urlsplit(service.url)
     token = (service.data / "viewer-token").read_text().strip()
     body = json.dumps(lasting(600)).encode()
@@ -186,22 +212,25 @@ def hanging(service: Service, viewer: httpx.Client) -> Iterator[socket.socket]:
 
 
 def test_a_viewer_s_dry_run_holds_up_no_report_and_ends_when_the_viewer_leaves(
-    service: Service, off: httpx.Client, viewer: httpx.Client, run: int, hanging: socket.socket
+    service: Service, off: httpx.Client, viewer: httpx.Client, reported: int, hanging: socket.socket
 ) -> None:
-    assert off.get(f"/api/runs/{run}/report.html").is_success
-    assert off.get(f"/api/runs/{run}/data.csv").is_success
-    refused = viewer.post("/api/experiments/dry-run", json=SHORT)
-    assert refused.status_code == 429  # the long one is under way still
-    assert "of yours" in str(problem(refused)["message"])
-    before, told = set(workers(service, POLITE)), set(about_dry_runs(off))
-    hanging.close()
+    since = {pid: processor_ticks(pid) for pid in workers(service, POLITE)}
+    (dry_run,) = until(lambda: [pid for pid, ticks in since.items() if processor_ticks(pid) > ticks + 5])
+    told = set(about_dry_runs(off))
+    with held(dry_run):  # so that it cannot be over before the reports are
+        assert off.get(f"/api/runs/{reported}/report.html").is_success
+        assert off.get(f"/api/runs/{reported}/data.csv").is_success
+        refused = viewer.post("/api/experiments/dry-run", json=SHORT)
+        assert refused.status_code == 429
+        assert "of yours" in str(problem(refused)["message"])
+        hanging.close()
 
-    def answered() -> httpx.Response | None:
-        answer = viewer.post("/api/experiments/dry-run", json=SHORT)
-        return None if answer.status_code == 429 else answer
+        def answered() -> httpx.Response | None:
+            answer = viewer.post("/api/experiments/dry-run", json=SHORT)
+            return None if answer.status_code == 429 else answer
 
-    again = until(answered)
+        again = until(answered)
     assert again.status_code == 200, again.text
     assert again.json()["status"] == "completed"
-    assert len(before - set(workers(service, POLITE))) == 1
+    assert dry_run not in workers(service, POLITE)
     assert set(about_dry_runs(off)) <= told  # a process that is ended on purpose is no trouble; earlier trouble passes

@@ -12,7 +12,7 @@ from scipy.io import savemat
 from scipy.signal import lsim
 
 from backend.cli import main
-from backend.reports.exports import to_csv, to_mat, to_parquet
+from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.identification.closed_loop_records import (
     FIRST,
     K_I,

@@ -48,6 +48,18 @@ def test_several_experiments_play_in_turn_with_files_for_each(tmp_path: Path) ->
     assert [one["run"] for one in documents] == [1, 2]
     assert documents[0]["settings"]["plan"] == documents[1]["settings"]["plan"]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"run-1", "run-2"}
+    series = tmp_path / "series.html"
+    written = sinew("report", "series", "1", "2", "--to", str(series), "--json", folder=tmp_path / "here")
+    assert json.loads(written.stdout) == {"runs": [1, 2], "files": [str(series)]}
+    assert sinew("report", "verify", str(series), folder=tmp_path / "here").returncode == 0
+    assert sinew("report", "verify", str(series), folder=tmp_path / "elsewhere").returncode == 2
+    pdf = tmp_path / "out" / "run-1" / "report.pdf"
+    assert sinew("report", "verify", str(pdf), folder=tmp_path / "elsewhere").returncode == 0
+    pdf.write_bytes((tmp_path / "out" / "run-2" / "report.pdf").read_bytes())
+    other = sinew("report", "verify", str(pdf), folder=tmp_path / "elsewhere")
+    assert (other.returncode, "the PDF: the report says other pages" in other.stderr) == (1, True)
+    alone = sinew("report", "series", "1", "--to", str(series), folder=tmp_path / "here")
+    assert (alone.returncode, "number of runs: 1 is outside 2 to 100" in alone.stderr) == (1, True)
     refused = sinew("experiment", "mine@2", folder=tmp_path / "here")
     assert refused.returncode == 1
     assert "there is no such experiment; known: tracking" in refused.stderr

@@ -10,16 +10,23 @@ from backend.cli import app
 DO_AND_SAY_SO = {
     "serve",
     "link",
+    "foxglove",
     "bank export",
     "experiments schema",
     "experiments text",
     "runs evaluate",
     "runs export",
+    "runs layout",
+    "runs bundle",
     "runs report",
+    "runs tag",
+    "runs rename-tag",
+    "runs save-search",
     "db upgrade",
     "db backup",
     "db restore",
     "db check",
+    "db name-station",
     "token rotate",
 }
 

@@ -1,12 +1,13 @@
 """The real service for browser tests: own process, own loop process, own data folder, own port."""
 
+import os
 import re
 import resource
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,18 +35,23 @@ def running_service(
     log: Path | None = None,
     descriptors: int | None = None,
     plant: Sequence[str] = ("simulator",),
+    more: Sequence[str] = (),
+    environment: Mapping[str, str] | None = None,
 ) -> Iterator[Service]:
     """Start ``sinew serve`` and wait for its sign-in link; end it as Ctrl+C does.
 
-    ``plant`` are the words after ``--plant``. What it says is copied to ``log``, by default a file in its data folder.
+    ``plant`` are the words after ``--plant``, ``more`` further ones; ``environment`` is set beside that of the
+    test. What it says is copied to ``log``, by default a file in its data folder.
     ``descriptors`` is how many files and sockets it may have open if it asks for them, where that is to be fewer than
     usual; it begins with half of them.
     """
     data.mkdir(parents=True, exist_ok=True)
     log = log or data / "service.log"
     command = [sys.executable, "-u", "-m", "backend", "serve", "--plant", *plant, "--params", params]
-    command += ["--port", "0", "--show-link", "--data", str(data)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    command += ["--port", "0", "--show-link", "--data", str(data), *more]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, **(environment or {})}
+    )
     if descriptors is not None:
         resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (descriptors // 2, descriptors))
     assert process.stdout is not None

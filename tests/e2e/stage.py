@@ -5,7 +5,6 @@ restart of the service. They follow each other on one data folder.
 """
 
 import csv
-import io
 import json
 import math
 from contextlib import ExitStack
@@ -126,7 +125,8 @@ class Stage:
         url = f"{self.service.url}/api/runs/{run}/data.csv"
         answer = self.page.request.get(url, timeout=forms.REPORT_TIMEOUT_MS)  # its process gives way to all others
         assert answer.ok, answer.text()
-        return [(float(row["t"]), float(row[signal])) for row in csv.DictReader(io.StringIO(answer.text()))]
+        lines = [line for line in answer.text().splitlines() if not line.startswith("#")]
+        return [(float(row["t"]), float(row[signal])) for row in csv.DictReader(lines)]
 
     def session(self) -> int:
         """Run for a moment, recorded as a session, and return its number."""

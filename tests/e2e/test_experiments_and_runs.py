@@ -88,6 +88,47 @@ def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
     compare.select_option(index=1)
     expect(operator.legend("Joint position", "q′")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     operator.wait(lambda: operator.reading("Joint position", "q′") == operator.reading("Joint position", "q′"))
+    comparison = page.get_by_role("region", name="Comparison", exact=True)
+    expect(comparison.get_by_role("table", name="Comparison", exact=True).get_by_role("row").nth(1)).to_be_visible()
+    picture = page.get_by_role("group", name="Lineage as a picture", exact=True)
+    run = page.url.split("/runs/")[1].split("/")[0]
+    expect(picture).to_contain_text(f"Run {run}")
+    digests = page.get_by_role("table", name="Digests", exact=True)
+    expect(digests.get_by_role("row", name=f"Run {run}")).to_contain_text("no")
+    for label, name in (
+        ("Data (MCAP)", f"sinew-run-{run}.mcap"),
+        ("Bundle", f"sinew-run-{run}.zip"),
+        ("Layout", "sinew-foxglove-layout.json"),
+    ):
+        with page.expect_download(timeout=MOTION_TIMEOUT_MS) as taken:
+            page.get_by_role("link", name=label, exact=True).click()
+        assert taken.value.suggested_filename == name
+        assert taken.value.failure() is None
+
+
+def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.go("Runs")
+    table = page.get_by_role("table", name="Runs", exact=True)
+    table.get_by_role("link").first.click()
+    page.get_by_role("textbox", name="New tag", exact=True).or_(page.get_by_role("combobox", name="New tag")).fill(
+        "Paper"
+    )
+    page.get_by_role("button", name="Add tag", exact=True).click()
+    expect(page.get_by_role("list", name="Tags", exact=True)).to_contain_text("paper")
+    operator.go("Runs")
+    page.get_by_role("searchbox", name="Search runs", exact=True).fill("tag = paper")
+    expect(table.get_by_role("row")).to_have_count(2)  # the head, and the run
+    page.get_by_role("textbox", name="Name of the search", exact=True).fill("tagged")
+    page.get_by_role("button", name="Save search", exact=True).click()
+    saved = page.get_by_role("combobox", name="Saved searches", exact=True)
+    expect(saved).to_have_value("tagged")
+    page.get_by_role("button", name="Clear", exact=True).click()
+    saved.select_option("tagged")
+    expect(page.get_by_role("searchbox", name="Search runs", exact=True)).to_have_value("tag = paper")
+    page.get_by_role("link", name="Metrics over time", exact=True).click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("Metrics over time")
 
 
 def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:

@@ -5,7 +5,7 @@ import re
 from functools import partial
 
 import pytest
-from playwright.sync_api import Browser, Locator, Route, WebSocketRoute, expect
+from playwright.sync_api import Browser, Locator, Route, expect
 
 from backend.tuning.gains import motor_loops
 from backend.tuning.models import motor_model
@@ -14,6 +14,7 @@ from plant.parameters import load_parameters
 from tests.api.conftest import client_with, until
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.relay import Relay, relayed
 from tests.e2e.service import Service
 
 DISCONNECTIONS = 10
@@ -33,10 +34,15 @@ FIGURES = re.compile(r"/api/tuning/(motor|preview)\?")
 def tuning(operator: Operator) -> Operator:
     """The Operate page with its tuning, as saved whatever the test before has left in force."""
     put_back(operator.service)
+    show_saved(operator)
+    return operator
+
+
+def show_saved(operator: Operator) -> None:
+    """Sign in and go to the tuning."""
     operator.sign_in()
     operator.go("Operate")
     expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
-    return operator
 
 
 def put_back(service: Service) -> None:
@@ -178,16 +184,16 @@ def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> No
     expect(forecast).to_contain_text(re.compile(r"peak \d+\.\d of 10 V, tension ≥ \d+\.\d N"))
 
 
-def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) -> None:
+def test_ten_lost_links_command_nothing_and_refill_the_charts(operator: Operator) -> None:
+    put_back(operator.service)
+    with relayed(operator.service) as (operator.service, relay):
+        show_saved(operator)
+        lose_ten_links(operator, relay)
+        operator.page.close()  # before its cable is gone: what it asks for next would find nobody
+
+
+def lose_ten_links(tuning: Operator, relay: Relay) -> None:
     page = tuning.page
-    links: list[WebSocketRoute] = []
-
-    def pass_through(link: WebSocketRoute) -> None:
-        links.append(link)
-        link.connect_to_server()
-
-    page.route_web_socket("**/api/live", pass_through)
-    page.reload()
     tuning.be_in_run()
     tuning.enter("q_ref value [deg]", 15.0)
     tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
@@ -199,14 +205,14 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
     sent: list[str] = []
     page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
     link = page.get_by_role("status", name="Link", exact=True)
-    before = len(links)
+    before = relay.count("/api/live")
 
     def another(lost: int, made: int) -> bool:
-        return page.evaluate("losses") > lost and len(links) > made
+        return page.evaluate("losses") > lost and relay.count("/api/live") > made
 
     for _ in range(DISCONNECTIONS):
-        lost, made = page.evaluate("losses"), len(links)
-        links[-1].close()
+        lost, made = page.evaluate("losses"), relay.count("/api/live")
+        relay.cut("/api/live")
         tuning.wait(partial(another, lost, made))
         expect(link).to_have_attribute("data-health", "live")
     assert sent == []
@@ -214,7 +220,7 @@ def test_ten_lost_links_command_nothing_and_refill_the_charts(tuning: Operator) 
     tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
     assert cells(tuning, "λq")[2] == "0.660"
     # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
-    assert len(links) - before == page.evaluate("losses") >= DISCONNECTIONS
+    assert relay.count("/api/live") - before == page.evaluate("losses") >= DISCONNECTIONS
     first, last = data_in_sight(tuning)
     assert first < max(oldest, last - WINDOW_S) + 1.0
     page.get_by_role("button", name="Discard", exact=True).click()

@@ -16,6 +16,7 @@ SEEN = {
     "identify": "Register bits|You are signed in as a viewer",
     "banks": "In force: λ_q",
     "experiments": "Settings of the loop: λ_q",
+    "studies": "No study yet|Study",
     "runs": "Nothing recorded yet|session",
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
@@ -24,7 +25,8 @@ SEEN = {
 
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
 COMMANDING = (
-    "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|Hold queue|Activate .*|Import.*"
+    "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
+    "Pause after this run|Activate .*|Import.*"
     "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
 )
 

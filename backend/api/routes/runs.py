@@ -1,39 +1,38 @@
 """Stored runs: search, notes, samples, reports, downloads."""
 
 import math
-from enum import StrEnum
-from typing import Annotated
+from collections.abc import AsyncIterator
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi.responses import StreamingResponse
+from pydantic import StringConstraints
 
 from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
-from backend.archive.stored_runs import Excerpt
+from backend.archive.stored_runs import Asked, Excerpt
+from backend.exports.formats import MEDIA_TYPES, DataFormat
+from backend.exports.foxglove_layout import layout
 from backend.messages.base import Finite
 from backend.messages.history import LONGEST_S, Lineage, ReplayRequest, RunMarks
 from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
+from backend.messages.run_search import TagRequest
+from backend.storage.index_schema import TAG_MAX
+from backend.storage.run_query import LONGEST
 from backend.web_server.guard import DOCUMENT_POLICY
 
 router = APIRouter(prefix="/api/runs", tags=["runs"])
 
+Responses = dict[int | str, dict[str, Any]]
 PDF = "application/pdf"
+ZIP = "application/zip"
 BINARY = "application/octet-stream"
+JSON = "application/json"
+DATA: Responses = {200: {"content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()}}}
 
-
-class DataFormat(StrEnum):
-    """Formats a recording can be downloaded in."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
-    MAT = "mat"
-
-
-MEDIA_TYPES = {
-    DataFormat.CSV: "text/csv; charset=utf-8",
-    DataFormat.PARQUET: "application/vnd.apache.parquet",
-    DataFormat.MAT: "application/x-matlab-data",
-}
+Where = Annotated[str, StringConstraints(max_length=2 * LONGEST)]
+TagInPath = Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")]
 
 
 @router.get("")
@@ -43,12 +42,23 @@ async def list_runs(
     kind: Annotated[
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
-    search: Annotated[str, Query(max_length=100, description="words in kind, note, person or settings")] = "",
+    search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
+    where: Annotated[
+        tuple[Where, ...], Query(max_length=10, description="searches, see docs/search.md; all have to fit")
+    ] = (),
+    everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 100,
     offset: Annotated[int, Query(ge=0, le=2**31)] = 0,
 ) -> RunList:
     """List stored runs, newest first."""
-    return await service.runs.runs(kind, search, limit, offset)
+    kinds = kind.split(",") if kind else ()
+    return await service.runs.runs(Asked(kinds, search, where, everywhere, limit, offset))
+
+
+@router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
+async def get_layout(_person: SignedIn) -> Response:
+    """Return the layout that shows an MCAP file in Foxglove and Lichtblick."""
+    return download(layout().encode(), JSON, "sinew-foxglove-layout.json")
 
 
 @router.get("/{id}")
@@ -61,6 +71,20 @@ async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunVie
 async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Write the note of a run."""
     return await service.runs.set_note(id, body.note)
+
+
+@router.post("/{id}/tags")
+async def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
+    """Put a tag on a run."""
+    await service.run_library.put_tag(id, body.tag)
+    return await service.runs.run(id)
+
+
+@router.delete("/{id}/tags/{tag}")
+async def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
+    """Take a tag off a run."""
+    await service.run_library.take_tag(id, tag)
+    return await service.runs.run(id)
 
 
 @router.post("/{id}/evaluation")
@@ -125,26 +149,37 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
 @router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
 async def get_report_html(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
     """Return the report of a run as one self-contained page."""
-    report = await service.downloads.report_html(id, angles)
-    return Response(report, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
+    return report(await service.downloads.report_html(id, angles), "html")
 
 
 @router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def get_report_pdf(id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead) -> Response:
     """Return the report of a run as PDF."""
-    return download(await service.downloads.report_pdf(id, angles), PDF, f"sinew-run-{id}.pdf")
+    return report(await service.downloads.report_pdf(id, angles), "pdf", f"sinew-run-{id}.pdf")
 
 
-@router.get(
-    "/{id}/data.{format}",
-    response_class=Response,
-    responses={200: {"content": {kind.partition(";")[0]: {} for kind in MEDIA_TYPES.values()}}},
-)
+@router.get("/{id}/data.{format}", response_class=Response, responses=DATA)
 async def get_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
-    """Return all samples of a run as CSV, Parquet or MATLAB file; SI units, columns named as in the notation."""
+    """Return all samples of a run, with their notation and the facts of the run; SI units."""
     return download(await service.downloads.data(id, format), MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
-def download(content: bytes, media_type: str, name: str) -> Response:
-    """Return content to be saved under a name."""
-    return Response(content, media_type=media_type, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+@router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
+async def get_bundle(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return a run with all that it came from, for another installation to take in."""
+    return download(await service.downloads.bundle(id), ZIP, f"sinew-run-{id}.zip")
+
+
+def report(content: bytes, format: str, name: str = "") -> Response:
+    """Return a report: a page to look at, or a PDF to be saved under a name."""
+    if format == "pdf":
+        return download(content, PDF, name)
+    return Response(content, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
+
+
+def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
+    """Return content, whole or piece by piece, to be saved under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    if isinstance(content, bytes):
+        return Response(content, media_type=media_type, headers=headers)
+    return StreamingResponse(content, media_type=media_type, headers=headers)

@@ -1,33 +1,61 @@
-/** Two recordings on the same axes: the signals of the second carry a prime. Pure but for its sources. */
+/** Recordings on the same axes: the signals of each after the first carry its mark. Pure but for its sources. */
 
 import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
-import type { Panel, Trace } from "../theme/signals";
+import { PALETTE, type Panel, type Trace } from "../theme/signals";
 import type { Curves, PlotSource } from "./source";
 
 const PRIME = "′";
+const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+const PRIMES = 3;
 
-/** The panels with the traces of the second recording beside those of the first. */
-export function comparedPanels(panels: readonly Panel[]): Panel[] {
-  return panels.map((panel) => ({
-    ...panel,
-    traces: [
-      ...panel.traces,
-      ...panel.traces
-        .filter((trace) => !trace.dashed)
-        .map((trace): Trace => ({ ...trace, name: `${trace.name}${PRIME}`, dotted: true })),
-    ],
-  }));
+/** What the signals of the n-th further recording carry: ′, ″ as ′′, and from the fourth on its number. */
+export function markOf(n: number): string {
+  if (n <= PRIMES) return PRIME.repeat(n);
+  return PRIME + [...String(n)].map((digit) => RAISED[Number(digit)]).join("");
+}
+
+/** The hue of the n-th of several further recordings; a single one shares the hues of the first, dotted. */
+export function hueOf(n: number): string {
+  return PALETTE[n % PALETTE.length] as string;
+}
+
+/** The panels with the traces of `count` further recordings beside those of the first. */
+export function comparedPanels(panels: readonly Panel[], count = 1): Panel[] {
+  const numbers = Array.from({ length: count }, (_, index) => index + 1);
+  return panels.map((panel) => {
+    const measured = panel.traces.filter((trace) => !trace.dashed);
+    const others = numbers.flatMap((n) =>
+      measured.map(
+        (trace, place): Trace => ({
+          ...trace,
+          name: `${trace.name}${markOf(n)}`,
+          ...(count === 1 ? { dotted: true } : { hue: hueOf(n), dotted: place > 0 }),
+        }),
+      ),
+    );
+    return { ...panel, traces: [...panel.traces, ...others] };
+  });
+}
+
+/** The name of a signal and the recording it is of: 0 for the first. */
+function parted(name: string): { signal: string; of: number } {
+  const at = name.indexOf(PRIME);
+  if (at < 0) return { signal: name, of: 0 };
+  const mark = name.slice(at);
+  const digits = [...mark].map((letter) => RAISED.indexOf(letter)).filter((digit) => digit >= 0);
+  return { signal: name.slice(0, at), of: digits.length > 0 ? Number(digits.join("")) : mark.length };
 }
 
 export class ComparedSource implements PlotSource {
-  constructor(
-    private readonly first: PlotSource,
-    private readonly second: PlotSource,
-  ) {}
+  private readonly sources: readonly PlotSource[];
+
+  constructor(...sources: readonly PlotSource[]) {
+    this.sources = sources;
+  }
 
   now_s(): number {
-    return Math.max(this.first.now_s(), this.second.now_s());
+    return Math.max(...this.sources.map((source) => source.now_s()));
   }
 
   newest_s(): number {
@@ -39,7 +67,7 @@ export class ComparedSource implements PlotSource {
   }
 
   version(): number {
-    return this.first.version() + this.second.version();
+    return this.sources.reduce((sum, source) => sum + source.version(), 0);
   }
 
   changedWithin(_seen: Stretch, version: number): boolean {
@@ -47,36 +75,29 @@ export class ComparedSource implements PlotSource {
   }
 
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
-    const own = { ...panel, traces: panel.traces.filter((trace) => !trace.name.endsWith(PRIME)) };
-    const others = {
-      ...panel,
-      traces: panel.traces
-        .filter((trace) => trace.name.endsWith(PRIME))
-        .map((trace) => ({ ...trace, name: trace.name.slice(0, -1) })),
-    };
-    const a = this.first.curves(own, stretch, pixels);
-    const b = this.second.curves(others, stretch, pixels);
-    const times = merged(a.times, b.times);
+    const parts = this.sources.map((source, index) => {
+      const traces = panel.traces
+        .filter((trace) => parted(trace.name).of === index)
+        .map((trace) => ({ ...trace, name: parted(trace.name).signal }));
+      return source.curves({ ...panel, traces }, stretch, pixels);
+    });
+    const times = parts.map((part) => part.times).reduce(merged);
     return {
       times,
-      values: [
-        ...a.values.map((values) => resampled(a.times, values, times)),
-        ...b.values.map((values) => resampled(b.times, values, times)),
-      ],
-      extents: [...a.extents, ...b.extents],
+      values: parts.flatMap((part) => part.values.map((values) => resampled(part.times, values, times))),
+      extents: parts.flatMap((part) => part.extents),
     };
   }
 
   at(name: string, time_s: number): number {
-    return name.endsWith(PRIME) ? this.second.at(name.slice(0, -1), time_s) : this.first.at(name, time_s);
+    const { signal, of } = parted(name);
+    return this.sources[of]?.at(signal, time_s) ?? Number.NaN;
   }
 
-  /** Of the first recording only: files and figures of two are taken one by one. */
+  /** Of the first recording only: files and figures of several are taken one by one. */
   table(names: readonly string[], stretch: Stretch): SampleTable {
-    return this.first.table(
-      names.filter((name) => !name.endsWith(PRIME)),
-      stretch,
-    );
+    const own = names.filter((name) => parted(name).of === 0);
+    return (this.sources[0] as PlotSource).table(own, stretch);
   }
 }
 

@@ -7,6 +7,7 @@ const DATA = [
   { format: "csv", label: "Data (CSV)" },
   { format: "parquet", label: "Data (Parquet)" },
   { format: "mat", label: "Data (MAT)" },
+  { format: "mcap", label: "Data (MCAP)" },
 ] as const;
 
 export function Downloads({ run, report }: { run: number; report: boolean }) {
@@ -47,6 +48,26 @@ export function Downloads({ run, report }: { run: number; report: boolean }) {
           {label}
         </Button>
       ))}
+      <Button
+        component="a"
+        href={`./api/runs/${run}/bundle.zip`}
+        download
+        variant="default"
+        leftSection={<TbDownload size={14} />}
+        title="The run with all that it came from, for another installation: sinew runs import"
+      >
+        Bundle
+      </Button>
+      <Button
+        component="a"
+        href="./api/runs/foxglove-layout.json"
+        download
+        variant="default"
+        leftSection={<TbDownload size={14} />}
+        title="Shows the MCAP in Foxglove and Lichtblick"
+      >
+        Layout
+      </Button>
     </>
   );
 }

@@ -6,6 +6,7 @@ import {
   TbAdjustmentsHorizontal,
   TbDatabase,
   TbFlask,
+  TbGridDots,
   TbListCheck,
   TbPlugConnected,
   TbServerCog,
@@ -31,6 +32,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/identify", name: "Identify", key: "i", Icon: TbWaveSine },
   { path: "/banks", name: "Banks", key: "b", Icon: TbAdjustmentsHorizontal },
   { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
+  { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
   { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
   { path: "/system", name: "System", key: "s", Icon: TbServerCog },
 ];

@@ -197,6 +197,47 @@ export function useSetNote(id: number) {
   });
 }
 
+/** Puts a tag on a run, or takes it off. */
+export function useTag(id: number) {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: ({ tag, put }: { tag: string; put: boolean }) =>
+      answered(
+        put
+          ? api.POST("/api/runs/{id}/tags", { params: { path: { id } }, body: { tag } })
+          : api.DELETE("/api/runs/{id}/tags/{tag}", { params: { path: { id, tag } } }),
+      ),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["runs"] }),
+  });
+}
+
+export function useRenameTag() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: ({ tag, to }: { tag: string; to: string }) =>
+      answered(api.PATCH("/api/run-tags/{tag}", { params: { path: { tag } }, body: { tag: to } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["runs"] }),
+  });
+}
+
+export function useSaveSearch() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: ({ name, where }: { name: string; where: string }) =>
+      answered(api.PUT("/api/saved-searches/{name}", { params: { path: { name } }, body: { where } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["saved-searches"] }),
+  });
+}
+
+export function useForgetSearch() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (name: string) =>
+      answered(api.DELETE("/api/saved-searches/{name}", { params: { path: { name } } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["saved-searches"] }),
+  });
+}
+
 export function useSignIn() {
   const queries = useQueryClient();
   return useMutation({

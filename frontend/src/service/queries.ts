@@ -169,19 +169,33 @@ export function experimentQuery(id: number) {
 }
 
 export interface RunFilter {
-  readonly kind: string;
-  readonly search: string;
+  /** Kinds with commas between; of all where there is none. */
+  readonly kind?: string;
+  /** Words that stand somewhere. */
+  readonly search?: string;
+  /** Searches, all of which have to fit; empty ones ask nothing. */
+  readonly where?: readonly string[];
+  readonly everywhere?: boolean;
   readonly limit: number;
   readonly offset: number;
 }
 
 export function runsQuery(filter: RunFilter) {
-  const { kind, search, limit, offset } = filter;
-  const query = { limit, offset, ...(kind === "" ? {} : { kind }), ...(search === "" ? {} : { search }) };
+  const { kind = "", search = "", where = [], everywhere = false, limit, offset } = filter;
+  const asked = where.filter((part) => part.trim() !== "");
+  const query = {
+    limit,
+    offset,
+    ...(kind === "" ? {} : { kind }),
+    ...(search === "" ? {} : { search }),
+    ...(asked.length === 0 ? {} : { where: asked }),
+    ...(everywhere ? { everywhere } : {}),
+  };
   return queryOptions({
     queryKey: ["runs", filter],
     queryFn: () => answered(api.GET("/api/runs", { params: { query } })),
     placeholderData: (before) => before,
+    retry: false,
   });
 }
 
@@ -198,6 +212,36 @@ export function lineageQuery(id: number) {
   return queryOptions({
     queryKey: ["runs", id, "lineage"],
     queryFn: () => answered(api.GET("/api/runs/{id}/lineage", { params: { path: { id } } })),
+  });
+}
+
+export const searchWordsQuery = queryOptions({
+  queryKey: ["runs", "words"],
+  queryFn: () => answered(api.GET("/api/run-words")),
+});
+
+export const savedSearchesQuery = queryOptions({
+  queryKey: ["saved-searches"],
+  queryFn: async () => (await answered(api.GET("/api/saved-searches"))).searches,
+});
+
+export function comparisonQuery(run: readonly number[], reference: number) {
+  return queryOptions({
+    queryKey: ["runs", "comparison", run, reference],
+    queryFn: () =>
+      answered(api.GET("/api/run-comparison", { params: { query: { run: [...run], reference } } })),
+    placeholderData: (before) => before,
+  });
+}
+
+/** `metric` "" is the first there is. */
+export function metricHistoryQuery(kind: string, metric: string, where: string, everywhere: boolean) {
+  return queryOptions({
+    queryKey: ["runs", "metric-history", kind, metric, where, everywhere],
+    queryFn: () =>
+      answered(api.GET("/api/metric-history", { params: { query: { kind, metric, where, everywhere } } })),
+    placeholderData: (before) => before,
+    retry: false,
   });
 }
 

@@ -10,7 +10,7 @@ export interface Trace {
   readonly hue: string;
   /** References share their signal's hue and are dashed. */
   readonly dashed: boolean;
-  /** Of the second of two recordings. */
+  /** Of another recording than the first. */
   readonly dotted?: boolean;
   /** Drawn under its partner and wider, so that both are seen where they are the same. */
   readonly broad?: boolean;
@@ -54,7 +54,7 @@ export const PALETTE = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "
 
 /** The signal whose colour a reference or an estimate shares. */
 export function signalOf(name: string): string {
-  return name.replace(/_(ref|gov|hat|true)|′/g, "");
+  return name.replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
 }
 
 /** Unit of a signal in recordings and exports (SI). */

@@ -66,8 +66,12 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
         <OperatorsOnly>
           <div className={page.actions}>
             {queue?.running ? (
-              <Button variant="default" onClick={() => command.mutate({ do: "hold" })}>
-                Hold queue
+              <Button
+                variant="default"
+                title="What runs goes on to its end: there the references stand still and the tendons are taut."
+                onClick={() => command.mutate({ do: "hold" })}
+              >
+                Pause after this run
               </Button>
             ) : (
               <Button

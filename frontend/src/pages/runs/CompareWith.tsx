@@ -1,38 +1,63 @@
-/** Choice of a second run for the same axes. */
+/** Choice of further runs for the same axes. */
 
-import { NativeSelect } from "@mantine/core";
+import { ActionIcon, NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { TbX } from "react-icons/tb";
 import { useLocation } from "wouter";
 import { dateTime } from "../../samples/format";
-import { inWordsOf } from "../../samples/words";
 import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
+import page from "../Page.module.css";
+import { addressOf } from "./address";
 
 const OFFERED = 100;
+/** With the run itself as many as can be compared. */
+const MOST_OTHERS = 19;
 
-export function CompareWith({ run, other }: { run: Run; other: number | undefined }) {
+export function CompareWith({ run, others }: { run: Run; others: readonly number[] }) {
   const [, go] = useLocation();
-  const runs = useQuery(runsQuery({ kind: "", search: "", limit: OFFERED, offset: 0 }));
-  const offered = (runs.data?.runs ?? []).filter(({ id, samples }) => id !== run.id && samples > 0);
+  const runs = useQuery(runsQuery({ limit: OFFERED, offset: 0 }));
+  const offered = (runs.data?.runs ?? []).filter(
+    ({ id, samples }) => id !== run.id && samples > 0 && !others.includes(id),
+  );
   // those of the same kind come first: they are what one compares with
-  const sorted = [...offered].sort((a, b) => Number(b.kind === run.kind) - Number(a.kind === run.kind));
-  const missing = other !== undefined && !offered.some(({ id }) => id === other);
+  const sorted = [...offered].sort((a, b) => Number(b.title === run.title) - Number(a.title === run.title));
   return (
-    <NativeSelect
-      aria-label="Compare with"
-      value={other === undefined ? "" : String(other)}
-      onChange={(event) => {
-        const chosen = event.currentTarget.value;
-        go(chosen === "" ? `/runs/${run.id}` : `/runs/${run.id}/${chosen}`);
-      }}
-      data={[
-        { value: "", label: "Compare with …" },
-        ...(missing ? [{ value: String(other), label: `run ${other}` }] : []),
-        ...sorted.map(({ id, kind, started }) => ({
-          value: String(id),
-          label: `run ${id}, ${inWordsOf(kind)}, ${dateTime(started)}`,
-        })),
-      ]}
-    />
+    <div className={page.actions}>
+      {others.map((id) => (
+        <span key={id}>
+          run {id}
+          <ActionIcon
+            size={18}
+            variant="subtle"
+            color="gray"
+            aria-label={`Leave out run ${id}`}
+            onClick={() =>
+              go(
+                addressOf(
+                  run.id,
+                  others.filter((other) => other !== id),
+                ),
+              )
+            }
+          >
+            <TbX size={12} />
+          </ActionIcon>
+        </span>
+      ))}
+      <NativeSelect
+        aria-label="Compare with"
+        value=""
+        disabled={others.length >= MOST_OTHERS}
+        onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)]))}
+        data={[
+          { value: "", label: others.length === 0 ? "Compare with …" : "and with …" },
+          ...sorted.map(({ id, title, started }) => ({
+            value: String(id),
+            label: `run ${id}, ${title}, ${dateTime(started)}`,
+          })),
+        ]}
+      />
+    </div>
   );
 }

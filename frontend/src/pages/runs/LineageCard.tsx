@@ -8,6 +8,7 @@ import { Verdict } from "../../components/Verdict";
 import { lineageQuery } from "../../service/queries";
 import type { Lineage } from "../../wire/types";
 import page from "../Page.module.css";
+import { LineagePicture } from "./LineagePicture";
 
 export function LineageCard({ run }: { run: number }) {
   const { data, error } = useQuery(lineageQuery(run));
@@ -16,7 +17,10 @@ export function LineageCard({ run }: { run: number }) {
       {data === undefined ? (
         <p className={page.empty}>{error?.message ?? "Loading …"}</p>
       ) : (
-        <Origins lineage={data} />
+        <>
+          <LineagePicture nodes={data.nodes} self={`run-${run}`} />
+          <Origins lineage={data} />
+        </>
       )}
     </Card>
   );

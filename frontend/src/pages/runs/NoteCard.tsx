@@ -12,8 +12,6 @@ import { useMayCommand } from "../../service/useMayCommand";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 
-const WITH_REPORT = new Set(["tracking", "compliance", "robustness"]);
-
 export function NoteCard({ run }: { run: Run }) {
   const [note, setNote] = useState(run.note);
   const save = useSetNote(run.id);
@@ -36,7 +34,7 @@ export function NoteCard({ run }: { run: Run }) {
             <Refusal error={save.error} about={note} />
           </div>
           <div className={page.actions}>
-            <Downloads run={run.id} report={WITH_REPORT.has(run.kind)} />
+            <Downloads run={run.id} report={run.end_state !== "running"} />
           </div>
         </div>
       </RefusedFields>

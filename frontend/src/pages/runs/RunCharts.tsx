@@ -1,9 +1,9 @@
-/** The samples of a stored run, or of two, on the same charts as the live ones; played back beside its actuator. */
+/** The samples of a stored run, or of several, on the same charts as the live ones; played back beside its actuator. */
 
-import { useQuery } from "@tanstack/react-query";
+import { useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { Charts } from "../../charts/Charts";
-import { ComparedSource, comparedPanels } from "../../charts/comparedSource";
+import { ComparedSource, comparedPanels, hueOf, markOf } from "../../charts/comparedSource";
 import type { PlacedMark } from "../../charts/decorations";
 import { Playhead } from "../../charts/playhead";
 import type { PlotSource } from "../../charts/source";
@@ -19,43 +19,42 @@ import { limitLines } from "../operate/limitLines";
 import page from "../Page.module.css";
 import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
-import { useRecording } from "./useRecording";
+import { type Recorded, useRecordings } from "./useRecordings";
 
 const NO_MARKS: readonly RunMark[] = [];
 
-export function RunCharts({ run, other }: { run: number; other?: number | undefined }) {
-  const mine = useQuery(runQuery(run));
-  const theirs = useQuery({ ...runQuery(other ?? run), enabled: other !== undefined });
-  const error = mine.error ?? (other === undefined ? null : theirs.error);
+const NO_OTHERS: readonly number[] = [];
+
+/** `others` has to be the same array as long as it says the same. */
+export function RunCharts({ run, others = NO_OTHERS }: { run: number; others?: readonly number[] }) {
+  const asked = useQueries({ queries: [run, ...others].map((id) => runQuery(id)) });
+  const error = asked.find((one) => one.error)?.error;
   if (error) return <p className={page.empty}>{error.message}</p>;
-  if (mine.data === undefined || (other !== undefined && theirs.data === undefined)) {
-    return <p className={page.empty}>Loading …</p>;
-  }
-  if (mine.data.samples === 0) return <p className={page.empty}>This run has no samples.</p>;
-  const { duration_s } = mine.data;
-  if (other === undefined || theirs.data === undefined) {
-    return <OneRun key={duration_s} run={run} duration_s={duration_s} />;
-  }
-  return (
-    <TwoRuns
-      key={`${duration_s} ${theirs.data.duration_s}`}
-      run={run}
-      duration_s={duration_s}
-      other={other}
-      other_s={theirs.data.duration_s}
-    />
+  const found = asked.map(({ data }) => data).filter((data) => data !== undefined);
+  if (found.length < asked.length) return <p className={page.empty}>Loading …</p>;
+  const silent = found.filter(({ samples }) => samples === 0).map(({ id }) => id);
+  if (silent.includes(run)) return <p className={page.empty}>This run has no samples.</p>;
+  const drawn = found.filter(({ samples }) => samples > 0).map(({ id, duration_s }) => ({ id, duration_s }));
+  const key = drawn.map(({ id, duration_s }) => `${id}:${duration_s}`).join(" ");
+  return drawn.length === 1 ? (
+    <OneRun key={key} run={run} duration_s={(drawn[0] as Recorded).duration_s} silent={silent} />
+  ) : (
+    <SeveralRuns key={key} runs={drawn} silent={silent} />
   );
 }
 
-function OneRun({ run, duration_s }: { run: number; duration_s: number }) {
+function OneRun({ run, duration_s, silent }: OneRunProps) {
   const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
   const control = useViewport(home);
-  const { source, resolution } = useRecording(run, duration_s, control.view);
+  const runs = useMemo(() => [{ id: run, duration_s }], [run, duration_s]);
+  const { sources, resolution } = useRecordings(runs, control.view);
+  const source = sources[0] as PlotSource;
   const [playhead] = useState(() => new Playhead());
   return (
     <div className={replay.beside}>
       <RecordedCharts
-        run={run}
+        runs={runs}
+        silent={silent}
         source={source}
         control={control}
         home={home}
@@ -67,24 +66,29 @@ function OneRun({ run, duration_s }: { run: number; duration_s: number }) {
   );
 }
 
-interface TwoRunsProps {
+interface OneRunProps {
   readonly run: number;
   readonly duration_s: number;
-  readonly other: number;
-  readonly other_s: number;
+  readonly silent: readonly number[];
 }
 
-function TwoRuns({ run, duration_s, other, other_s }: TwoRunsProps) {
-  const longest_s = Math.max(duration_s, other_s);
+interface SeveralRunsProps {
+  readonly runs: readonly Recorded[];
+  readonly silent: readonly number[];
+}
+
+/** Mounted anew for other runs: these stay what they are. */
+function SeveralRuns({ runs, silent }: SeveralRunsProps) {
+  const [kept] = useState(runs);
+  const longest_s = Math.max(...kept.map(({ duration_s }) => duration_s));
   const home = useMemo(() => ({ span_s: longest_s, end_s: longest_s }), [longest_s]);
   const control = useViewport(home);
-  const { source: first, resolution } = useRecording(run, duration_s, control.view);
-  const { source: second } = useRecording(other, other_s, control.view);
-  const source = useMemo(() => new ComparedSource(first, second), [first, second]);
+  const { sources, resolution } = useRecordings(kept, control.view);
+  const source = useMemo(() => new ComparedSource(...sources), [sources]);
   return (
     <RecordedCharts
-      run={run}
-      other={other}
+      runs={kept}
+      silent={silent}
       source={source}
       control={control}
       home={home}
@@ -94,8 +98,9 @@ function TwoRuns({ run, duration_s, other, other_s }: TwoRunsProps) {
 }
 
 interface RecordedChartsProps {
-  readonly run: number;
-  readonly other?: number;
+  readonly runs: readonly Recorded[];
+  /** Runs that were asked for and have no samples. */
+  readonly silent: readonly number[];
   readonly source: PlotSource;
   readonly control: ViewControl;
   readonly home: Viewport;
@@ -103,14 +108,16 @@ interface RecordedChartsProps {
   readonly resolution: string;
 }
 
-function RecordedCharts({ run, other, source, control, home, playhead, resolution }: RecordedChartsProps) {
+function RecordedCharts({ runs, silent, source, control, home, playhead, resolution }: RecordedChartsProps) {
+  const run = (runs[0] as Recorded).id;
+  const further = runs.length - 1;
   const panels = usePanels();
   const angles = useAngles();
   const limits = useLive((live) => live.state?.limits);
   const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
   return (
     <Charts
-      panels={useMemo(() => (other === undefined ? panels : comparedPanels(panels)), [panels, other])}
+      panels={useMemo(() => (further === 0 ? panels : comparedPanels(panels, further)), [panels, further])}
       source={source}
       control={control}
       home={home}
@@ -122,7 +129,10 @@ function RecordedCharts({ run, other, source, control, home, playhead, resolutio
       name={`sinew-run-${run}`}
       remark={
         <>
-          {other !== undefined && `dotted: run ${other} · `}
+          {runs.slice(1).map(({ id }, index) => (
+            <Key key={id} n={index + 1} of={further} run={id} />
+          ))}
+          {silent.length > 0 && `without samples: run ${silent.join(", ")} · `}
           <output aria-label="Resolution">{resolution}</output>
         </>
       }
@@ -132,4 +142,15 @@ function RecordedCharts({ run, other, source, control, home, playhead, resolutio
 
 function placed(mark: RunMark, angles: Angles): PlacedMark {
   return { time_s: mark.t, text: inWords(mark.text, angles), fault: mark.kind === "fault" };
+}
+
+/** Which curves are of which run. */
+function Key({ n, of, run }: { n: number; of: number; run: number }) {
+  if (of === 1) return <>{`dotted: run ${run} · `}</>;
+  return (
+    <>
+      <span className={replay.swatch} style={{ background: hueOf(n) }} aria-hidden="true" />
+      {`${markOf(n)} run ${run} · `}
+    </>
+  );
 }

@@ -33,6 +33,9 @@ const RUN: Run = {
     { name: "interpolate", symbol: "interpolate", unit: "1", meaning: "gain scheduling", value: false },
   ],
   note: "",
+  tags: [],
+  station: "",
+  origin: "",
   evaluation: "done",
   evaluation_problem: "",
 };
@@ -85,6 +88,7 @@ const LINEAGE: Lineage = {
   entries: [],
   banks_built: [],
   runs_with_them: [],
+  nodes: [],
 } as unknown as Lineage;
 
 function show() {
@@ -107,7 +111,7 @@ function show() {
     <QueryClientProvider client={client}>
       <MantineProvider>
         <LiveProvider store={new LiveStore(0)}>
-          <RunDetail id={7} other={undefined} />
+          <RunDetail id={7} others={[]} />
         </LiveProvider>
       </MantineProvider>
     </QueryClientProvider>,

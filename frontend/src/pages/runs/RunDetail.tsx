@@ -10,13 +10,15 @@ import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
 import { CompareWith } from "./CompareWith";
+import { ComparisonCard } from "./ComparisonCard";
 import { LineageCard } from "./LineageCard";
 import { NoteCard } from "./NoteCard";
 import { RunCharts } from "./RunCharts";
 import { RunResult } from "./RunResult";
 import { SettingsCard } from "./SettingsCard";
+import { Tags } from "./Tags";
 
-export function RunDetail({ id, other }: { id: number; other: number | undefined }) {
+export function RunDetail({ id, others }: { id: number; others: readonly number[] }) {
   const { data, error } = useQuery(runQuery(id));
   return (
     <div className={page.page}>
@@ -27,11 +29,12 @@ export function RunDetail({ id, other }: { id: number; other: number | undefined
       {data && (
         <>
           <RunResult run={data} />
-          <Card title="Curves" aside={<CompareWith run={data} other={other} />}>
+          <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
             <div className={page.charts}>
-              <RunCharts run={id} other={other} />
+              <RunCharts run={id} others={others} />
             </div>
           </Card>
+          {others.length > 0 && <ComparisonCard runs={[id, ...others]} />}
           <div className={page.halves}>
             <Facts run={data} />
             <NoteCard run={data} />
@@ -59,6 +62,22 @@ function Facts({ run }: { run: Run }) {
         <dt>Plant</dt>
         <dd>
           {run.plant}, parameters {run.parameters}
+        </dd>
+        {run.origin !== "" && (
+          <>
+            <dt>Origin</dt>
+            <dd>{run.origin}</dd>
+          </>
+        )}
+        {run.station !== "" && (
+          <>
+            <dt>Station</dt>
+            <dd>{run.station}</dd>
+          </>
+        )}
+        <dt>Tags</dt>
+        <dd>
+          <Tags run={run} />
         </dd>
         <dt>Ended</dt>
         <dd>

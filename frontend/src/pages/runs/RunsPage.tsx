@@ -1,14 +1,15 @@
-/** Everything that was recorded: search, look, take home. */
+/** Everything that was recorded: search, look, compare, take home. */
 
+import { useMemo } from "react";
 import { useParams } from "wouter";
+import { othersIn } from "./address";
+import { MetricChart } from "./MetricChart";
 import { RunDetail } from "./RunDetail";
 import { RunTable } from "./RunTable";
 
 export default function RunsPage() {
-  const { id, other } = useParams();
-  return id === undefined ? (
-    <RunTable />
-  ) : (
-    <RunDetail key={id} id={Number(id)} other={other === undefined ? undefined : Number(other)} />
-  );
+  const { id, others, chart } = useParams();
+  const numbers = useMemo(() => othersIn(others, Number(id)), [others, id]);
+  if (chart !== undefined) return <MetricChart />;
+  return id === undefined ? <RunTable /> : <RunDetail key={id} id={Number(id)} others={numbers} />;
 }

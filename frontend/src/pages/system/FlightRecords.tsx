@@ -9,7 +9,7 @@ import { flightsQuery } from "../../service/system";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
 
-const FORMATS = ["csv", "parquet", "mat"] as const;
+const FORMATS = ["csv", "parquet", "mat", "mcap"] as const;
 
 export function FlightRecords() {
   const flights = useQuery(flightsQuery).data ?? [];

@@ -1,0 +1,39 @@
+"""Studies: begun from a text, followed, stopped and resumed."""
+
+from fastapi import APIRouter
+
+from backend.api.auth import Operator, SignedIn
+from backend.api.service import RowId, ServiceInUse
+from backend.messages.study import StudyDetail, StudyList, StudyText, StudyView
+
+router = APIRouter(prefix="/api/studies", tags=["studies"])
+
+
+@router.get("")
+async def list_studies(service: ServiceInUse, _person: SignedIn) -> StudyList:
+    """List the newest studies, and how far each is."""
+    return await service.studies.all()
+
+
+@router.post("", status_code=201)
+async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) -> StudyView:
+    """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
+    return await service.studies.begin(body.text, person.name)
+
+
+@router.get("/{id}")
+async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn) -> StudyDetail:
+    """Return a study with its maps and the first rows of its table."""
+    return await service.studies.detail(id)
+
+
+@router.post("/{id}/stop")
+async def stop_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+    """Have a study stop, whoever computes it; what is computed stays."""
+    return await service.studies.stop(id)
+
+
+@router.post("/{id}/resume")
+async def resume_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+    """Have computed what a study lacks."""
+    return await service.studies.resume(id)

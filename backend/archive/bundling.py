@@ -1,0 +1,22 @@
+"""A run's bundle with its report, made where none was handed out yet."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from backend.exports import bundle
+from backend.reports.rendering import render
+from backend.reports.source import load_source
+from backend.storage import Database, results
+from backend.storage.runs import EndState, RunKind
+
+
+def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
+    """Return the bundle of a run, piece by piece; sessions have no report. Raises UnknownRecordError, ExportError."""
+    with database.reading() as session:
+        kept = results.newest_report(session, run_id, "html")
+    report = None if kept is None else kept.content
+    if report is None:
+        source = load_source(database, run_id)
+        if source.run.kind != RunKind.SESSION and source.run.end_state != EndState.RUNNING:
+            report = render(source, "html")
+    return bundle.write(database, run_id, report, folder)

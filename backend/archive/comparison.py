@@ -1,0 +1,147 @@
+"""Runs beside each other by their metrics, and one metric over the dates of its runs."""
+
+from collections.abc import Sequence
+
+from backend.documents.edge import UnreadableDocumentError
+from backend.documents.result import Figure
+from backend.messages.run_search import (
+    ComparedMetric,
+    ComparedRun,
+    ComparedValue,
+    MetricHistory,
+    MetricName,
+    MetricPoint,
+    RunComparison,
+)
+from backend.refusal import Because, RefusalError, require_within
+from backend.reports.verdict import verdict_of
+from backend.storage import Session, results, run_search, runs
+from backend.storage.results import Result
+from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, parse
+from backend.storage.run_title import title_of
+from backend.storage.runs import Run
+
+MOST_RUNS = 20
+MOST_POINTS = 5000
+_ABSENT = "the run has no such metric"
+
+
+def compare(session: Session, run_ids: Sequence[int], reference: int | None) -> RunComparison:
+    """Return the metrics of runs with their differences to a reference, one of them (None: the first).
+
+    Raises OutOfRangeError, RefusalError, UnknownRecordError.
+    """
+    numbers = list(dict.fromkeys(run_ids))
+    require_within("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
+    chosen = numbers[0] if reference is None else reference
+    if chosen not in numbers:
+        raise RefusalError(
+            Because.BAD_VALUE,
+            f"reference: run {chosen} is none of those that are compared",
+            legal=[str(number) for number in numbers],
+        )
+    found = [runs.get(session, number) for number in numbers]
+    judged = [_judged(session, run) for run in found]
+    place = numbers.index(chosen)
+    return RunComparison(
+        reference=chosen,
+        runs=[_named(run, result, problem) for run, (result, problem) in zip(found, judged, strict=True)],
+        metrics=_metrics([_figures(result) for result, _ in judged], [problem for _, problem in judged], place),
+    )
+
+
+def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
+    """Return the newest result of a run, or None and why."""
+    try:
+        result = results.newest(session, run.id)
+    except UnreadableDocumentError as error:
+        return None, str(error)
+    return result, "" if result is not None else run.evaluation_problem or "the run has not been evaluated"
+
+
+def _figures(result: Result | None) -> dict[str, Figure]:
+    return {} if result is None else {item.name: item for item in result.metrics.figures}
+
+
+def _named(run: Run, result: Result | None, problem: str) -> ComparedRun:
+    metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
+    return ComparedRun(
+        id=run.id,
+        title=title_of(run),
+        kind=run.kind,
+        station=run.station,
+        who=run.who,
+        started=run.started_at,
+        verdict=verdict_of(metrics, criteria, problem).sentence,
+    )
+
+
+def _metrics(figures: Sequence[dict[str, Figure]], problems: Sequence[str], reference: int) -> list[ComparedMetric]:
+    """Return all metrics that any of the runs has, those of the reference first."""
+    shown: dict[str, Figure] = {}
+    for of_run in (figures[reference], *figures):
+        for name, item in of_run.items():
+            shown.setdefault(name, item)
+    return [
+        ComparedMetric(
+            name=name,
+            label=shown[name].label,
+            definition=shown[name].definition,
+            unit=shown[name].unit,
+            values=[
+                _value(of_run.get(name), figures[reference].get(name), shown[name].unit, problem)
+                for of_run, problem in zip(figures, problems, strict=True)
+            ],
+        )
+        for name in shown
+    ]
+
+
+def _value(figure: Figure | None, reference: Figure | None, unit: str, problem: str) -> ComparedValue:
+    if figure is None:
+        return ComparedValue(value=None, reason=problem or _ABSENT, difference=None, percent=None)
+    if figure.unit != unit:
+        return ComparedValue(
+            value=None, reason=f"it was measured in {figure.unit}, not in {unit}", difference=None, percent=None
+        )
+    difference = percent = None
+    if figure.value is not None and reference is not None and reference.value is not None:
+        difference = figure.value - reference.value
+        percent = 100.0 * difference / abs(reference.value) if reference.value else None
+    return ComparedValue(value=figure.value, reason=figure.reason, difference=difference, percent=percent)
+
+
+def metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+    """Return a metric ("": the first there is) of the runs of a kind that fit ``where``. Raises QueryError."""
+    of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
+    asked: Query = All((of_kind, parse(where)))
+    judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED))))
+    known = _known_metrics(session, judged, everywhere=everywhere)
+    chosen = next((one for one in known if one.name == metric or not metric), None)
+    if chosen is None:
+        if metric:
+            raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
+        return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
+    found = run_search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MOST_POINTS)
+    return MetricHistory(
+        kind=kind,
+        metric=chosen,
+        metrics=known,
+        points=[MetricPoint(run=run_id, at=at, value=value) for run_id, at, value in found.points],
+        without=found.fitting - found.measured,
+        left_out=found.measured - len(found.points),
+    )
+
+
+_JUDGED = ("passed", "failed", "neutral", "incomplete")
+_LOOKED_AT = 20
+"""Newest runs of a kind in which its metrics are looked for."""
+
+
+def _known_metrics(session: Session, asked: Query, *, everywhere: bool) -> list[MetricName]:
+    """Return the metrics of the newest run that has a result."""
+    for run_id in run_search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids:
+        result, _ = _judged(session, runs.get(session, run_id))
+        if result is not None and result.metrics.figures:
+            return [MetricName(name=item.name, label=item.label, unit=item.unit) for item in result.metrics.figures]
+    return []

@@ -1,0 +1,142 @@
+"""Studies as they are kept and shown: begun from a text, listed, asked to stop, their tables and maps."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+
+from backend.archive.own_experiments import OwnExperiments
+from backend.documents.run_settings import Value
+from backend.experiments.composing import text
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.playable import banks_in
+from backend.experiments.settings import describe
+from backend.messages.study import StudyAxis, StudyDetail, StudyFigure, StudyMap, StudyPoint, StudyView
+from backend.storage import Database, studies
+from backend.storage.studies import StoredPoint, StoredStudy
+from backend.studies import maps
+from backend.studies.design import Design
+from backend.studies.maps import Map
+from backend.studies.runner import is_computed, left_s
+from backend.studies.stored import Surroundings, design_of, new_study
+from plant.parameters import PlantParameters
+
+LISTED = 100
+_GONE = "who computed it died without a word: resume it, what is computed is kept"
+"""Of a study that nobody computes although nobody has let go of it: killed, or its machine lost."""
+ROWS_SHOWN = 200
+"""Rows of a table that the page is given; the command line has all."""
+
+
+class Studies:
+    """Reads and keeps them; what computes them is ``backend.studies.runner``."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
+        """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
+        own = OwnExperiments(self._database)
+        new = new_study(written, Surroundings(own.entry, parameters, tuning, banks_in(self._database)), who)
+        with self._database.session() as session:
+            kept = studies.add(session, new)
+        return self.view(kept.id)
+
+    def all(self) -> list[StudyView]:
+        """Return the newest studies, newest first."""
+        with self._database.reading() as session:
+            return [_view(kept, studies.states(session, kept.id)) for kept in studies.newest(session, LISTED)]
+
+    def view(self, study_id: int) -> StudyView:
+        """Return one. Raises UnknownRecordError."""
+        with self._database.reading() as session:
+            return _view(studies.get(session, study_id), studies.states(session, study_id))
+
+    def stop(self, study_id: int) -> StudyView:
+        """Have whoever computes it stop when the runs in hand are done. Raises UnknownRecordError."""
+        with self._database.session() as session:
+            studies.ask_to_stop(session, study_id)
+        return self.view(study_id)
+
+    def detail(self, study_id: int, rows: int | None = ROWS_SHOWN) -> StudyDetail:
+        """Return a study with its maps and the first rows of its table; all ``rows`` for None."""
+        kept, points, design = self._read(study_id)
+        named = maps.figure_names(text.of_canonical(design.base.experiment))
+        spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
+        figures = [
+            StudyFigure(
+                name=name,
+                label=item.label,
+                unit=item.unit,
+                count=spread[name].count,
+                least=spread[name].least,
+                median=spread[name].median,
+                mean=spread[name].mean,
+                largest=spread[name].largest,
+            )
+            for name, item in named.items()
+            if name in spread
+        ]
+        axes = dict(design.axes)
+        drawn = maps.axes_to_draw(axes)
+        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, item.name, "mean") for item in figures]
+        return StudyDetail(
+            study=self.view(study_id),
+            text=kept.text,
+            axes=[
+                StudyAxis(name=name, unit=unit_of(name, design), values=list(values)) for name, values in design.axes
+            ],
+            figures=figures,
+            maps=[_map_view(item) for item in shown],
+            rows=[_point_view(point) for point in points[:rows]],
+        )
+
+    def map(self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None) -> tuple[Map, Design]:
+        """Return the map of a figure, by ``pick``, ``over`` x and y. Raises SettingError, UnknownRecordError."""
+        _, points, design = self._read(study_id)
+        axes = dict(design.axes)
+        x, y = over or maps.axes_to_draw(axes) or ("", "")
+        return maps.map_of(points, axes, x, y, figure, pick), design
+
+    def _read(self, study_id: int) -> tuple[StoredStudy, list[StoredPoint], Design]:
+        with self._database.reading() as session:
+            kept = studies.get(session, study_id)
+            return kept, studies.points(session, study_id), design_of(kept)
+
+
+def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
+    done, computed = sum(ends.values()), is_computed(kept)
+    state = "done" if done == kept.points else "stopped"
+    if computed:
+        state = "stopping" if kept.stop_asked else "running"
+    lasted_s = (datetime.now(UTC) - kept.begun_at).total_seconds() if kept.begun_at else 0.0
+    return StudyView(
+        id=kept.id,
+        name=kept.name,
+        title=kept.title,
+        who=kept.who,
+        created=kept.created_at,
+        state=state,
+        points=kept.points,
+        done=done,
+        ends=ends,
+        left_s=left_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
+        problem=kept.problem or (_GONE if kept.runner and state == "stopped" else ""),
+    )
+
+
+def _map_view(drawn: Map) -> StudyMap:
+    return StudyMap(
+        figure=drawn.figure, pick=drawn.pick, x=drawn.x, y=drawn.y, cells=[list(row) for row in drawn.cells]
+    )
+
+
+def _point_view(point: StoredPoint) -> StudyPoint:
+    return StudyPoint(**vars(point))
+
+
+def unit_of(name: str, design: Design) -> str:
+    """Return the SI unit of what is varied: a number of the plant, or a setting."""
+    if "." in name:
+        section, entry, *_ = name.split(".")
+        return str(design.base.parameters[section][entry]["unit"])
+    declared = {item.name: item.unit for item in text.of_canonical(design.base.experiment).settings}
+    return {**declared, **{item.name: item.unit for item in describe(LoopSettings)}}.get(name, "1")

@@ -1,0 +1,89 @@
+"""``sinew runs export`` and what goes with it."""
+
+import getpass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from backend.cli.output import AsJson, fail, out, print_json
+from backend.cli.place import DataFolder, database_of, settings_with
+
+
+def export(
+    run: Annotated[int, typer.Argument(help="Number of the run.")],
+    file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet, .mat or .mcap says the format.")],
+    data: DataFolder = None,
+) -> None:
+    """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
+    from backend.exports.errors import ExportError
+    from backend.exports.formats import DataFormat, write_file
+    from backend.exports.source import of_run
+    from backend.storage.records import UnknownRecordError
+
+    kind = file.suffix.removeprefix(".")
+    if kind not in set(DataFormat):
+        fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
+    with database_of(settings_with(data=data)) as database:
+        try:
+            write_file(of_run(database, run), DataFormat(kind), file)
+        except (UnknownRecordError, ExportError) as error:
+            fail(str(error), status=2)
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
+    """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
+    from backend.exports import foxglove_layout
+
+    file.write_text(foxglove_layout.layout(), encoding="utf-8")
+    out.print(f"wrote {file}", highlight=False, markup=False)
+
+
+def take_in(
+    file: Annotated[Path, typer.Argument(help="Export of a run: .csv, .parquet, .mat or .mcap; or its bundle, .zip.")],
+    data: DataFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
+    from backend.exports import bundle_import, taking_in
+    from backend.exports.errors import ImportRefusedError
+
+    settings = settings_with(data=data)
+    with database_of(settings) as database:
+        try:
+            if file.suffix.lower() == ".zip":
+                taken = bundle_import.take_in(database, file, getpass.getuser(), settings.data)
+            else:
+                taken = taking_in.take_in(database, file, getpass.getuser())
+        except (ImportRefusedError, OSError) as error:
+            fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
+            raise
+    if as_json:
+        print_json(vars(taken))
+    elif taken.new:
+        out.print(f"run {taken.was} is taken in as run {taken.run}", highlight=False, markup=False)
+    else:
+        out.print(
+            f"run {taken.was} is here already, as run {taken.run}: nothing is done", highlight=False, markup=False
+        )
+
+
+def bundle(
+    run: Annotated[int, typer.Argument(help="Number of the run.")],
+    file: Annotated[Path, typer.Argument(help="File to write, .zip.")],
+    data: DataFolder = None,
+) -> None:
+    """Write a run with all that it came from to a file that another installation takes in."""
+    from backend.archive.bundling import bundle_pieces
+    from backend.exports.errors import ExportError
+    from backend.exports.files import write_whole
+    from backend.storage.records import UnknownRecordError
+
+    settings = settings_with(data=data)
+    with database_of(settings) as database:
+        try:
+            write_whole(bundle_pieces(database, run, settings.data), file)
+        except (UnknownRecordError, ExportError) as error:
+            fail(str(error), status=2)
+    out.print(f"wrote {file}", highlight=False, markup=False)

@@ -1,0 +1,212 @@
+"""``sinew study``: many simulated runs at once, their table, their maps."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from backend.cli.experiment import text_in
+from backend.cli.ordering import current_user, in_force
+from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
+from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
+from backend.reading import read, reading_of
+
+if TYPE_CHECKING:
+    from backend.messages.study import StudyDetail, StudyView
+    from backend.studies.crew import Crew
+    from backend.studies.point import Base
+    from backend.studies.runner import Progress as Done
+
+app = typer.Typer(
+    help="Studies: many simulated runs, over settings, plants and noise.", no_args_is_help=True, rich_markup_mode=None
+)
+Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Number of a study, of sinew study list.")]
+
+
+@app.command()
+def run(
+    file: Annotated[Path | None, typer.Argument(help="File of a study, YAML or JSON (docs/studies.md).")] = None,
+    resume: Annotated[int | None, typer.Option("--resume", metavar="NUMBER", help="Go on with this study.")] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, max=1024, help="Processes; 0 for one on each core.")] = 0,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Compute on a Dask cluster: tcp://HOST:8786.")
+    ] = None,
+    params: ParameterSet = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compute a study, row by row into the database. Ctrl+C stops it; --resume computes what is missing.
+
+    What the study does not say is as it is now: the parameter set, and the tuning that is in force.
+    """
+    if (file is None) == (resume is None):
+        fail("name the file of a study, or the number of one with --resume", status=2)
+    from backend.archive.studies import Studies
+    from backend.studies.runner import run_study
+    from plant.parameters import load_parameters
+
+    settings = settings_with(params=params, data=data, station=station)
+    tuning: dict[str, Any] = {} if file is None else in_force(settings).parts
+    with database_of(settings) as database:
+        kept = Studies(database)
+        if resume is None:
+            assert file is not None
+            resume = kept.begin(text_in(file), current_user(), load_parameters(settings.params), tuning).id
+        if not as_json:
+            out.print(f"study {resume}: sinew study run --resume {resume} goes on with it", highlight=False)
+        with _progress(hidden=as_json) as notify:
+            whole = run_study(database, resume, _crew(jobs, scheduler), notify)
+        _say(kept.detail(resume, 0), as_json=as_json)
+    if not whole:
+        fail(f"study {resume} was stopped: sinew study run --resume {resume} goes on with it")
+
+
+@app.command("list")
+def list_studies(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
+    """List studies, newest first, and how far they are."""
+    from backend.archive.studies import Studies
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        found = Studies(database).all()
+    if as_json:
+        print_json([study.model_dump(mode="json") for study in found])
+        return
+    rows = [
+        (study.id, study.name, study.title, study.who, study.state, f"{study.done} of {study.points}", _left(study))
+        for study in found
+    ]
+    print_table(("study", "name", "title", "by", "state", "runs", "left"), rows)
+
+
+@app.command()
+def show(
+    study: Number,
+    rows: Annotated[bool, typer.Option("--rows", help="The whole table, row by row; always so with --json.")] = False,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show how far a study is and how its figures are spread."""
+    from backend.archive.studies import Studies
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        found = Studies(database).detail(study, None if rows or as_json else 0)
+    _say(found, as_json=as_json)
+
+
+@app.command()
+def stop(study: Number, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
+    """Have a study stop, wherever it is computed; what is computed stays."""
+    from backend.archive.studies import Studies
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        found = Studies(database).stop(study)
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+    else:
+        out.print(f"study {study}: {found.state}, {found.done} of {found.points} runs", highlight=False)
+
+
+@app.command("map")
+def draw(
+    study: Number,
+    figure: Annotated[str, typer.Option("--figure", help="Which figure, of sinew study show.")] = "overshoot_q_percent",
+    over: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--over", metavar="X Y", help="Two axes. [lam_q lam_S, else the first two]"),
+    ] = None,
+    pick: Annotated[str, typer.Option("--pick", help="Of several runs in a cell: mean, least or largest.")] = "mean",
+    to: Annotated[Path | None, typer.Option("--out", help="Picture to write: png, svg or pdf.")] = None,
+    data: DataFolder = None,
+    station: StationName = None,
+    as_json: AsJson = False,
+) -> None:
+    """Map a figure over two axes of a study: as a table, or as a picture."""
+    from dataclasses import asdict
+
+    from backend.archive.studies import Studies, unit_of
+    from backend.experiments.composing.text import of_canonical
+    from backend.studies.maps import figure_names
+
+    with database_of(settings_with(data=data, station=station)) as database:
+        found, design = Studies(database).map(study, figure, pick, over)
+    named = figure_names(of_canonical(design.base.experiment))
+    if figure not in named:
+        fail(f"there is no figure {figure}; known are {', '.join(named)}", status=2)
+    if to is not None:
+        from backend.reports.study_map import draw_map
+
+        labels = [f"{name} [{unit_of(name, design)}]" for name in (found.x, found.y)]
+        label = f"{named[figure].label} [{named[figure].unit}], {pick}"
+        draw_map(found.cells, (labels[0], found.x_values), (labels[1], found.y_values), label, to)
+    if as_json:
+        print_json(asdict(found))
+        return
+    columns = (f"{found.y} \\ {found.x}", *(f"{value}" for value in found.x_values))
+    print_table(columns, [(value, *row) for value, row in zip(found.y_values, found.cells, strict=True)])
+
+
+def _crew(jobs: int, scheduler: str | None) -> "Callable[[Base], Crew]":
+    from backend.studies.crew import cores
+    from backend.studies.runner import local
+
+    if scheduler is None:
+        return local(jobs or cores())
+    from backend.studies.cluster import on_cluster
+
+    return on_cluster(scheduler)
+
+
+@contextmanager
+def _progress(*, hidden: bool) -> "Iterator[Callable[[Done], None]]":
+    columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
+        task = progress.add_task("", total=None)
+
+        def notify(done: "Done") -> None:
+            left = "" if done.left_s is None else f"{_in_time(done.left_s)} left"
+            progress.update(task, completed=done.done, total=done.points, description=left)
+
+        yield notify
+
+
+def _say(found: "StudyDetail", *, as_json: bool) -> None:
+    if as_json:
+        print_json(found.model_dump(mode="json"))
+        return
+    study = found.study
+    ends = ", ".join(f"{count} {state}" for state, count in study.ends.items())
+    out.print(f"study {study.id}, {study.title}: {study.state}, {study.done} of {study.points} runs", highlight=False)
+    out.print(f"{ends or 'none yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False)
+    print_table(
+        ("figure", "runs", "least", "median", "mean", "largest", "unit"),
+        [
+            (
+                item.name,
+                item.count,
+                *(
+                    read(value or 0.0, item.unit, angles())
+                    for value in (item.least, item.median, item.mean, item.largest)
+                ),
+                reading_of(item.unit, angles()).unit,
+            )
+            for item in found.figures
+        ],
+    )
+    if found.rows:
+        names = list(found.rows[0].values)
+        rows = [(row.number, *(row.values.get(name) for name in names), row.state, row.detail) for row in found.rows]
+        print_table(("run", *names, "end", "detail"), rows)
+
+
+def _left(study: "StudyView") -> str:
+    return "" if study.left_s is None else _in_time(study.left_s)
+
+
+def _in_time(seconds: float) -> str:
+    return time.strftime("%H:%M:%S", time.gmtime(seconds))

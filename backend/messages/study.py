@@ -1,0 +1,90 @@
+"""Studies as the page and the command line show them."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.documents.run_settings import Value
+from backend.experiments.composing.text import MAX_CHARACTERS
+from backend.messages.base import Schema, quantity
+
+
+class StudyText(Schema):
+    """A study as YAML or JSON, see docs/studies.md."""
+
+    text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
+
+
+class StudyView(Schema):
+    """A study, and how far it is. ``state`` is running, stopping, stopped or done."""
+
+    id: int
+    name: str
+    title: str
+    who: str
+    created: datetime
+    state: str
+    points: int = Field(description="runs that it has")
+    done: int = Field(description="runs that are computed")
+    ends: dict[str, int] = Field(description="how many of these ended how")
+    left_s: float | None = quantity("s", "time left, as fast as it went so far")
+    problem: str = Field(description="what the last attempt to compute it ended of, where that went wrong")
+
+
+class StudyList(Schema):
+    """Studies, newest first."""
+
+    studies: list[StudyView]
+
+
+class StudyFigure(Schema):
+    """A figure of the table, and how it is spread over all runs that gave it; ``unit`` is SI."""
+
+    name: str
+    label: str
+    unit: str
+    count: int
+    least: float | None
+    median: float | None
+    mean: float | None
+    largest: float | None
+
+
+class StudyPoint(Schema):
+    """A row of the table: what was varied, how the run ended, what it gave. Numbers are in SI."""
+
+    number: int
+    values: dict[str, Value]
+    state: str
+    detail: str
+    passed: bool | None
+    figures: dict[str, float | None]
+
+
+class StudyAxis(Schema):
+    """What was gone through, and its values in SI."""
+
+    name: str
+    unit: str
+    values: list[Value]
+
+
+class StudyMap(Schema):
+    """A figure over two axes; ``cells`` by place of y, then of x, null where no run gave a number."""
+
+    figure: str
+    pick: str = Field(description="what a cell shows of several runs: mean, least or largest")
+    x: str
+    y: str
+    cells: list[list[float | None]]
+
+
+class StudyDetail(Schema):
+    """A study with its figures, maps and the first rows of its table."""
+
+    study: StudyView
+    text: str
+    axes: list[StudyAxis]
+    figures: list[StudyFigure]
+    maps: list[StudyMap]
+    rows: list[StudyPoint]

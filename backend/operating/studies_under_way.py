@@ -1,0 +1,120 @@
+"""Studies that the page has computed: one after the other, in processes that give way to all others.
+
+One core is left to the loop and the service. What ends with the service goes on where it was, when somebody resumes it.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.messages.study import StudyDetail, StudyList, StudyView
+from backend.offload import Offload, WorkerDiedError
+from backend.refusal import Because, RefusalError
+from backend.storage import Database
+from backend.studies.crew import cores
+from backend.studies.runner import local, run_study
+from plant.parameters import PlantParameters
+
+_LOG = logging.getLogger(__name__)
+WAITING = "waiting"
+"""State of a study whose turn comes after that of another one."""
+WAITING_MAX = 20
+"""Studies under way or waiting, at most."""
+
+
+class StudiesUnderWay:
+    """Belongs to the service's event loop. ``computing`` has a process for studies, ``reading`` one for their tables.
+
+    ``tuning`` tells the one in force, which holds where a study names none.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        parameters: PlantParameters,
+        tuning: Callable[[], TuningChoice],
+        computing: Offload,
+        reading: Offload,
+    ) -> None:
+        self._database, self._parameters, self._tuning = database, parameters, tuning
+        self._computing, self._reading = computing, reading
+        self._kept = Studies(database)
+        self._turn = asyncio.Lock()
+        self._waiting: dict[int, asyncio.Task[None]] = {}
+        self._present: dict[int, asyncio.Task[None]] = {}
+
+    async def all(self) -> StudyList:
+        """Return the newest studies, newest first."""
+        return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])
+
+    async def detail(self, study_id: int) -> StudyDetail:
+        """Return a study with its maps and the first rows of its table. Raises UnknownRecordError."""
+        found = await self._reading.run(_detail, self._database, study_id)
+        return found.model_copy(update={"study": self._told(found.study)})
+
+    async def begin(self, text: str, who: str) -> StudyView:
+        """Keep a study and have it computed. Raises ExperimentError, SettingError, RefusalError for one too many."""
+        self._require_place()
+        tuning = self._tuning()
+        study = await self._reading.run(_begin, self._database, text, who, self._parameters, tuning)
+        return self._have_computed(study)
+
+    async def resume(self, study_id: int) -> StudyView:
+        """Have computed what is missing. Raises UnknownRecordError, RefusalError for one too many."""
+        self._require_place()
+        return self._have_computed(await asyncio.to_thread(self._kept.view, study_id))
+
+    async def stop(self, study_id: int) -> StudyView:
+        """Have a study stop, whoever computes it. Raises UnknownRecordError."""
+        study = await asyncio.to_thread(self._kept.stop, study_id)
+        if study_id in self._waiting:
+            self._waiting.pop(study_id).cancel()
+        return self._told(study)
+
+    async def close(self) -> None:
+        """Let go of all; what is computed is kept."""
+        tasks = [*self._waiting.values(), *self._present.values()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _require_place(self) -> None:
+        if len(self._waiting) + len(self._present) >= WAITING_MAX:
+            raise RefusalError(Because.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
+
+    def _have_computed(self, study: StudyView) -> StudyView:
+        known = study.id in self._waiting or study.id in self._present
+        if not known and study.state == "stopped":
+            self._waiting[study.id] = asyncio.get_running_loop().create_task(self._compute(study.id))
+        return self._told(study)
+
+    async def _compute(self, study_id: int) -> None:
+        async with self._turn:
+            self._present[study_id] = self._waiting.pop(study_id)
+            try:
+                await self._computing.run(_compute, self._database, study_id)
+            except WorkerDiedError as died:
+                _LOG.warning("study %s: %s", study_id, died)
+            except Exception:  # the study says what it was
+                _LOG.exception("study %s could not be computed", study_id)
+            finally:
+                del self._present[study_id]
+
+    def _told(self, study: StudyView) -> StudyView:
+        """Return a study that nobody computes yet as one that waits, where that is so."""
+        under_way = study.id in self._waiting or study.id in self._present
+        return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
+
+
+def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningChoice) -> StudyView:
+    return Studies(database).begin(text, who, parameters, tuning.document())
+
+
+def _detail(database: Database, study_id: int) -> StudyDetail:
+    return Studies(database).detail(study_id)
+
+
+def _compute(database: Database, study_id: int) -> None:
+    run_study(database, study_id, local(max(1, cores() - 1)))

@@ -1,0 +1,96 @@
+/** The samples of stored runs as sources of curves, in more detail where the view has come to rest. */
+
+import { useDebouncedValue } from "@mantine/hooks";
+import { useQueries } from "@tanstack/react-query";
+import { useEffect, useMemo } from "react";
+import { RecordedSource } from "../../charts/recordedSource";
+import { stretch, type Viewport } from "../../charts/viewport";
+import { significant } from "../../samples/format";
+import type { Stretch } from "../../samples/stretch";
+import { recordingQuery } from "../../service/queries";
+import { PANELS } from "../../theme/signals";
+import type { Excerpt } from "../../wire/curves";
+
+/** What the charts show, and what the drawing of the actuator needs beside. */
+const SIGNALS = [...PANELS.flatMap((panel) => panel.traces.map((trace) => trace.name)), "theta_A", "theta_B"];
+const POINTS = 2000;
+const RESTED_MS = 80;
+
+export interface Recorded {
+  readonly id: number;
+  readonly duration_s: number;
+}
+
+export interface Recordings {
+  readonly sources: readonly RecordedSource[];
+  /** What a point of the curves of the first stands for at present. */
+  readonly resolution: string;
+}
+
+/** `runs` has to be the same array as long as it says the same. */
+export function useRecordings(runs: readonly Recorded[], view: Viewport): Recordings {
+  const sources = useMemo(() => runs.map(({ duration_s }) => new RecordedSource(duration_s)), [runs]);
+  const overviews = useQueries({
+    queries: runs.map(({ id, duration_s }) =>
+      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, SIGNALS),
+    ),
+  });
+  const longest_s = Math.max(...runs.map(({ duration_s }) => duration_s));
+  const seen = stretch(view, longest_s);
+  // the first turn of the wheel is followed at once, those after it when they have come to rest
+  const wanted = useSteady(widened(seen, longest_s));
+  const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
+  const parts = runs.map(({ duration_s }) => ({
+    from_s: Math.min(rested.from_s, duration_s),
+    to_s: Math.min(rested.to_s, duration_s),
+  }));
+  const zoomed = parts.map(
+    ({ from_s, to_s }, index) => to_s - from_s < (runs[index] as Recorded).duration_s && to_s > from_s,
+  );
+  const details = useQueries({
+    queries: runs.map(({ id }, index) => ({
+      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, SIGNALS),
+      enabled: zoomed[index] === true,
+    })),
+  });
+
+  const overviewsThere = overviews.map(({ data }) => data);
+  const detailsThere = details.map(({ data }) => data);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the data themselves decide, not the array around them
+  useEffect(() => {
+    overviewsThere.forEach((data, index) => {
+      if (data) sources[index]?.setOverview(data);
+    });
+  }, [...overviewsThere, sources]);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
+  useEffect(() => {
+    detailsThere.forEach((data, index) => {
+      if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as Stretch, data);
+    });
+  }, [...detailsThere, sources]);
+
+  const first = parts[0] as Stretch;
+  const duration_s = (runs[0] as Recorded).duration_s;
+  const fits =
+    zoomed[0] && first.from_s <= Math.max(0, seen.from_s) && first.to_s >= Math.min(seen.to_s, duration_s);
+  return { sources, resolution: resolution(fits ? detailsThere[0] : overviewsThere[0]) };
+}
+
+/** The same object as long as it says the same: a new one would begin the wait for rest anew. */
+function useSteady({ from_s, to_s }: Stretch): Stretch {
+  return useMemo(() => ({ from_s, to_s }), [from_s, to_s]);
+}
+
+function resolution(shown: Excerpt | undefined): string {
+  if (shown === undefined) return "loading";
+  return shown.raw ? "every sample" : `smallest and largest per ${significant(shown.width_s, 3)} s`;
+}
+
+/** A third more on either side, so that a small pan needs no new data. */
+function widened({ from_s, to_s }: Stretch, duration_s: number): Stretch {
+  const margin = (to_s - from_s) / 3;
+  return {
+    from_s: Math.max(0, from_s - margin),
+    to_s: Math.max(from_s, Math.min(duration_s, to_s + margin)),
+  };
+}

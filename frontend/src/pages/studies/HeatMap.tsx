@@ -1,0 +1,143 @@
+/** A map as a picture: a cell for each pair of values, its colour between the least and the largest number. */
+
+import { settingValue, short } from "../../samples/format";
+import { type Cells, cellsOf, ticksOf } from "./heatCells";
+import styles from "./Studies.module.css";
+
+export interface Axis {
+  readonly label: string;
+  readonly values: readonly (number | string | boolean)[];
+}
+
+interface HeatMapProps {
+  readonly title: string;
+  readonly x: Axis;
+  readonly y: Axis;
+  /** By place of y, then of x. */
+  readonly cells: Cells;
+}
+
+const WIDTH = 420;
+const HEIGHT = 300;
+const LEFT = 62;
+const BOTTOM = 40;
+const SCALE = 96;
+const TOP = 8;
+
+export function HeatMap({ title, x, y, cells }: HeatMapProps) {
+  const width = WIDTH - LEFT - SCALE;
+  const height = HEIGHT - TOP - BOTTOM;
+  const { least, largest, drawn } = cellsOf(cells, width, height);
+  const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
+  const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
+  return (
+    <figure className={styles.map} aria-label={title}>
+      <figcaption>{title}</figcaption>
+      <svg
+        viewBox={`0 0 ${WIDTH} ${HEIGHT}`}
+        role="img"
+        aria-label={`${title} over ${x.label} and ${y.label}`}
+      >
+        <g transform={`translate(${LEFT} ${TOP})`}>
+          {drawn.map((cell) => (
+            <g key={cell.key}>
+              <rect
+                x={cell.left}
+                y={cell.top}
+                width={cell.width}
+                height={cell.height}
+                fill={cell.colour ?? "var(--sunken)"}
+              >
+                <title>{`${x.label} ${told(x, cell.column)}, ${y.label} ${told(y, cell.row)}: ${
+                  cell.value === null ? "no run gave a number" : short(cell.value)
+                }`}</title>
+              </rect>
+              {cell.text !== "" && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={cell.top + cell.height / 2}
+                  className={styles.inside}
+                  fill={cell.ink}
+                >
+                  {cell.text}
+                </text>
+              )}
+            </g>
+          ))}
+        </g>
+        {ticksOf(x.values.length).map((place) => (
+          <text
+            key={place}
+            x={atX(place)}
+            y={HEIGHT - BOTTOM + 14}
+            className={styles.tick}
+            textAnchor="middle"
+          >
+            {told(x, place)}
+          </text>
+        ))}
+        {ticksOf(y.values.length).map((place) => (
+          <text key={place} x={LEFT - 6} y={atY(place)} dy="0.35em" className={styles.tick} textAnchor="end">
+            {told(y, place)}
+          </text>
+        ))}
+        <text x={LEFT + width / 2} y={HEIGHT - 6} className={styles.label} textAnchor="middle">
+          {x.label}
+        </text>
+        <text
+          transform={`translate(12 ${TOP + height / 2}) rotate(-90)`}
+          className={styles.label}
+          textAnchor="middle"
+        >
+          {y.label}
+        </text>
+        <Scale left={WIDTH - SCALE + 16} height={height} least={least} largest={largest} />
+      </svg>
+    </figure>
+  );
+}
+
+/** Which colour stands for which number. */
+function Scale({
+  left,
+  height,
+  least,
+  largest,
+}: {
+  left: number;
+  height: number;
+  least: number;
+  largest: number;
+}) {
+  const steps = Array.from({ length: 24 }, (_, step) => step / 23);
+  const { drawn } = cellsOf(
+    steps.map((step) => [step]),
+    12,
+    height,
+  );
+  if (!Number.isFinite(least)) return null;
+  return (
+    <g transform={`translate(${left} ${TOP})`}>
+      {drawn.map((cell) => (
+        <rect
+          key={cell.key}
+          y={cell.top}
+          width={12}
+          height={cell.height + 0.5}
+          fill={cell.colour ?? "none"}
+        />
+      ))}
+      <text x={18} y={8} className={styles.tick}>
+        {short(largest)}
+      </text>
+      <text x={18} y={height} className={styles.tick}>
+        {short(least)}
+      </text>
+    </g>
+  );
+}
+
+function told(axis: Axis, place: number): string {
+  const value = axis.values[place] ?? "";
+  return typeof value === "number" ? short(value) : settingValue(value);
+}

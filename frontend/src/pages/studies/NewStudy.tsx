@@ -1,0 +1,88 @@
+/** A study as a text: begun with an example or a file, refused in its line, computed. */
+
+import { Button, FileButton, Textarea } from "@mantine/core";
+import { useState } from "react";
+import { useLocation } from "wouter";
+import { Card } from "../../components/Card";
+import { OperatorsOnly } from "../../components/OperatorsOnly";
+import { Refusal } from "../../components/Refusal";
+import { useBeginStudy } from "../../service/studies";
+import page from "../Page.module.css";
+
+const FILES = ".yaml,.yml,.json,application/yaml,application/json";
+const EXAMPLE = `format: 1
+name: lambda_map
+title: Tracking over both λ, on plants that differ
+experiment: tracking
+axes:
+  - {over: lam_q, first: 0.4, last: 1.0, count: 5}
+  - {over: lam_S, first: 0.4, last: 1.0, count: 5}
+spread:
+  - {of: motor.c0, relative: 0.2}
+draws: 4
+`;
+
+export function NewStudy() {
+  const [text, setText] = useState("");
+  const begin = useBeginStudy();
+  const [, go] = useLocation();
+
+  function change(next: string): void {
+    setText(next);
+    begin.reset();
+  }
+
+  async function read(file: File | null): Promise<void> {
+    if (file !== null) change(await file.text());
+  }
+
+  return (
+    <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/studies.md</span>}>
+      <div className={page.fields}>
+        <div className={page.actions}>
+          <Button size="sm" variant="default" onClick={() => change(EXAMPLE)}>
+            Begin with an example
+          </Button>
+          <FileButton accept={FILES} onChange={(file) => void read(file)}>
+            {(props) => (
+              <Button {...props} size="sm" variant="default">
+                Open file
+              </Button>
+            )}
+          </FileButton>
+        </div>
+        <Textarea
+          aria-label="Text of the study"
+          placeholder="What is varied: settings, numbers of the plant, seeds of the noise."
+          value={text}
+          onChange={(event) => change(event.currentTarget.value)}
+          autosize
+          minRows={6}
+          maxRows={24}
+          spellCheck={false}
+          wrap="off"
+          styles={{ input: { fontFamily: "var(--mantine-font-family-monospace)", fontSize: 12 } }}
+        />
+        <div className={page.decide}>
+          <div className={page.actions}>
+            <OperatorsOnly>
+              <Button
+                size="sm"
+                disabled={text === ""}
+                loading={begin.isPending}
+                onClick={() => begin.mutate(text, { onSuccess: (study) => go(`/studies/${study.id}`) })}
+              >
+                Compute
+              </Button>
+            </OperatorsOnly>
+          </div>
+          <Refusal
+            error={begin.error}
+            about={text}
+            hint="Computed on the simulator, beside the loop and behind it: nothing moves."
+          />
+        </div>
+      </div>
+    </Card>
+  );
+}

@@ -1,0 +1,53 @@
+/** What the page asks of studies, and what it has done with them. */
+
+import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { answered, api } from "../wire/client";
+import type { Study } from "../wire/types";
+
+const WHILE_COMPUTED_MS = 2000;
+const RESTING = ["done", "stopped"];
+
+/** Whether a study changes by itself. */
+export function isUnderWay(study: Study): boolean {
+  return !RESTING.includes(study.state);
+}
+
+export const studiesQuery = queryOptions({
+  queryKey: ["studies"],
+  queryFn: async () => (await answered(api.GET("/api/studies"))).studies,
+  refetchInterval: ({ state: { data } }) => (data?.some(isUnderWay) ? WHILE_COMPUTED_MS : false),
+});
+
+export function studyQuery(id: number) {
+  return queryOptions({
+    queryKey: ["studies", id],
+    queryFn: () => answered(api.GET("/api/studies/{id}", { params: { path: { id } } })),
+    refetchInterval: ({ state: { data } }) =>
+      data !== undefined && isUnderWay(data.study) ? WHILE_COMPUTED_MS : false,
+    retry: false,
+  });
+}
+
+export function useBeginStudy() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (text: string) => answered(api.POST("/api/studies", { body: { text } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["studies"] }),
+  });
+}
+
+export function useStopStudy() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (id: number) => answered(api.POST("/api/studies/{id}/stop", { params: { path: { id } } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["studies"] }),
+  });
+}
+
+export function useResumeStudy() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (id: number) => answered(api.POST("/api/studies/{id}/resume", { params: { path: { id } } })),
+    onSuccess: () => queries.invalidateQueries({ queryKey: ["studies"] }),
+  });
+}

@@ -1,0 +1,91 @@
+"""Studies through the interface, on the running service: begun, followed, stopped, resumed, refused."""
+
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.api.conftest import problem, until
+
+HEAD = "format: 1\nname: short\ntitle: Short\nsettings: {q_duration_s: 0.5, S_duration_s: 0.5, S_high: 12.0}\n"
+GRID = "axes:\n  - {over: lam_q, values: [0.5, 0.8]}\n  - {over: lam_S, values: [0.5, 0.7, 0.9]}\n"
+LONG = "seeds: 3000\n"
+
+
+def begin(client: httpx.Client, text: str) -> dict[str, Any]:
+    return dict(client.post("/api/studies", json={"text": text}).raise_for_status().json())
+
+
+def of(client: httpx.Client, study: int) -> dict[str, Any]:
+    return dict(client.get(f"/api/studies/{study}").raise_for_status().json())
+
+
+def reached(client: httpx.Client, study: int, state: str, least: int = 0) -> Callable[[], bool]:
+    def is_it() -> bool:
+        listed = client.get("/api/studies").raise_for_status().json()["studies"]
+        found = next(one for one in listed if one["id"] == study)
+        return bool(found["state"] == state and found["done"] >= least)
+
+    return is_it
+
+
+def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, viewer: httpx.Client) -> None:
+    study = begin(operator, HEAD + GRID)
+    assert (study["points"], study["who"] != "") == (6, True)
+    until(reached(operator, study["id"], "done"))
+    found = of(viewer, study["id"])
+    assert found["study"]["ends"] == {"completed": 6}
+    assert [(axis["name"], axis["unit"], axis["values"]) for axis in found["axes"]] == [
+        ("lam_q", "s", [0.5, 0.8]),
+        ("lam_S", "s", [0.5, 0.7, 0.9]),
+    ]
+    drawn = next(one for one in found["maps"] if one["figure"] == "min_tension_N")
+    assert (drawn["x"], drawn["y"]) == ("lam_q", "lam_S")
+    by_place = {(row["values"]["lam_q"], row["values"]["lam_S"]): row["figures"] for row in found["rows"]}
+    assert drawn["cells"] == [[by_place[q, S]["min_tension_N"] for q in (0.5, 0.8)] for S in (0.5, 0.7, 0.9)]
+    assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q"]
+
+
+def test_a_study_is_stopped_and_resumed_and_another_waits_for_its_turn(operator: httpx.Client) -> None:
+    first, second = begin(operator, HEAD + LONG)["id"], begin(operator, HEAD + LONG)["id"]
+    until(reached(operator, first, "running", 2))
+    assert reached(operator, second, "waiting")()
+    operator.post(f"/api/studies/{second}/stop").raise_for_status()
+    assert reached(operator, second, "stopped")()
+    assert operator.post(f"/api/studies/{first}/stop").raise_for_status().json()["state"] in ("stopping", "stopped")
+    until(reached(operator, first, "stopped"))
+    done = of(operator, first)["study"]["done"]
+    assert 2 <= done < 3000
+    operator.post(f"/api/studies/{first}/resume").raise_for_status()
+    until(reached(operator, first, "running", done + 1))
+    operator.post(f"/api/studies/{first}/stop").raise_for_status()
+    until(reached(operator, first, "stopped", done + 1))
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "told"),
+    [
+        (
+            HEAD + "axes: [{over: lam_q, values: [9.0]}]",
+            5,
+            "tuning parameter of the position loop: 9 s is outside 0.01 to",
+        ),
+        (HEAD + "axes: [{over: motor.c9, values: [1.0]}]", 5, "the plant has no such number"),
+        ("format: 3", 1, "is not known: this Sinew reads format 1"),
+        ("]", 1, "it is neither YAML nor JSON"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_line(operator: httpx.Client, text: str, line: int, told: str) -> None:
+    answer = operator.post("/api/studies", json={"text": text})
+    assert answer.status_code == 422
+    found = problem(answer)
+    assert found["line"] == line
+    assert told in found["message"]
+
+
+def test_a_viewer_begins_none_and_what_is_not_there_is_told(operator: httpx.Client, viewer: httpx.Client) -> None:
+    assert viewer.post("/api/studies", json={"text": HEAD + GRID}).status_code == 403
+    for asked in (operator.get("/api/studies/999"), operator.post("/api/studies/999/resume")):
+        assert asked.status_code == 404
+        assert problem(asked)["message"] == "there is no study 999"

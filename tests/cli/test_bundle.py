@@ -1,0 +1,34 @@
+"""A run moves from one installation to another by the command line, and its report holds there."""
+
+import json
+from pathlib import Path
+
+from tests.cli.test_report import sinew
+
+
+def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(tmp_path: Path) -> None:
+    out, here, there = tmp_path / "out", tmp_path / "here", tmp_path / "there"
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
+    assert sinew("experiment", "tracking", *short, folder=here).returncode == 0
+    (out / "data.csv").unlink()
+    file, report = tmp_path / "run.zip", out / "report.html"
+    assert sinew("runs", "bundle", "1", str(file), folder=here).returncode == 0
+    assert sinew("report", "verify", str(report), folder=there).returncode == 2  # the samples are not there yet
+    taken = sinew("runs", "import", str(file), "--json", folder=there)
+    assert json.loads(taken.stdout) == {"run": 1, "was": 1, "new": True}, taken.stderr
+    held = sinew("report", "verify", str(report), folder=there)
+    assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    again = sinew("runs", "import", str(file), folder=there)
+    assert (again.returncode, again.stdout.strip()) == (0, "run 1 is here already, as run 1: nothing is done")
+    one, other = (json.loads(sinew("runs", "lineage", "1", "--json", folder=data).stdout) for data in (here, there))
+    assert [node["sha256"] for node in other["nodes"]] == [node["sha256"] for node in one["nodes"]]
+
+
+def test_what_is_refused_says_why_and_ends_with_2(tmp_path: Path) -> None:
+    file = tmp_path / "run.zip"
+    file.write_bytes(b"no zip")
+    for words in (("import", str(file)), ("import", str(tmp_path / "none.csv")), ("bundle", "7", str(file))):
+        refused = sinew("runs", *words, folder=tmp_path / "data")
+        assert refused.returncode == 2
+        assert "Traceback" not in refused.stderr
+    assert file.read_bytes() == b"no zip"

@@ -1,0 +1,59 @@
+"""A study on the page: refused in words, computed, stopped, resumed, drawn; the loop runs on meanwhile."""
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests.e2e.browser import DESKTOP
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+
+STUDY = """format: 1
+name: small
+title: Small map
+settings: {q_duration_s: 0.5, S_duration_s: 0.5, S_high: 12.0}
+axes:
+  - {over: lam_q, values: [0.5, 0.8]}
+  - {over: lam_S, values: [0.5, 0.7, 0.9]}
+"""
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
+def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: Service) -> None:
+    page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
+    operator = Operator(page, service)
+    operator.sign_in()
+    operator.be_in_run()
+    operator.go("Studies")
+    expect(page.get_by_role("main")).to_contain_text("No study yet")
+    new = page.get_by_role("region", name="New study", exact=True)
+    new.get_by_role("textbox").fill(STUDY.replace("0.8]", "9.0]"))
+    new.get_by_role("button", name="Compute", exact=True).click()
+    expect(new.get_by_role("status", name="Refusal")).to_contain_text("line 6: axes 1, over", timeout=MOTION_TIMEOUT_MS)
+
+    new.get_by_role("textbox").fill(STUDY + "seeds: 500\n")
+    new.get_by_role("button", name="Compute", exact=True).click()
+    main = page.get_by_role("region", name="Small map", exact=True)
+    expect(main).to_contain_text("of 3000 runs", timeout=MOTION_TIMEOUT_MS)
+    maps = page.get_by_role("region", name="Maps", exact=True)
+    least = maps.get_by_role("figure", name="Smallest tension [N]", exact=True)
+    expect(least).to_be_visible(timeout=2 * MOTION_TIMEOUT_MS)
+    expect(least).to_contain_text("λ_q [s]")
+    expect(least).to_contain_text("λ_S [s]")
+    expect(main).to_contain_text("left")
+    main.get_by_role("button", name="Stop", exact=True).click()
+    expect(main).to_contain_text("Stopped,", timeout=MOTION_TIMEOUT_MS)
+    main.get_by_role("button", name="Resume", exact=True).click()
+    expect(main).to_contain_text("Running,", timeout=MOTION_TIMEOUT_MS)
+    main.get_by_role("button", name="Stop", exact=True).click()
+    expect(main).to_contain_text("Stopped,", timeout=MOTION_TIMEOUT_MS)
+    assert page.get_by_role("table", name="Rows", exact=True).get_by_role("row").count() > 1
+    maps.get_by_role("combobox", name="Figure").select_option("peak_voltage_V")
+    expect(maps.get_by_role("figure", name="Peak voltage [V]", exact=True)).to_be_visible()
+
+    operator.go("Studies")
+    expect(page.get_by_role("table", name="Studies", exact=True)).to_contain_text("Small map")
+    page.context.close()
