@@ -9,7 +9,7 @@ RUN python -m venv /opt/sinew \
     && python -m pip install --no-cache-dir --require-hashes --requirement .ci/locks/build.lock \
     && python -m pip wheel --no-cache-dir --no-build-isolation --no-deps --wheel-dir /wheel . \
     && /opt/sinew/bin/python -m pip install --no-cache-dir --require-hashes \
-        --requirement .ci/locks/run.lock --requirement .ci/locks/postgres.lock \
+        --requirement .ci/locks/run.lock --requirement .ci/locks/postgres.lock --requirement .ci/locks/cluster.lock \
     && /opt/sinew/bin/python -m pip install --no-cache-dir --no-deps --no-index "$(ls /wheel/sinew-*.whl)"
 
 FROM python:3.11-slim-bookworm

@@ -77,7 +77,7 @@ $(VENV)/.installed: pyproject.toml .ci/install.py $(LOCKS) | $(BIN)/pip
 
 $(VENV)/.installed-dev: $(VENV)/.installed
 	@echo "Installing what the tests and checks need"
-	$(BIN)/python .ci/install.py dev,rig,postgres
+	$(BIN)/python .ci/install.py dev,rig,postgres,cluster,foxglove
 	@touch $@
 
 lock: install

@@ -32,6 +32,7 @@ ONLY_COMPUTES = {
     "recording",
     "reports",
     "storage",
+    "studies",
     "tick",
     "tuning",
     "wire",
@@ -53,15 +54,20 @@ BESIDE = {
         "access announced auth background bad_input banks_and_springs bodies bounds bring_up bring_up_proof "
         "card_faults chain contract control dry_run_places endings faults forms hangup history invalid journal "
         "kept_tuning left_behind lent_tuning live names observation offload operate orders pace places push queue "
-        "queue_problem scene security sign_in stream system tokens tuning turns units waits walk_back"
+        "killed_experiment "
+        "queue_problem run_library same_metrics scene security sign_in stream studies system tokens tuning turns units "
+        "waits walk_back"
     ),
+    "cli": "queue",
+    "foxglove": "publisher server",
     "loop": "supervisor",
     "packaging": "wheel",
     PAGE: (
         "absent accessibility charts experiments_and_runs homing in_sight layout map other_plants people refusals "
-        "scene tuning two_pages units viewer"
+        "report_page scene studies tuning two_pages units viewer"
     ),
     "scene": "page portless pose shapes",
+    "storage": "two_stations",
 }
 """Live modules by their folder that were tried, and are green, on cores that had other work too. All others are taken
 to want the machine for themselves, until they have been tried. These were, and stay alone:

@@ -15,6 +15,8 @@ from tests.bench import (
     page_frames,
     recording_bench,
     rig_bench,
+    run_search_bench,
+    study_bench,
     tick_bench,
 )
 
@@ -26,6 +28,8 @@ PARTS: dict[str, Callable[[Console], bool]] = {
     "page-frames": page_frames.bench,
     "recording": recording_bench.bench,
     "rig": rig_bench.bench,
+    "run-search": run_search_bench.bench,
+    "studies": study_bench.bench,
     "tick": tick_bench.bench,
 }
 """Each prints its tables and returns whether all its bounds were met."""

@@ -28,12 +28,13 @@ def after(word: str) -> list[str]:
     return [line.removeprefix(word).strip() for line in STEPS if line.startswith(f"{word} ")]
 
 
+@pytest.mark.parametrize("profile", [[], ["--profile", "cluster"]], ids=["alone", "cluster"])
 @pytest.mark.parametrize("files", [[PLAIN], [PLAIN, POSTGRES]], ids=["sqlite", "postgres"])
-def test_docker_compose_accepts_the_files(files: list[str]) -> None:
+def test_docker_compose_accepts_the_files(files: list[str], profile: list[str]) -> None:
     command = shutil.which("docker-compose")
     if command:
         named = [word for name in files for word in ("-f", name)]
-        result = subprocess.run([command, *named, "config", "-q"], cwd=ROOT, capture_output=True, text=True)
+        result = subprocess.run([command, *named, *profile, "config", "-q"], cwd=ROOT, capture_output=True, text=True)
         assert result.returncode == 0, result.stderr
 
 
@@ -51,6 +52,18 @@ def test_every_service_has_no_more_rights_than_it_needs(name: str) -> None:
         assert service["restart"] == "unless-stopped"
         assert "privileged" not in service
     assert "cap_add" not in services(PLAIN)["sinew"]
+
+
+def test_a_cluster_is_there_when_it_is_asked_for_and_reached_from_this_machine_alone() -> None:
+    found = services(PLAIN)
+    assert {name for name, service in found.items() if service.get("profiles") == ["cluster"]} == {
+        "scheduler",
+        "worker",
+    }
+    assert found["scheduler"]["ports"] == ["127.0.0.1:8786:8786"]
+    assert "ports" not in found["worker"]
+    assert found["worker"]["command"][2] == f"tcp://scheduler:{found['scheduler']['command'][3]}"
+    assert any("cluster.lock" in step for step in after("RUN"))
 
 
 def test_the_loop_may_ask_for_real_time() -> None:

@@ -6,7 +6,7 @@ import traceback
 
 from rich.console import Console
 
-from tests.soak import page_heap, viewers
+from tests.soak import killed_experiments, long_exports, page_heap, viewers
 from tests.soak.attack import parts as attack
 
 ATTACK = "attack"
@@ -15,12 +15,15 @@ ATTACK = "attack"
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="length of each watched stretch (10)")
+    parser.add_argument("--hours", type=float, default=long_exports.HOURS, help="length of what is exported (8)")
     parser.add_argument("--viewers", type=int, default=20, help="how many watch it (20)")
     attack.add_options(parser)
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     watched = {
         "page-heap": lambda given, console: page_heap.streaming_page(given.minutes, console),
         "viewers": lambda given, console: viewers.watched_simulation(given.minutes, given.viewers, console),
+        "killed-experiments": lambda _given, console: killed_experiments.killed_experiments(console),
+        "exports": lambda given, console: long_exports.long_exports(given.hours, console),
     }
     known = [ATTACK, *attack.NAMES, *watched]
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"{', '.join(known)}; all if left out")

@@ -1,0 +1,56 @@
+"""A study of many tracking runs on two cores and on one: how many times faster it is.
+
+``python -m tests.bench.study_bench RUNS`` does it with so many runs, and tells the times as well.
+"""
+
+import sys
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+from rich.console import Console
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.storage import Database, open_database, studies
+from backend.studies.runner import local, run_study
+from plant.parameters import load_parameters
+from tests.bench.table import Ratio, print_ratios
+
+RUNS = 2000
+FASTER = 1.7
+STUDY = """
+format: 1
+name: bench
+title: Bench
+settings: {{q_duration_s: 1.0, S_duration_s: 1.0}}
+spread:
+  - {{of: motor.c0, relative: 0.2}}
+  - {{of: asymmetry.spring_A, relative: 0.05}}
+draws: {runs}
+"""
+
+
+def bench(console: Console, runs: int = RUNS) -> bool:
+    """Print the ratio; whether it stays above its bound."""
+    with tempfile.TemporaryDirectory() as folder, closing(open_database(Path(folder))) as database:
+        one_s, two_s = (_took_s(database, runs, jobs) for jobs in (1, 2))
+    told = f"{runs} runs, {one_s:.0f} s and {two_s:.0f} s"
+    return print_ratios(console, "Studies", [Ratio.at_least("one core / two cores", one_s / two_s, FASTER, told)])
+
+
+def _took_s(database: Database, runs: int, jobs: int) -> float:
+    text = STUDY.format(runs=runs)
+    study = Studies(database).begin(text, "bench", load_parameters("lab"), TuningChoice().document()).id
+    begun = time.perf_counter()
+    run_study(database, study, local(jobs))
+    took_s = time.perf_counter() - begun
+    with database.reading() as session:
+        if studies.states(session, study) != {"completed": runs}:
+            raise RuntimeError(f"all runs were to be completed: {studies.states(session, study)}")
+    return took_s
+
+
+if __name__ == "__main__":
+    sys.exit(not bench(Console(), int(sys.argv[1])))
