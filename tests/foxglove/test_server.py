@@ -103,12 +103,13 @@ def test_what_a_client_hears_of_an_experiment_is_what_is_recorded(
 def test_the_time_of_a_message_is_that_of_its_sample(address: str) -> None:
     with watching(address) as client:
         samples = client.messages("/sample")
-        first = next(samples)
-        began_ns = first.time_ns - round(json.loads(first.content)["t"] * 1e9)
-        for _ in range(500):
-            message = next(samples)
-            assert message.time_ns - began_ns == pytest.approx(json.loads(message.content)["t"] * 1e9, abs=1e3)
-        assert 0 <= time.time_ns() - message.time_ns < PATIENCE_S * 1e9
+        heard = [next(samples) for _ in range(500)]
+        began_ns = np.array([message.time_ns - json.loads(message.content)["t"] * 1e9 for message in heard])
+        # a loop that a busy machine held up has its times counted anew, by far more than the rounding of t
+        moved = np.abs(np.diff(began_ns))
+        assert np.all((moved < 1e3) | (moved > 50e6)), moved.max()
+        assert np.count_nonzero(moved < 1e3) > 400
+        assert 0 <= time.time_ns() - heard[-1].time_ns < PATIENCE_S * 1e9
 
 
 def test_nothing_can_be_sent_and_each_signal_has_one_type_and_its_unit(address: str) -> None:
