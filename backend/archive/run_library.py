@@ -109,7 +109,7 @@ class RunLibrary:
     def tag(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
         """Put tags on runs and take others off, all or nothing. Raises TagError, UnknownRecordError."""
         with self._database.session() as session:
-            for run_id in run_ids:
+            for run_id in sorted(run_ids):  # in the order in which everybody locks them
                 for one in put:
                     tags.put(session, run_id, one)
                 for one in taken:

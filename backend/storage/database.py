@@ -67,8 +67,7 @@ class Database:
         told = info_of(self.station)
         with _told(), Session(self.engine, expire_on_commit=False, info=told) as session, session.begin():
             yield session
-            for run_id in take_touched(session):
-                run_index.update(session, run_id)
+            run_index.update(session, take_touched(session))
 
     @contextmanager
     def reading(self) -> Iterator[Session]:

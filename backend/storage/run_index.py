@@ -5,7 +5,7 @@ or that an earlier version of this module has made.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from enum import StrEnum
 from typing import Any, TypeGuard
 
@@ -21,11 +21,13 @@ from backend.storage.records import to_record
 from backend.storage.run_title import experiment_of, title_of
 from backend.storage.runs import EndState, Run, RunKind
 from backend.storage.schema import BankRow, RunRow
+from backend.storage.stations import one_at_a_time
 
 VERSION = 1
 """Of what stands in a row; a change of it has all rows made anew at the next opening of the database."""
 NO_OUTCOME = "none"
 """Of a session, and of a run that is not over."""
+_NEW_WORDS = "what runs are searched by"
 _AT_ONCE = 200
 _LONGEST_WORD = 200
 """A setting that says more is a text, which nobody asks for as a value."""
@@ -39,11 +41,22 @@ class ValueSource(StrEnum):
     METRIC = "metric"
 
 
-def update(session: Session, run_id: int) -> None:
-    """Write anew what a run is searched by."""
-    row = session.get(RunRow, run_id)
-    if row is not None:
-        _write(session, to_record(Run, row))
+def update(session: Session, run_ids: Sequence[int]) -> None:
+    """Write anew what runs are searched by, as each stands once nobody else changes it.
+
+    Their rows are locked first, in order: of two transactions that touch a run the second one sees what the first has
+    written, where both would otherwise put in the same rows. What refers to a run may come meanwhile.
+    """
+    session.flush()
+    numbers = sorted(run_ids)
+    for begin in range(0, len(numbers), _AT_ONCE):
+        some = numbers[begin : begin + _AT_ONCE]
+        locked = select(RunRow.id).where(RunRow.id.in_(some)).order_by(RunRow.id)
+        session.execute(locked.with_for_update(key_share=True))
+    for number in numbers:
+        row = session.get(RunRow, number, populate_existing=True)
+        if row is not None:
+            _write(session, to_record(Run, row))
 
 
 def is_behind(session: Session) -> bool:
@@ -160,6 +173,7 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
         for name, value in dict(numbers_of(document)).items()
     ]
     if rows:
+        one_at_a_time(session.connection(), _NEW_WORDS)
         insert_new(session, ParameterValueRow, rows)
 
 
@@ -176,13 +190,17 @@ def numbers_of(document: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 
 
 def _number_of(session: Session, source: ValueSource, name: str) -> int:
-    """Return the number of a name; one that is new gets one, whoever else is giving it one at this moment."""
+    """Return the number of a name; one that is new gets one, whoever else is giving it one at this moment.
+
+    New names are given by one transaction at a time: two that have some in common would wait for each other.
+    """
     known: dict[tuple[str, str], int] = session.info.setdefault("value_names", {})
     found = known.get((source, name))
     if found is None:
         query = select(ValueNameRow.id).where(ValueNameRow.source == source.value, ValueNameRow.name == name)
         found = session.scalar(query)
         if found is None:
+            one_at_a_time(session.connection(), _NEW_WORDS)
             insert_new(session, ValueNameRow, [{"source": source.value, "name": name}])
             found = session.scalars(query).one()
         known[source, name] = found

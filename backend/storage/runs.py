@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import SETTINGS, RunSettings
 from backend.faults import Fault
-from backend.storage.records import require, to_record
+from backend.storage.records import UnknownRecordError, require, to_record
 from backend.storage.schema import Document, RunRow
 from backend.storage.stations import station_of
 from backend.storage.touched import touch
@@ -136,6 +136,15 @@ def get(session: Session, run_id: int) -> Run:
     return to_record(Run, require(session, RunRow, run_id, "run"))
 
 
+def own(session: Session, run_id: int) -> RunRow:
+    """Return the row of a run of the station, locked, to change what people say of it. Raises UnknownRecordError."""
+    row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
+    if row.station != station_of(session):
+        whose = f"is one of station {row.station}" if row.station else "is of no station"
+        raise UnknownRecordError(f"run {run_id} {whose}: what is said of it is changed there")
+    return row
+
+
 def began_at(session: Session, moment: datetime) -> list[Run]:
     """Return the runs, of all stations, that began at a moment: there is one, or several where a run was imported."""
     query = select(RunRow).where(RunRow.started_at == moment).order_by(RunRow.id)
@@ -176,8 +185,8 @@ def with_banks(session: Session, bank_ids: Sequence[int], *, limit: int) -> list
 
 
 def set_note(session: Session, run_id: int, note: str) -> Run:
-    """Replace the note, the one part of a run that a person may edit. Raises UnknownRecordError."""
-    row = require(session, RunRow, run_id, "run")
+    """Replace the note, the one part of a run that a person may edit, at its station. Raises UnknownRecordError."""
+    row = own(session, run_id)
     row.note = note
     session.flush()
     touch(session, run_id)

@@ -7,8 +7,9 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from backend.refusal import Because, RefusalError
+from backend.storage import runs
 from backend.storage.index_schema import TAG_MAX, RunTagRow
-from backend.storage.records import UnknownRecordError, require
+from backend.storage.records import UnknownRecordError
 from backend.storage.run_index import insert_new
 from backend.storage.run_terms import NONE
 from backend.storage.schema import RunRow
@@ -31,15 +32,15 @@ class TagError(RefusalError):
 
 
 def put(session: Session, run_id: int, tag: str) -> None:
-    """Put a tag on a run, which may have it already. Raises TagError, UnknownRecordError."""
-    require(session, RunRow, run_id, "run")
+    """Put a tag on a run of the station, which may have it already. Raises TagError, UnknownRecordError."""
+    runs.own(session, run_id)
     insert_new(session, RunTagRow, [{"run_id": run_id, "tag": _read(tag)}])
     touch(session, run_id)
 
 
 def take(session: Session, run_id: int, tag: str) -> None:
-    """Take a tag off a run, which may not have it. Raises TagError, UnknownRecordError."""
-    require(session, RunRow, run_id, "run")
+    """Take a tag off a run of the station, which may not have it. Raises TagError, UnknownRecordError."""
+    runs.own(session, run_id)
     session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == _read(tag)))
     touch(session, run_id)
 
@@ -48,7 +49,8 @@ def rename(session: Session, before: str, after: str) -> int:
     """Call a tag otherwise on all runs of the station; return on how many. Raises TagError, UnknownRecordError."""
     old, new = _read(before), _read(after)
     mine = select(RunTagRow.run_id).join(RunRow, RunRow.id == RunTagRow.run_id)
-    tagged = list(session.scalars(mine.where(RunTagRow.tag == old, RunRow.station == station_of(session))))
+    of_station = mine.where(RunTagRow.tag == old, RunRow.station == station_of(session)).order_by(RunTagRow.run_id)
+    tagged = list(session.scalars(of_station))
     if not tagged:
         raise UnknownRecordError(f"there is no run with the tag {old}")
     if new != old:
