@@ -103,6 +103,9 @@ class _Token:
     def is_word(self) -> bool:
         return self.quoted or not _SIGN.fullmatch(self.text)
 
+    def is_sign(self, sign: str) -> bool:
+        return not self.quoted and self.text == sign
+
     def says(self, keyword: str) -> bool:
         return not self.quoted and self.text.lower() == keyword
 
@@ -159,7 +162,7 @@ class _Parser:
 
     def _both(self, depth: int) -> Query:
         parts = [self._one(depth)]
-        while (token := self._next()) is not None and not token.says("or") and token.text != ")":
+        while (token := self._next()) is not None and not token.says("or") and not token.is_sign(")"):
             self._takes("and")
             parts.append(self._one(depth))
         return parts[0] if len(parts) == 1 else All(tuple(parts))
@@ -172,11 +175,11 @@ class _Parser:
             raise QueryError(token.place, f"brackets and nots go {_DEEPEST} deep at most: write it flatter")
         if self._takes("not"):
             return Not(self._one(depth + 1))
-        if not token.quoted and token.text == "(":
+        if token.is_sign("("):
             self._at += 1
             found = self._either(depth + 1)
             closing = self._next()
-            if closing is None or closing.quoted or closing.text != ")":
+            if closing is None or not closing.is_sign(")"):
                 raise QueryError(token.place, "the bracket is not closed: write ) after what belongs into it")
             self._at += 1
             return found
@@ -196,7 +199,7 @@ class _Parser:
             return Word(Value(token.text, token.place))
         self._at += 1
         op, values = Op(sign.text), [self._value(sign)]
-        while (comma := self._next()) is not None and not comma.quoted and comma.text == ",":
+        while (comma := self._next()) is not None and comma.is_sign(","):
             self._at += 1
             values.append(self._value(comma))
         if len(values) > 1 and op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):

@@ -1,8 +1,9 @@
 """Looks for runs among many: what ``run_query`` has understood becomes conditions on the tables of ``run_index``."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 
 from sqlalchemy import and_, false, func, not_, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
@@ -12,16 +13,15 @@ from backend.storage.run_index import ValueSource
 from backend.storage.run_query import All, AnyOf, Compare, Not, Op, Query, QueryError, Value, Word, names_in
 from backend.storage.run_terms import (
     ENDS,
-    NONE,
     VERDICTS,
     Condition,
-    NumberColumn,
     as_number,
     choice,
     date,
     kind,
     kinds,
     number,
+    or_none,
     station,
     stations,
     tag,
@@ -37,12 +37,8 @@ _TEXTS: dict[str, InstrumentedAttribute[str]] = {
     "who": RunIndexRow.who,
     "note": RunIndexRow.note,
 }
-_NUMBERS: dict[str, NumberColumn] = {
-    "run": RunIndexRow.run_id,
-    "lasted_s": RunIndexRow.lasted_s,
-}
-_OTHERS = ("kind", "bank", "station", "tag", "end", "verdict", "date")
-FIELDS = tuple(sorted((*_TEXTS, *_NUMBERS, *_OTHERS)))
+_OTHERS = ("run", "lasted_s", "kind", "bank", "station", "tag", "end", "verdict", "date")
+FIELDS = tuple(sorted((*_TEXTS, *_OTHERS)))
 """What every run has; beside these there are the names of parameters, settings and metrics."""
 
 
@@ -171,9 +167,17 @@ def _plain(session: Session, term: Compare) -> Condition:
     name = term.name.text
     if name in _TEXTS:
         return text(_TEXTS[name], term)
-    if name in _NUMBERS:
-        return number(_NUMBERS[name], term)
+    if name == "run":
+        return number(RunIndexRow.run_id, term)
+    if name == "lasted_s":
+        return _lasted(term)
     return _value(session, term)
+
+
+def _lasted(term: Compare) -> Condition:
+    """Compare how long a run lasted; one that is not over fits no comparison, and so each ``not`` of one."""
+    over = RunIndexRow.lasted_s.is_not(None)
+    return or_none(term, over, lambda asked: and_(over, number(RunIndexRow.lasted_s, asked)))
 
 
 def _value(session: Session, term: Compare) -> Condition:
@@ -181,33 +185,32 @@ def _value(session: Session, term: Compare) -> Condition:
     source, name_id = _named(session, term.name)
     if source is ValueSource.PARAMETER:
         of_sets = select(ParameterValueRow.parameters_sha256).where(ParameterValueRow.name_id == name_id)
-        if _asks_for_none(term):
-            return _none(RunIndexRow.parameters_sha256.in_(of_sets), term)
-        return RunIndexRow.parameters_sha256.in_(of_sets.where(number(ParameterValueRow.value, term)))
+        digest = RunIndexRow.parameters_sha256
+        return or_none(
+            term, digest.in_(of_sets), lambda asked: digest.in_(of_sets.where(number(ParameterValueRow.value, asked)))
+        )
     of_runs = select(RunValueRow.run_id).where(RunValueRow.name_id == name_id)
-    if _asks_for_none(term):
-        return _none(RunIndexRow.run_id.in_(of_runs), term)
-    return RunIndexRow.run_id.in_(of_runs.where(_number_or_word(term)))
-
-
-def _asks_for_none(term: Compare) -> bool:
-    return len(term.values) == 1 and term.values[0].text.casefold() == NONE and term.op in (Op.EQUAL, Op.UNLIKE)
-
-
-def _none(there: Condition, term: Compare) -> Condition:
-    return not_(there) if term.op is Op.EQUAL else there
+    fits: Callable[[Compare], Condition] = partial(number, RunValueRow.value)
+    if session.scalar(of_runs.where(RunValueRow.value.is_(None)).limit(1)) is not None:
+        fits = _number_or_word
+        numbers = session.scalar(of_runs.where(RunValueRow.value.is_not(None)).limit(1))
+        if numbers is None and term.op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
+            said = f"{term.name.text} is a word, which {term.op} does not compare: use = != ~"
+            raise QueryError(term.name.place, said)
+    run_id = RunIndexRow.run_id
+    return or_none(term, run_id.in_(of_runs), lambda asked: run_id.in_(of_runs.where(fits(asked))))
 
 
 def _number_or_word(term: Compare) -> Condition:
-    """Compare a setting, which may be a word: what is no number is compared with that."""
+    """Compare a setting that is a word in some runs; what is a number is one in others."""
     words = [value.text.casefold() for value in term.values]
-    if all(as_number(word) is not None for word in words) and term.op is not Op.CONTAINS:
-        return number(RunValueRow.value, term)
+    numbers = tuple(value for value in term.values if as_number(value.text) is not None)
+    of_number = [number(RunValueRow.value, replace(term, values=numbers))] if numbers else []
     match term.op:
         case Op.EQUAL:
-            return RunValueRow.word.in_(words)
+            return or_(RunValueRow.word.in_(words), *of_number)
         case Op.UNLIKE:
-            return RunValueRow.word.not_in(words)
+            return or_(RunValueRow.word.not_in(words), and_(RunValueRow.value.is_not(None), *of_number))
         case Op.CONTAINS:
             return or_(*(RunValueRow.word.contains(word, autoescape=True) for word in words))
         case _:

@@ -1,7 +1,8 @@
 """How what every run has is compared: texts, kinds, stations, tags, dates, numbers. From terms to conditions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import ColumnElement, and_, not_, or_, select
@@ -73,18 +74,25 @@ def station(session: Session, term: Compare) -> Condition:
     known = [name or NONE for name in stations(session)]
     if term.op is not Op.CONTAINS:
         _require_known(term, known, "station")
-    lowered = {name.lower(): name for name in stations(session)}
-    exact = tuple(Value(lowered.get(value.text.lower(), value.text), value.place) for value in term.values)
-    names = ["" if value.text == NONE else value.text for value in exact]
     match term.op:
         case Op.EQUAL:
-            return RunIndexRow.station.in_(names)
+            return RunIndexRow.station.in_([_station_of(value, known) for value in term.values])
         case Op.UNLIKE:
-            return RunIndexRow.station.not_in(names)
+            return RunIndexRow.station.not_in([_station_of(value, known) for value in term.values])
         case Op.CONTAINS:
             return or_(*(RunIndexRow.station.icontains(value.text, autoescape=True) for value in term.values))
         case _:
             raise QueryError(term.name.place, f"station is a text, which {term.op} does not compare: use = != ~")
+
+
+def _station_of(value: Value, known: Sequence[str]) -> str:
+    """Return the station of a name, whose capitals matter only where another one differs by nothing else."""
+    meant = [name for name in known if name == value.text] or [
+        name for name in known if name.casefold() == value.text.casefold()
+    ]
+    if len(meant) > 1:
+        raise QueryError(value.place, f"{value.text!r} may be several stations: write {' or '.join(meant)}")
+    return "" if meant[0] == NONE else meant[0]
 
 
 def choice(column: InstrumentedAttribute[str], term: Compare, known: Sequence[str]) -> Condition:
@@ -165,10 +173,18 @@ def _span(value: Value) -> tuple[datetime, datetime]:
     raise QueryError(value.place, f"{value.text!r} is no date: write 2026-03-31, 2026-03 or 2026-03-31T10:30, in UTC")
 
 
-def number(
-    column: NumberColumn,
-    term: Compare,
-) -> Condition:
+def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condition]) -> Condition:
+    """Compare what may not be there, ``none`` among the values; ``compared`` holds for nothing that is not there."""
+    asked = tuple(value for value in term.values if value.text.casefold() != NONE)
+    if len(asked) == len(term.values) or term.op not in (Op.EQUAL, Op.UNLIKE):
+        return compared(term)
+    rest = [compared(replace(term, values=asked))] if asked else []
+    if term.op is Op.EQUAL:
+        return or_(not_(there), *rest)
+    return and_(there, *rest)
+
+
+def number(column: NumberColumn, term: Compare) -> Condition:
     """Compare a number; where there is none, no comparison holds."""
     numbers = [_read(value, term) for value in term.values]
     within = or_(*(column.between(*_around(number)) for number in numbers))

@@ -129,6 +129,15 @@ FINDS = {
     "who = bo or end = tripped and kind = compliance": {"bad"},
     "station = none": ALL,
     "lasted_s < 3600": ALL - {"open"},
+    "not lasted_s >= 0": {"open"},
+    "not lasted_s < 0": ALL,
+    "lasted_s = none": {"open"},
+    "lasted_s != none": ALL - {"open"},
+    "overshoot_q_percent = none, 3": ALL - {"bad"},
+    "overshoot_q_percent != none, 3": {"bad"},
+    "geometry.r_j = none, 0.08": {"session", "bad"},
+    "controller = cascade, none": ALL,
+    'worn ")" or who = bo': {"bad"},
     "date >= 2001-01-01": ALL,
     "date < 2001": set(),
 }
@@ -146,6 +155,12 @@ REFUSED = (
     ("station = rig-9", 11, "there is no station 'rig-9'"),
     ("overshoot_q_percent < many", 23, "compared with a number, which 'many' is not"),
     ("overshoot_q_percent < nan", 23, "which 'nan' is not"),
+    ("overshoot_q_percent = many", 23, "which 'many' is not"),
+    ("overshoot_q_percent != 0%", 24, "which '0%' is not"),
+    ("lam_q = 0.4rad", 9, "which '0.4rad' is not: write it in SI, or as 60deg"),
+    ("lam_q = 0.4, nan", 14, "which 'nan' is not"),
+    ("overshoot_q_percent ~ 0", 1, "is a number, which ~ does not look into"),
+    ("controller < 5", 1, "controller is a word, which < does not compare"),
     ("date > yesterday", 8, "no date: write 2026-03-31"),
     ("date > 2026-02-30", 8, "no date"),
     ("who < bo", 1, "a text, which < does not compare"),
@@ -186,7 +201,7 @@ def test_dates_are_years_months_days_and_minutes(database: Database) -> None:
                 text("UPDATE run SET started_at = :at WHERE id = :id"),
                 {"at": moment.replace(tzinfo=None), "id": number},
             )
-            run_index.update(session, number)
+            run_index.update(session, [number])
 
     def found(query: str) -> int:
         with database.reading() as session:

@@ -1,6 +1,6 @@
 """Several stations on one database: what one of them writes, no other takes for its own."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -17,6 +17,7 @@ from backend.refusal import RefusalError
 from backend.station import STATION_MAX, require_station_name
 from backend.storage import (
     Database,
+    Session,
     banks,
     bring_up,
     events,
@@ -37,7 +38,7 @@ from backend.storage.bring_up import NewStepResult
 from backend.storage.flights import NewFlight
 from backend.storage.recordings import Chunk
 from backend.storage.records import UnknownRecordError
-from backend.storage.run_query import parse
+from backend.storage.run_query import QueryError, parse
 from backend.storage.runs import EndState
 from backend.storage.stations import HeldStation, StationTakenError
 from tests.postgres import new_database
@@ -175,6 +176,34 @@ def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Da
     with b.reading() as session:
         assert tags.of_runs(session, numbers) == {of_a: ["old"], of_b: ["worn"]}
         assert run_search.known_words(session).stations == ("rig-a", "rig-b")
+
+
+def test_capitals_tell_stations_apart_where_nothing_else_does(database: Database) -> None:
+    for name in ("Rig", "rig", "Lab"):
+        with Database(database.engine, station=name).session() as session:
+            runs.create(session, NEW_RUN)
+    with database.reading() as session:
+        for query, expected in (("station = Rig", 1), ("station = rig", 2), ("station = lab", 3)):
+            assert run_search.search(session, parse(query), everywhere=True, limit=9).run_ids == (expected,)
+        with pytest.raises(QueryError, match="'RIG' may be several stations: write Rig or rig"):
+            run_search.search(session, parse("station = RIG"), everywhere=True, limit=9)
+
+
+def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Database, Database]) -> None:
+    a, b = stations
+    with a.session() as session:
+        run = runs.create(session, NEW_RUN).id
+        tags.put(session, run, "worn")
+    changes: tuple[Callable[[Session], object], ...] = (
+        lambda session: tags.put(session, run, "mine"),
+        lambda session: tags.take(session, run, "worn"),
+        lambda session: runs.set_note(session, run, "overwritten"),
+    )
+    for change in changes:
+        with pytest.raises(UnknownRecordError, match="run 1 is one of station rig-a"), b.session() as session:
+            change(session)
+    with a.reading() as session:
+        assert (runs.get(session, run).note, tags.of_runs(session, [run])) == ("", {run: ["worn"]})
 
 
 def test_a_bank_of_another_station_is_read_but_not_driven_by(stations: tuple[Database, Database]) -> None:
