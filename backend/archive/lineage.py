@@ -121,18 +121,28 @@ class LineageGraph:
             loop = run.set_to.loop.known()
         except UnreadableDocumentError as error:
             return self._node(LineageKind.GAINS, "gains", "Gains", "", (None, str(error)), [self._parameters(run)])
+        way = origins.banks_on_the_way(self._session, run)
+        used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
         if run.bank_id is None:
-            origin, content = self._parameters(run), digest_of(run.parameters)
+            made_of, content = [self._parameters(run)], digest_of(run.parameters)
         else:
             bank = banks.get(self._session, run.bank_id)
-            origin, content = self._whole_bank(bank), digest_of(_content(bank))
+            made_of, content = [self._whole_bank(bank)], digest_of(_content(bank))
+        made_of += [self._whole_bank(one) for one in used]
         detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_shown(value)}" for name, value in loop.items())
         # The number of a bank is another one in each database; its content stands beside.
         choice = {name: value for name, value in loop.items() if name != "bank"}
-        digest: Digest = digest_of({"loop": choice, "from": content}), ""
-        if run.bank_id is None and loop.get("bank"):
+        later = {"on_the_way": sorted(digest_of(_content(one)) for one in used)} if used else {}
+        digest: Digest = digest_of({"loop": choice, "from": content, **later}), ""
+        if origins.BANKS in self._carried(run):
             digest = None, "its bank was not imported with it: a bundle has it"
-        return self._node(LineageKind.GAINS, "gains", "Gains", detail, digest, [origin])
+        elif way.computed:
+            digest = None, f"it computes the numbers of its banks: {', '.join(way.computed)}"
+        return self._node(LineageKind.GAINS, "gains", "Gains", detail, digest, made_of)
+
+    def _carried(self, run: Run) -> Document:
+        origin = origins.of_runs(self._session, [run.id]).get(run.id)
+        return {} if origin is None else origin.carried
 
     def _whole_bank(self, bank: Bank) -> str:
         """Return the box of a bank, with those of all it came from."""

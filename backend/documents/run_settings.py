@@ -78,11 +78,11 @@ class RunSettings:
         return {**(self.plan or {}), **self.loop.known()}
 
 
-def _loop_apart(document: Any) -> Any:
-    """Early sessions had their tuning beside the mode."""
+def loop_apart(document: Any) -> Any:
+    """Return settings with the tuning in a part of its own: early sessions had it beside the mode."""
     if not isinstance(document, Mapping) or "mode" not in document or "loop" in document:
         return document
     return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
 
 
-SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, _loop_apart)
+SETTINGS: Edge[RunSettings] = Edge(RunSettings, "what it was set to", VERSION, loop_apart)

@@ -113,8 +113,14 @@ def called(record: dict[str, Any]) -> str:
 def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if run.end_state == EndState.RUNNING:
         raise ExportError(f"run {run.id} is not over: bundle it when it is")
-    if run.bank_id is not None:
-        bank = banks.get(session, run.bank_id)
+    way = origins.banks_on_the_way(session, run)
+    if way.computed:
+        raise ExportError(
+            f"run {run.id} computes the number of a bank that it changes to, {way.computed[0][:80]}, which elsewhere "
+            "would be that of another one: export its samples"
+        )
+    for number in sorted({*way.numbers, *([] if run.bank_id is None else [run.bank_id])}):
+        bank = banks.get(session, number)
         for entry in bank.entries:
             if entry.identification_id is not None:
                 estimate = identifications.get(session, entry.identification_id)

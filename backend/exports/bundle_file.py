@@ -1,19 +1,20 @@
 """A bundle as a file: looked at from outside before anything in it is believed."""
 
 import hashlib
-import json
 import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from backend.documents.digest import digest_of
+from backend.documents.run_banks import LARGEST
 from backend.exports.bundle import DIGEST_LENGTH, FORMAT, MANIFEST, RECORDS, called
 from backend.exports.errors import ImportRefusedError
 from backend.exports.files import PIECE
+from backend.exports.strict_json import read_strict
 
 _NAME = re.compile(
     r"(manifest|records)\.json|(recordings/[1-9]\d{0,8}\.parquet)|(reports/[1-9]\d{0,8}\.html)", re.ASCII
@@ -138,11 +139,12 @@ def _list(document: Any) -> list[dict[str, Any]]:
         and set(record) == {"kind", "number", "document", "carried"}
         and isinstance(record["kind"], str)
         and type(record["number"]) is int
+        and 0 < record["number"] <= LARGEST
         and isinstance(record["carried"], dict)
         for record in records
     )
     if not isinstance(records, list) or not whole:
-        raise ImportRefusedError(f"{RECORDS} is no list of records")
+        raise ImportRefusedError(f"{RECORDS} is no list of records, each of a kind with a number from 1 to {LARGEST}")
     return records
 
 
@@ -158,12 +160,8 @@ def _hash(archive: zipfile.ZipFile, name: str) -> str:
 
 
 def read_json(text: bytes, name: str) -> Any:
-    """Read a document without nan and infinity. Raises ImportRefusedError."""
-
-    def refuse(word: str) -> NoReturn:
-        raise ValueError(f"{word} is no number")
-
+    """Read a document that every database can hold. Raises ImportRefusedError."""
     try:
-        return json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
+        return read_strict(text)
+    except ValueError as error:
         raise ImportRefusedError(f"{name} cannot be read: {error}") from None

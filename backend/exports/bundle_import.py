@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.documents.run_banks import on_the_way, with_banks
 from backend.exports.bundle import recording_of, report_of
 from backend.exports.bundle_file import Bundle, opened
 from backend.exports.errors import ImportRefusedError
@@ -13,16 +14,19 @@ from backend.exports.facts import Facts
 from backend.exports.taking_in import TakenIn, checked, number_of, run_of, same_run, store_run
 from backend.storage import Database, Session, identifications, origins, results
 from backend.storage.carried import (
+    BANK,
     ENTRIES,
     IDENTIFICATION,
     REFERENCES,
     RESULT,
     RUN,
-    UnfitDocumentError,
+    connect,
     find_same,
+    import_alone,
     put,
     required,
 )
+from backend.storage.fit import UnfitDocumentError, require_carried
 from backend.storage.origins import Origin
 from backend.storage.schema import Document
 
@@ -43,6 +47,7 @@ def take_in(database: Database, file: Path, who: str, folder: Path, name: str = 
         new = False
         origin = Origin("", 0, 0, name or file.name, bundle.sha256, who)
         with database.session() as session:
+            import_alone(session)
             for record in bundle.records:
                 new |= _take_in(session, record, numbers, recorded, origin)
             if (RUN, bundle.run) not in numbers:
@@ -82,15 +87,17 @@ def _take_in(
     recorded: Mapping[int, tuple[Facts, Path]],
     origin: Origin,
 ) -> bool:
-    """Store one record unless it is here; return whether it was stored. Raises ImportRefusedError with its name."""
+    """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
     kind, was = record["kind"], record["number"]
     try:
-        document = required(kind, record["document"])
+        document, unconnected = required(kind, record["document"]), origins.BANKS in record["carried"]
+        require_carried(record["carried"], of_run=kind == RUN)
+        document = _renumbered(document, numbers, unconnected=unconnected)
         facts, file = recorded.get(was, (None, None)) if kind == RUN else (None, None)
         here = same_run(session, document, facts) if kind == RUN else find_same(session, kind, document)
-        new = here is None
+        new = here is None or (kind == RUN and not unconnected and connect(session, here, document))
         if here is None:
-            here = _store(session, kind, _renumbered(document, numbers), file)
+            here = _store(session, kind, document, file)
             told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
             origins.add(session, told)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
@@ -111,8 +118,11 @@ def _store(session: Session, kind: str, document: Document, file: Path | None) -
     return number
 
 
-def _renumbered(document: Document, numbers: Numbers) -> Document:
-    """Return a document that names other records by their numbers here. Raises ImportRefusedError."""
+def _renumbered(document: Document, numbers: Numbers, *, unconnected: bool) -> Document:
+    """Return a document that names other records by their numbers here; ``unconnected`` is a run without its banks.
+
+    Raises ImportRefusedError.
+    """
 
     def here(part: Mapping[str, Any]) -> dict[str, Any]:
         return {
@@ -123,10 +133,10 @@ def _renumbered(document: Document, numbers: Numbers) -> Document:
     renumbered = here(document)
     if ENTRIES in renumbered:
         renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
-    settings, bank = renumbered.get("settings"), document.get("bank_id")
-    loop = settings.get("loop") if isinstance(settings, dict) else None
-    if isinstance(settings, dict) and isinstance(loop, dict) and bank is not None and loop.get("bank") == bank:
-        renumbered["settings"] = settings | {"loop": loop | {"bank": renumbered["bank_id"]}}
+    if "settings" in document and not unconnected:
+        if computed := on_the_way(document["settings"]).computed:
+            raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: take its samples in alone")
+        renumbered["settings"] = with_banks(document["settings"], lambda was: _number(BANK, was, numbers))
     return renumbered
 
 

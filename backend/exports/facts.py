@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from backend import __version__
 from backend.documents.digest import digest_of
 from backend.exports.errors import ImportRefusedError
+from backend.exports.strict_json import read_strict
 from backend.sample import FIELDS, STORED_NAMES
 
 FORMAT = 1
@@ -81,7 +82,7 @@ _FACTS: TypeAdapter[Facts] = TypeAdapter(Facts)
 def read_facts(text: str | bytes) -> Facts:
     """Read what ``to_json`` wrote. Raises ImportRefusedError."""
     try:
-        document = json.loads(text, parse_constant=_refused)
+        document = read_strict(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
             raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
         said = {name: part for name, part in document.items() if name != SEAL}
@@ -91,17 +92,13 @@ def read_facts(text: str | bytes) -> Facts:
     except ValidationError as error:
         first = error.errors()[0]
         raise ImportRefusedError(f"what it says of itself: {first['loc'][0]}: {first['msg']}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         if isinstance(error, ImportRefusedError):
             raise
-        raise ImportRefusedError("what it says of itself cannot be read") from None
+        raise ImportRefusedError(f"what it says of itself cannot be read: {error}") from None
     if facts.period_s <= 0.0 or facts.samples < 1 or set(facts.names) != {"t", *facts.fields}:
         raise ImportRefusedError("what it says of itself: period, samples or columns do not fit together")
     return facts
-
-
-def _refused(word: str) -> NoReturn:
-    raise ValueError(f"{word} is no number")
 
 
 def described(names: Iterable[str]) -> list[Described]:

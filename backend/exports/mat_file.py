@@ -26,7 +26,10 @@ FACTS = "sinew_export"
 _HEADER = struct.Struct("<116s8xHH")
 _TAG = struct.Struct("<II")
 _MATRIX, _INT8, _INT32, _UINT32, _SINGLE, _DOUBLE = 14, 1, 5, 6, 7, 9
+_COMPRESSED, _UTF8 = 15, 16
 _CLASS = {_SINGLE: 7, _DOUBLE: 6}
+_CHARACTERS = 4
+"""Class of a text, beside those of vectors."""
 _PIECE = 1 << 20
 _BATCH = 50_000
 
@@ -104,13 +107,10 @@ def _small(facts: Facts) -> bytes:
 
 def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
-    from scipy.io import loadmat
-
     found = _vectors(file)
-    told = loadmat(file, variable_names=[FACTS]).get(FACTS)
-    if told is None or told.size != 1:
+    if FACTS not in found:
         raise ImportRefusedError(f"it has no text {FACTS}: it is no export of a run")
-    facts = read_facts(str(told.item()))
+    facts = read_facts(_text(file, found.pop(FACTS)[0]))
     missing = [name for name in facts.names if found.get(name, (0, 0))[1] != facts.samples]
     if missing:
         raise ImportRefusedError(f"{missing[0]} has not {facts.samples} samples: the file was cut, or saved again")
@@ -130,7 +130,10 @@ def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
 
 
 def _vectors(file: Path) -> dict[str, tuple[int, int]]:
-    """Return where the numbers of each vector of a file begin, and how many it has; the rest is passed over."""
+    """Return where the content of each vector and text of a file begins, and how many rows it has.
+
+    Structs are passed over; what is compressed is refused, as nobody knows what it swells to.
+    """
     found: dict[str, tuple[int, int]] = {}
     size = file.stat().st_size
     with file.open("rb") as opened:
@@ -141,11 +144,23 @@ def _vectors(file: Path) -> dict[str, tuple[int, int]]:
             kind, length = _TAG.unpack_from(head)
             if place + _TAG.size + length > size:
                 raise ImportRefusedError("the file was cut off")
-            if kind == _MATRIX and len(head) >= 64 and head[16] in _CLASS.values():
+            if kind == _COMPRESSED:
+                raise ImportRefusedError("it is compressed, which an export is not: it was saved again")
+            if kind == _MATRIX and len(head) >= 64 and head[16] in (_CHARACTERS, *_CLASS.values()):
                 rows, columns = struct.unpack_from("<ii", head, 32)
                 named, letters = _TAG.unpack_from(head, 40)
                 numbers = 48 + letters + -letters % 8
-                if named == _INT8 and columns == 1 and numbers + 8 <= len(head):
+                if named == _INT8 and (columns == 1 or head[16] == _CHARACTERS) and numbers + 8 <= len(head):
                     found[head[48 : 48 + letters].decode("ascii", "replace")] = (place + numbers + 8, rows)
             place += _TAG.size + length
     return found
+
+
+def _text(file: Path, place: int) -> bytes:
+    """Return the text that begins at a place, behind its tag: no more than the file has."""
+    with file.open("rb") as opened:
+        opened.seek(place - _TAG.size)
+        kind, length = _TAG.unpack(opened.read(_TAG.size))
+        if kind != _UTF8:
+            raise ImportRefusedError(f"its text {FACTS} is not in UTF-8: it was saved again")
+        return opened.read(length)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -15,10 +15,15 @@ from backend.exports.foxglove_layout import TOPIC, layout
 from backend.exports.sink import Sink
 from backend.exports.source import Export
 
+if TYPE_CHECKING:
+    from mcap.records import Chunk, McapRecord
+
 FACTS = "sinew"
 """Name of the metadata record with the facts."""
 _LAYOUT = "foxglove-layout.json"
 _BATCH = 10_000
+_LARGEST = 8 << 20
+"""Bytes of a record, packed or not, that are read at once; a chunk has one million."""
 
 
 def write(export: Export) -> Iterator[bytes]:
@@ -52,27 +57,65 @@ def _nanoseconds(at: datetime) -> int:
 
 def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
-    from mcap.reader import SeekingReader
+    from mcap.records import Metadata
 
     with file.open("rb") as opened:
-        told = next((one for one in SeekingReader(opened).iter_metadata() if one.name == FACTS), None)
+        metadata = (one for one in _records(opened) if isinstance(one, Metadata) and one.name == FACTS)
+        told = next(metadata, None)
     if told is None or "facts" not in told.metadata:
         raise ImportRefusedError("it does not say which samples these are: it is no export of a run")
     facts = read_facts(told.metadata["facts"])
 
     def batches() -> Iterator[Batch]:
         rows: list[list[float | None]] = []
-        with file.open("rb") as opened:
-            for _, _, message in SeekingReader(opened, validate_crcs=True).iter_messages(topics=[TOPIC]):
-                said = json.loads(message.data, parse_int=float)  # or -0 would lose its sign
-                rows.append([said[name] for name in facts.names])
-                if len(rows) == _BATCH:
-                    yield _batch(facts, rows)
-                    rows = []
+        for text in _messages(file):
+            said = json.loads(text, parse_int=float)  # or -0 would lose its sign
+            rows.append([said[name] for name in facts.names])
+            if len(rows) == _BATCH:
+                yield _batch(facts, rows)
+                rows = []
         if rows:
             yield _batch(facts, rows)
 
     return facts, batches()
+
+
+def _messages(file: Path) -> Iterator[bytes]:
+    """Yield the messages with samples in the order of the file, with one chunk of it unpacked at a time."""
+    from mcap.records import Channel, Chunk, Message
+    from mcap.stream_reader import breakup_chunk
+
+    channels: set[int] = set()
+    with file.open("rb") as opened:
+        chunks = (record for record in _records(opened) if isinstance(record, Chunk))
+        for chunk in chunks:
+            _require_small(chunk)
+            for part in breakup_chunk(chunk, validate_crc=True):
+                if isinstance(part, Channel) and part.topic == TOPIC:
+                    channels.add(part.id)
+                elif isinstance(part, Message) and part.channel_id in channels:
+                    yield part.data
+
+
+def _records(opened: IO[bytes]) -> "Iterator[McapRecord]":
+    """Yield what a file consists of, chunks unopened, and nothing larger than ``_LARGEST``."""
+    from mcap.stream_reader import StreamReader
+
+    return StreamReader(opened, emit_chunks=True, record_size_limit=_LARGEST).records
+
+
+def _require_small(chunk: "Chunk") -> None:
+    """Refuse a chunk that would swell, by what itself and its packing say, before it is unpacked."""
+    from zstandard import frame_content_size
+
+    if chunk.compression not in ("", "zstd"):
+        raise ImportRefusedError(f"a chunk of it is packed by {chunk.compression[:20]}: an export is packed by zstd")
+    inside = frame_content_size(chunk.data) if chunk.compression else len(chunk.data)
+    if (size := max(inside, chunk.uncompressed_size)) > _LARGEST:
+        raise ImportRefusedError(
+            f"a chunk of it unpacks to {size} bytes, where {_LARGEST} are the most and an export has a million: "
+            "export the run again"
+        )
 
 
 def _batch(facts: Facts, rows: list[list[float | None]]) -> Batch:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.documents.run_banks import on_the_way, without_bank
 from backend.exports.errors import ImportRefusedError
 from backend.exports.facts import Batch, Facts, table_of
 from backend.exports.files import file_digest
@@ -17,10 +18,10 @@ from backend.recording.codec import pack, summarise
 from backend.recording.digest import SamplesDigest, digest_of_recording
 from backend.recording.recorder import CHUNK_TICKS
 from backend.storage import Database, Session, origins, recordings, runs
-from backend.storage.carried import RUN, UnfitDocumentError, find_same, put, required
+from backend.storage.carried import RUN, find_same, import_alone, put, required
+from backend.storage.fit import UnfitDocumentError
 from backend.storage.origins import Origin
 from backend.storage.recordings import Chunk
-from backend.storage.runs import EndState
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,22 @@ class TakenIn:
 
 
 def take_in(database: Database, file: Path, who: str, name: str = "") -> TakenIn:
-    """Store an exported run: with its samples, parameters and settings, but without the bank, which is not in the file.
+    """Store an exported run: with its samples, parameters and settings, but without its banks.
 
-    ``name`` is what the file is called where its own name is another. Raises ImportRefusedError, OSError.
+    These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
+    where its own name is another. Raises ImportRefusedError, OSError.
     """
     facts = checked(file)
     document, was = run_of(facts), number_of(facts)
+    named = on_the_way(document["settings"]).numbers | ({document["bank_id"]} - {None})
+    carried = {origins.BANKS: sorted(named)} if named else {}
     with database.session() as session:
+        import_alone(session)
         if (here := same_run(session, document, facts)) is not None:
             return TakenIn(here, was, new=False)
-        run_id = store_run(session, {**document, "bank_id": None}, file)
-        origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who))
+        alone = {**document, "bank_id": None, "settings": without_bank(document["settings"])}
+        run_id = store_run(session, alone if named else document, file)
+        origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who, carried))
     return TakenIn(run_id, was, new=True)
 
 
@@ -69,12 +75,9 @@ def run_of(facts: Facts) -> dict[str, Any]:
     if facts.run is None:
         raise ImportRefusedError(f"it is of {facts.of}, no run")
     try:
-        document = required(RUN, facts.run)
+        return required(RUN, facts.run)
     except UnfitDocumentError as error:
         raise ImportRefusedError(f"its run: {error}") from None
-    if document["end_state"] == EndState.RUNNING:
-        raise ImportRefusedError("it is of a run that was not over: export it again")
-    return document
 
 
 def number_of(facts: Facts) -> int:

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import JSON, Boolean, Column, Float, LargeBinary, String, func, select
+from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
-from sqlalchemy.types import Integer
 
+from backend.documents.run_banks import with_banks, without_bank
+from backend.storage import origins
+from backend.storage.fit import UnfitDocumentError, require_entry, require_fit, require_run, unfit
 from backend.storage.records import require
 from backend.storage.schema import (
     BankEntryRow,
@@ -23,7 +25,7 @@ from backend.storage.schema import (
     RunRow,
     UtcDateTime,
 )
-from backend.storage.stations import station_of
+from backend.storage.stations import one_at_a_time, station_of
 from backend.storage.touched import touch
 
 RUN, IDENTIFICATION, BANK, RESULT = "run", "identification", "bank", "result"
@@ -36,10 +38,6 @@ _CHANGES = {RUN: ("note", "evaluation_problem"), BANK: ("version", ENTRIES)}
 """What may change of a record where it lies, or names others by their numbers."""
 _MADE = {RUN: "started_at"}
 """The moment that tells a record from all others; ``created_at`` where nothing is said."""
-
-
-class UnfitDocumentError(ValueError):
-    """A document that is no record of its kind; the message says which part of it is wrong."""
 
 
 def document_of(session: Session, kind: str, number: int) -> Document:
@@ -65,28 +63,45 @@ def required(kind: str, document: Any) -> Document:
     if not isinstance(document, Mapping) or set(document) != parts:
         raise UnfitDocumentError(f"a {kind} has the parts {', '.join(sorted(parts))}")
     for column in columns:
-        _require_fit(kind, column, document[column.name])
-    for entry in document.get(ENTRIES, []):
+        require_fit(kind, column, document[column.name])
+    if kind == RUN:
+        require_run(dict(document))
+    if kind == BANK:
+        _require_entries(document[ENTRIES])
+    return dict(document)
+
+
+def _require_entries(entries: Any) -> None:
+    if not isinstance(entries, list) or not entries:
+        raise unfit("entries of a bank", entries, "a list of one or more")
+    for entry in entries:
         wanted = [column for column in _columns(BankEntryRow) if column.name not in ("bank_id", "position")]
         if not isinstance(entry, Mapping) or set(entry) != {column.name for column in wanted}:
             raise UnfitDocumentError(f"an entry of a bank has the parts {', '.join(column.name for column in wanted)}")
         for column in wanted:
-            _require_fit("bank entry", column, entry[column.name])
-    return dict(document)
+            require_fit("bank entry", column, entry[column.name])
+        require_entry(entry)
+
+
+def import_alone(session: Session) -> None:
+    """Wait until no other import is under way on the database server: two of one file would store it twice."""
+    one_at_a_time(session.connection(), "import")
 
 
 def find_same(session: Session, kind: str, document: Document) -> int | None:
-    """Return the number of the record that was made at the same moment here, None where there is none.
+    """Return the number of the station's record that was made at the same moment, None where there is none.
 
-    Raises UnfitDocumentError where it says something else than the document.
+    A result is one of the run that the document names, by its number here. Raises UnfitDocumentError where the record
+    says something else than the document.
     """
     table: Any = _TABLES[kind]
     made = _MADE.get(kind, "created_at")
-    found = session.scalars(select(table).where(getattr(table, made) == datetime.fromisoformat(document[made])))
-    for row in found:
+    query = select(table).where(getattr(table, made) == datetime.fromisoformat(document[made]))
+    mine = table.station == station_of(session) if issubclass(table, OfStation) else table.run_id == document["run_id"]
+    for row in session.scalars(query.where(mine)):
         here = document_of(session, kind, row.id)
         changing = (*_CHANGES.get(kind, ()), *REFERENCES)
-        if all(_without_bank(here[name]) == _without_bank(document[name]) for name in here if name not in changing):
+        if all(_compared(name, here) == _compared(name, document) for name in here if name not in changing):
             return int(row.id)
         raise UnfitDocumentError(f"{kind} {row.id} was made at the same moment here, and says something else")
     return None
@@ -122,10 +137,21 @@ def put(session: Session, kind: str, document: Document) -> int:
     return int(row.id)
 
 
-def _without_bank(part: Any) -> Any:
-    """Return what is compared of a part of a record: settings name the bank by its number."""
-    loop = part.get("loop") if isinstance(part, Mapping) else None
-    return part if not isinstance(loop, Mapping) else {**part, "loop": {**loop, "bank": None}}
+def connect(session: Session, run_id: int, document: Document) -> bool:
+    """Give a run that was imported without its banks those of a document; return whether it was without them."""
+    row = require(session, RunRow, run_id, RUN)
+    has_more = row.bank_id is None and document["bank_id"] is not None
+    if not origins.bring_banks(session, run_id, where_there_are=has_more):
+        return False
+    row.bank_id, row.settings = document["bank_id"], document["settings"]
+    touch(session, run_id)
+    return True
+
+
+def _compared(name: str, document: Document) -> Any:
+    """Return what is compared of a part of a record: settings name banks by their numbers."""
+    part = document[name]
+    return with_banks(without_bank(part), lambda _: 0) if name == "settings" else part
 
 
 def _names(table: type[Base]) -> list[str]:
@@ -139,26 +165,3 @@ def _columns(table: type[Base]) -> list[Column[Any]]:
 
 def _plain(value: Any) -> Any:
     return value.astimezone(UTC).isoformat() if isinstance(value, datetime) else value
-
-
-def _require_fit(kind: str, column: Any, value: Any) -> None:
-    """Raise UnfitDocumentError for what the column cannot hold."""
-    if value is None and column.nullable:
-        return
-    if isinstance(column.type, UtcDateTime):
-        try:
-            fits = isinstance(value, str) and datetime.fromisoformat(value).tzinfo is not None
-        except ValueError:
-            fits = False
-    elif isinstance(column.type, JSON):
-        fits = isinstance(value, dict | list)
-    elif isinstance(column.type, String):  # Text too
-        fits = isinstance(value, str) and len(value) <= (column.type.length or len(value))
-    elif isinstance(column.type, Boolean):
-        fits = isinstance(value, bool)
-    else:
-        wanted = int | float if isinstance(column.type, Float) else int
-        fits = isinstance(value, wanted) and not isinstance(value, bool) and abs(value) < 2**31
-    assert isinstance(column.type, UtcDateTime | JSON | String | Boolean | Float | Integer | LargeBinary)
-    if not fits:
-        raise UnfitDocumentError(f"{column.name} of a {kind} cannot be {str(value)[:40]!r}")

@@ -7,12 +7,16 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from backend.documents.run_banks import OnTheWay, on_the_way
 from backend.storage.records import to_record
+from backend.storage.runs import Run
 from backend.storage.schema import Document, OriginRow
 
 RUN, IDENTIFICATION = "run", "identification"
 CALIBRATIONS = "calibrations"
 """In what is carried with a run: the steps of the bring-up that held when it began, at the rig that made it."""
+BANKS = "banks"
+"""In what is carried with a run: the banks that it names and that did not come with it, by their numbers there."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,24 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
     """Return the origins of those of these runs that were imported."""
     query = select(OriginRow).where(OriginRow.kind == RUN, OriginRow.number.in_(run_ids))
     return {row.number: to_record(Origin, row) for row in session.scalars(query)}
+
+
+def banks_on_the_way(session: Session, run: Run) -> OnTheWay:
+    """Return the banks here that a run changed to on its way; of an imported one those that came with it."""
+    named, origin = on_the_way(run.settings), of_runs(session, [run.id]).get(run.id)
+    return named if origin is None or BANKS not in origin.carried else OnTheWay(frozenset(), named.computed)
+
+
+def bring_banks(session: Session, run_id: int, *, where_there_are: bool) -> bool:
+    """Note that the banks of an imported run are here now; return whether it was without them.
+
+    An earlier Sinew did not note which these were: ``where_there_are`` says that there are any.
+    """
+    row = session.scalar(select(OriginRow).where(OriginRow.kind == RUN, OriginRow.number == run_id))
+    if row is None or not (where_there_are or BANKS in row.carried):
+        return False
+    row.carried = {name: part for name, part in row.carried.items() if name != BANKS}
+    return True
 
 
 def numbers_of(session: Session, kind: str) -> set[int]:

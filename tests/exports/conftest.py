@@ -3,7 +3,9 @@ from pathlib import Path
 
 import pytest
 
+from backend.archive.bundling import bundle_pieces
 from backend.storage import Database, open_database
+from tests.exports.stored import tracked
 
 
 @pytest.fixture
@@ -20,3 +22,17 @@ def there(tmp_path: Path) -> Iterator[Database]:
     opened = open_database(tmp_path / "there")
     yield opened
     opened.close()
+
+
+@pytest.fixture
+def run(here: Database) -> int:
+    """A tracking run with all that it came from."""
+    return tracked(here)
+
+
+@pytest.fixture
+def file(here: Database, run: int, tmp_path: Path) -> Path:
+    """Its bundle."""
+    found = tmp_path / "run.zip"
+    found.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
+    return found

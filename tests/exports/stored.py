@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import text
 
+from backend.archive.history import History
 from backend.experiments.results.again import evaluate_again
+from backend.messages.history import LineageNode
 from backend.recording.codec import pack, summarise
 from backend.sample import STORED_NAMES
 from backend.storage import Database, Session, banks, bring_up, identifications, recordings, runs
@@ -82,6 +84,12 @@ def tracked(database: Database) -> int:
         run = recorded(session, new, table)
     assert evaluate_again(database, run).problem == ""
     return run
+
+
+def boxes(database: Database, run: int) -> dict[str, LineageNode]:
+    """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
+    lineage = History(database, LAB, lambda: None).lineage_of(run)
+    return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
 
 
 def held(database: Database) -> dict[str, list[tuple[object, ...]]]:

@@ -11,36 +11,16 @@ from typing import Any
 import pytest
 
 from backend.archive.bundling import bundle_pieces
-from backend.archive.history import History
 from backend.documents.digest import digest_of
 from backend.exports import bundle
 from backend.exports.bundle_import import take_in
 from backend.exports.errors import ExportError, ImportRefusedError
 from backend.exports.taking_in import TakenIn
-from backend.messages.history import LineageNode
 from backend.reports.evidence import Evidence, read
 from backend.reports.stored_samples import stored_samples
 from backend.reports.verification import Verified, verify
 from backend.storage import Database, banks, results, runs
-from tests.exports.stored import LAB, NEW, held, nothing_left, recorded, tracked
-
-
-@pytest.fixture
-def run(here: Database) -> int:
-    return tracked(here)
-
-
-@pytest.fixture
-def file(here: Database, run: int, tmp_path: Path) -> Path:
-    found = tmp_path / "run.zip"
-    found.write_bytes(b"".join(bundle_pieces(here, run, tmp_path)))
-    return found
-
-
-def boxes(database: Database, run: int) -> dict[str, LineageNode]:
-    """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
-    lineage = History(database, LAB, lambda: None).lineage_of(run)
-    return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
+from tests.exports.stored import NEW, boxes, held, nothing_left, recorded
 
 
 def test_it_comes_into_an_empty_installation_with_its_lineage(
@@ -136,8 +116,17 @@ def edited(name: str, change: Callable[[Any], None]) -> Callable[[dict[str, byte
     return edit
 
 
+HUGE = "1e999"
+"""Stands in records without quotes: a number that JSON can write and nothing can hold."""
+
+
 def first(document: Any, kind: str) -> Any:
     return next(record["document"] for record in document["records"] if record["kind"] == kind)
+
+
+def last(document: Any) -> Any:
+    """Return the run that the bundle is of."""
+    return [record["document"] for record in document["records"] if record["kind"] == "run"][-1]
 
 
 @pytest.mark.parametrize(
@@ -171,13 +160,16 @@ def test_what_was_changed_is_named(
     assert held(there) == before
 
 
-def forged(change: Callable[[Any], None]) -> Callable[[dict[str, bytes]], None]:
-    """Change records with all hashes made right again."""
+def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[dict[str, bytes]], None]:
+    """Change records with all hashes made right again; ``alone`` leaves out samples and report."""
 
     def forge(members: dict[str, bytes]) -> None:
         document, manifest = json.loads(members["records.json"]), json.loads(members["manifest.json"])
+        for name in [name for name in members if alone and "/" in name]:
+            del members[name], manifest["members"][name]
         change(document)
-        members["records.json"] = json.dumps(document).encode()
+        text = json.dumps(document)
+        members["records.json"] = text.replace(f'"{HUGE}"', HUGE).encode()
         manifest["members"]["records.json"]["sha256"] = hashlib.sha256(members["records.json"]).hexdigest()
         manifest["records"] = {bundle.called(record): digest_of(record) for record in document["records"]}
         members["manifest.json"] = json.dumps(manifest).encode()
@@ -197,13 +189,33 @@ def forged(change: Callable[[Any], None]) -> Callable[[dict[str, bytes]], None]:
         (lambda d: d["records"].reverse(), "which is not before it in the bundle"),
         (lambda d: first(d, "bank").pop("note"), "a bank has the parts"),
         (lambda d: first(d, "bank")["entries"][0].update(S_nominal="x"), "S_nominal of a bank entry cannot be 'x'"),
+        (lambda d: first(d, "bank")["entries"][0].update(S_nominal=-5), "S_nominal .* '-5': it is a stiffness above 0"),
+        (lambda d: first(d, "bank")["entries"][0].update(model={"x": 1}), "model of a bank entry .* with K_q, T_q"),
+        (lambda d: first(d, "bank").update(entries=5), "entries of a bank cannot be '5': it is a list of one or more"),
+        (lambda d: first(d, "bank").update(created_at="0001-01-01T00:00:00+14:00"), "created_at of a bank cannot be"),
+        (lambda d: first(d, "bank").update(note=HUGE), "1e999 is beyond 1.8e308"),
+        (lambda d: first(d, "bank").update(note="\ud800"), "half a character"),
+        (lambda d: first(d, "bank").update(note="\0"), "half a character or a zero"),
+        (lambda d: last(d)["parameters"].update(zz={"a": {"value": 10**400}}), "has 401 digits: 18 at most"),
+        (lambda d: d["records"][-1].update(number=10**17), "a number from 1 to 2147483647"),
+        (lambda d: first(d, "result").update(metrics=[]), "metrics of a result cannot be .*: it is an object"),
+        (lambda d: last(d).update(parameters=[]), "parameters of a run cannot be .*: it is an object"),
+        (lambda d: last(d).update(kind="nonsense"), "kind of a run cannot be 'nonsense': it is one of session, motor"),
+        (lambda d: last(d).update(end_state="flying"), "end_state of a run cannot be 'flying': it is one of completed"),
+        (lambda d: last(d).update(end_state="running"), "it is of a run that was not over"),
+        (lambda d: last(d).update(ended_at="1999-01-01T00:00:00+00:00"), "ended_at of a run .* a moment after"),
+        (lambda d: last(d)["settings"]["loop"].update(bank=55), "settings.loop.bank of a run cannot be '55': .* 1"),
+        (lambda d: d["records"][0]["carried"].update(calibrations={"x": 1}), "carried.calibrations cannot be"),
+        (lambda d: d["records"][0]["carried"].update(banks=["1"]), "carried.banks cannot be"),
+        (lambda d: d["records"][1]["carried"].update(x=1), "a part of what is carried cannot be 'x'"),
     ],
 )
 def test_hashes_that_hold_are_not_enough(
     there: Database, file: Path, tmp_path: Path, change: Callable[[Any], None], why: str
 ) -> None:
     before = held(there)
-    remade(file, forged(change))
+    # without its samples the run's own record is what is looked at
+    remade(file, forged(change, alone="recordings" not in why))
     with pytest.raises(ImportRefusedError, match=why):
         take_in(there, file, "Ben", tmp_path / "there")
     assert held(there) == before

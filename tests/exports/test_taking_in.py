@@ -2,10 +2,14 @@
 
 import json
 import re
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
+from scipy.io import savemat
 
 from backend.documents.digest import digest_of
 from backend.exports.errors import ExportError, ImportRefusedError
@@ -134,6 +138,43 @@ def test_only_runs_are_taken_in(there: Database, tmp_path: Path) -> None:
     for name in ("trip.csv", "other.csv", "other.parquet", "other.mat", "other.mcap", "binary.csv", "other.xlsx"):
         with pytest.raises(ImportRefusedError):
             take_in(there, tmp_path / name, "Ben")
+
+
+SWOLLEN = b" " * (16 << 20)
+
+
+def mcap_that_swells(file: Path, facts: str) -> None:
+    with file.open("wb") as opened:
+        writer = Writer(opened, chunk_size=1 << 30)
+        writer.start(profile="", library="")
+        writer.add_metadata("sinew", {"facts": facts})
+        channel = writer.register_channel("/sample", "json", writer.register_schema("s", "jsonschema", b"{}"))
+        writer.add_message(channel, 0, SWOLLEN, 0)
+        writer.finish()  # type: ignore[no-untyped-call]  # as in the exporter
+
+
+def mat_that_swells(file: Path, facts: str) -> None:
+    savemat(file, {"sinew_export": facts + SWOLLEN.decode()}, do_compression=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "swell", "why"),
+    [
+        ("mcap", mcap_that_swells, "unpacks to 167.* bytes, where 8388608 are the most .* export the run again"),
+        ("mat", mat_that_swells, "it is compressed, which an export is not"),
+    ],
+)
+def test_what_would_swell_is_refused_unopened(
+    here: Database, there: Database, run: int, kind: str, swell: Callable[[Path, str], None], why: str, tmp_path: Path
+) -> None:
+    file = tmp_path / f"run.{kind}"
+    swell(file, of_run(here, run).facts.to_json())
+    assert file.stat().st_size < 1 << 20
+    tracemalloc.start()
+    with pytest.raises(ImportRefusedError, match=why):
+        take_in(there, file, "Ben")
+    assert tracemalloc.get_traced_memory()[1] < len(SWOLLEN)
+    tracemalloc.stop()
 
 
 def test_what_cannot_be_read_is_refused_before_the_first_byte(here: Database, tmp_path: Path) -> None:
