@@ -1,6 +1,7 @@
 """Runs beside each other by their metrics, and one metric over the dates of its runs."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import Figure
@@ -17,7 +18,9 @@ from backend.refusal import Because, RefusalError, require_within
 from backend.reports.verdict import verdict_of
 from backend.storage import Session, results, run_search, runs
 from backend.storage.results import Result
+from backend.storage.run_index import ValueSource
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, parse
+from backend.storage.run_terms import NONE
 from backend.storage.run_title import title_of
 from backend.storage.runs import Run
 
@@ -116,7 +119,7 @@ def metric_history(session: Session, kind: str, metric: str, where: str, *, ever
     of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
     asked: Query = All((of_kind, parse(where)))
     judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED))))
-    known = _known_metrics(session, judged, everywhere=everywhere)
+    known = _known_metrics(session, judged, metric, everywhere=everywhere)
     chosen = next((one for one in known if one.name == metric or not metric), None)
     if chosen is None:
         if metric:
@@ -138,10 +141,22 @@ _LOOKED_AT = 20
 """Newest runs of a kind in which its metrics are looked for."""
 
 
-def _known_metrics(session: Session, asked: Query, *, everywhere: bool) -> list[MetricName]:
-    """Return the metrics of the newest run that has a result."""
-    for run_id in run_search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids:
-        result, _ = _judged(session, runs.get(session, run_id))
-        if result is not None and result.metrics.figures:
-            return [MetricName(name=item.name, label=item.label, unit=item.unit) for item in result.metrics.figures]
-    return []
+def _known_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
+    """Return the metrics of the newest runs, and the one that is wanted where an older run alone has it."""
+    newest = run_search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids
+    known = _named_metrics(session, newest)
+    if wanted and wanted not in known:
+        measured = Compare(Value(f"{ValueSource.METRIC}.{wanted}", 0), Op.UNLIKE, (Value(NONE, 0),))
+        with suppress(QueryError):  # no run at all has one of this name
+            older = run_search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
+            known |= {name: item for name, item in _named_metrics(session, older).items() if name == wanted}
+    return list(known.values())
+
+
+def _named_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricName]:
+    """Return the metrics of runs by name, as the first of them calls each."""
+    found: dict[str, MetricName] = {}
+    for run in runs.of_numbers(session, run_ids):
+        for item in _figures(_judged(session, run)[0]).values():
+            found.setdefault(item.name, MetricName(name=item.name, label=item.label, unit=item.unit))
+    return found

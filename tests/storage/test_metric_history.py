@@ -1,0 +1,37 @@
+"""A metric over the dates of its runs: whatever any of them has can be asked for."""
+
+from dataclasses import replace
+
+import pytest
+
+from backend.archive.comparison import metric_history
+from backend.documents.result import Figure
+from backend.storage import Database, results, runs
+from backend.storage.results import NewResult
+from backend.storage.run_query import QueryError
+from backend.storage.runs import EndState, RunKind
+from tests.storage.test_lineage import METRICS, NEW_RUN
+
+NEWER = 25
+"""More than are looked through for what their metrics are."""
+
+
+def test_a_metric_that_only_older_runs_have_is_shown(database: Database) -> None:
+    older = Figure("settling", "s", "Settling", "", 0.7)
+    with database.session() as session:
+        for figures in ((*METRICS.figures, older), *[METRICS.figures] * NEWER):
+            run = runs.create(session, replace(NEW_RUN, kind=RunKind.TRACKING)).id
+            runs.end(session, run, EndState.COMPLETED)
+            results.add(session, NewResult(run, replace(METRICS, figures=figures), (), "1"))
+    with database.reading() as session:
+        found = metric_history(session, "tracking", "settling", "", everywhere=False)
+        assert found.metric is not None
+        assert (found.metric.label, [point.value for point in found.points]) == ("Settling", [0.7])
+        assert found.without == NEWER
+        assert [one.name for one in found.metrics] == ["overshoot", "settling"]
+        assert len(metric_history(session, "tracking", "", "", everywhere=False).points) == NEWER + 1
+        for unknown in ("setling", "overshoot.x"):
+            with pytest.raises(QueryError, match="have no metric"):
+                metric_history(session, "tracking", unknown, "", everywhere=False)
+        with pytest.raises(QueryError, match="have no metric 'settling'"):
+            metric_history(session, "compliance", "settling", "", everywhere=False)
