@@ -7,13 +7,14 @@ from typing import Annotated
 import typer
 
 from backend.cli.output import AsJson, fail, out, print_json
-from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.place import DataFolder, StationName, database_of, settings_with
 
 
 def export(
     run: Annotated[int, typer.Argument(help="Number of the run.")],
     file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet, .mat or .mcap says the format.")],
     data: DataFolder = None,
+    station: StationName = None,
 ) -> None:
     """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
     from backend.exports.errors import ExportError
@@ -24,7 +25,7 @@ def export(
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         try:
             write_file(of_run(database, run), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
@@ -43,13 +44,14 @@ def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) 
 def take_in(
     file: Annotated[Path, typer.Argument(help="Export of a run: .csv, .parquet, .mat or .mcap; or its bundle, .zip.")],
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
     from backend.exports import bundle_import, taking_in
     from backend.exports.errors import ImportRefusedError
 
-    settings = settings_with(data=data)
+    settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
         try:
             if file.suffix.lower() == ".zip":
@@ -73,6 +75,7 @@ def bundle(
     run: Annotated[int, typer.Argument(help="Number of the run.")],
     file: Annotated[Path, typer.Argument(help="File to write, .zip.")],
     data: DataFolder = None,
+    station: StationName = None,
 ) -> None:
     """Write a run with all that it came from to a file that another installation takes in."""
     from backend.archive.bundling import bundle_pieces
@@ -80,7 +83,7 @@ def bundle(
     from backend.exports.files import write_whole
     from backend.storage.records import UnknownRecordError
 
-    settings = settings_with(data=data)
+    settings = settings_with(data=data, station=station)
     with database_of(settings) as database:
         try:
             write_whole(bundle_pieces(database, run, settings.data), file)

@@ -66,12 +66,13 @@ def compare(
         int | None, typer.Option("--reference", help="Run that differences are to. [the first]")
     ] = None,
     data: DataFolder = None,
+    station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare the metrics of runs, with the differences to one of them."""
     from backend.archive.run_library import RunLibrary
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         found = RunLibrary(database).compared(runs, reference)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -162,13 +163,14 @@ def tag(
         list[str] | None, typer.Option("--remove", metavar="TAG", help="Tag to take off; repeatable.")
     ] = None,
     data: DataFolder = None,
+    station: StationName = None,
 ) -> None:
     """Put tags on runs, and take others off; all of it or nothing."""
     from backend.archive.run_library import RunLibrary
 
     if not add and not remove:
         fail("say which tags: --add TAG or --remove TAG", status=2)
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         RunLibrary(database).tag(runs, add or [], remove or [])
 
 

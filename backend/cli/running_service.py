@@ -46,13 +46,24 @@ class RunningService:
             connection.request(method, f"{where.path}/api{path}", content, headers)
             answer = connection.getresponse()
             text = answer.read()
-        except OSError as error:
-            fail(f"the service at {self.address} does not answer: {error}")
+        except (OSError, http.client.HTTPException) as error:
+            fail(f"the service at {self.address} does not answer: {error or type(error).__name__}")
         finally:
             connection.close()
-        said: Any = json.loads(text) if text else None
-        if answer.status >= http.client.BAD_REQUEST:
-            fail(said["error"]["message"])
+        return self._read(answer.status, text)
+
+    def _read(self, status: int, text: bytes) -> Any:
+        """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
+        try:
+            said: Any = json.loads(text) if text else None
+            refused = str(said["error"]["message"]) if status >= http.client.BAD_REQUEST else ""
+        except (ValueError, LookupError, TypeError):
+            fail(
+                f"what answers at {self.address} is no Sinew: status {status}, {text[:80]!a}; look what works "
+                "there, and start `sinew serve` again"
+            )
+        if refused:
+            fail(refused)
         return said
 
 

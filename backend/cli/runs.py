@@ -7,7 +7,7 @@ import typer
 
 from backend.cli import exports, run_library
 from backend.cli.output import AsJson, angles, fail, out, print_json
-from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.place import DataFolder, StationName, database_of, settings_with
 from backend.cli.run_tables import show_run, show_settings
 
 app = typer.Typer(
@@ -30,12 +30,12 @@ RunNumber = Annotated[int, typer.Argument(help="Number of the run.")]
 
 
 @app.command()
-def show(run: RunNumber, data: DataFolder = None, as_json: AsJson = False) -> None:
+def show(run: RunNumber, data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
     """Show a run with its settings, metrics and criteria."""
     from backend.reports.files import metrics_document
     from backend.reports.source import load_source
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         source = load_source(database, run)
     if as_json:
         print_json(metrics_document(source))
@@ -45,11 +45,11 @@ def show(run: RunNumber, data: DataFolder = None, as_json: AsJson = False) -> No
 
 
 @app.command()
-def evaluate(run: RunNumber, data: DataFolder = None) -> None:
+def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
     from backend.experiments.results.again import evaluate_again
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         evaluation = evaluate_again(database, run)
     if evaluation.problem:
         fail(f"run {run}: {evaluation.problem}", status=2)
@@ -61,10 +61,11 @@ def report(
     run: RunNumber,
     folder: Annotated[Path, typer.Argument(help="Folder for report.html, report.pdf, data.csv and metrics.json.")],
     data: DataFolder = None,
+    station: StationName = None,
 ) -> None:
     """Write the report of a run with its data."""
     from backend.reports.files import write_files
 
-    with database_of(settings_with(data=data)) as database:
+    with database_of(settings_with(data=data, station=station)) as database:
         for path in write_files(database, run, folder, angles()):
             out.print(f"wrote {path}", highlight=False, markup=False)

@@ -1,9 +1,14 @@
 """A run moves from one installation to another by the command line, and its report holds there."""
 
 import json
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
+from backend.storage import open_database
+from backend.storage.runs import RunKind
 from tests.cli.test_report import sinew
+from tests.exports.stored import NEW, recorded
 
 
 def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(tmp_path: Path) -> None:
@@ -22,6 +27,22 @@ def test_a_run_its_lineage_and_its_report_move_to_an_empty_installation(tmp_path
     assert (again.returncode, again.stdout.strip()) == (0, "run 1 is here already, as run 1: nothing is done")
     one, other = (json.loads(sinew("runs", "lineage", "1", "--json", folder=data).stdout) for data in (here, there))
     assert [node["sha256"] for node in other["nodes"]] == [node["sha256"] for node in one["nodes"]]
+
+
+def test_a_run_is_taken_in_tagged_and_handed_on_for_a_station(tmp_path: Path) -> None:
+    with closing(open_database(tmp_path / "here")) as here, here.session() as session:
+        for _ in range(2):
+            recorded(session, replace(NEW, kind=RunKind.SESSION))
+    file, there, of = tmp_path / "run.csv", tmp_path / "there", ("--station", "rig-b")
+    assert sinew("runs", "export", "1", str(file), *of, folder=tmp_path / "here").returncode == 0
+    assert sinew("runs", "import", str(file), *of, folder=there).returncode == 0
+    assert sinew("runs", "tag", "1", "--add", "worn", *of, folder=there).returncode == 0
+    elsewhere = sinew("runs", "tag", "1", "--add", "mine", folder=there)
+    assert (elsewhere.returncode, "is one of station rig-b" in elsewhere.stderr) == (1, True)
+    (listed,) = json.loads(sinew("runs", "list", "--json", *of, folder=there).stdout)
+    assert (listed["station"], listed["tags"]) == ("rig-b", ["worn"])
+    assert sinew("runs", "bundle", "1", str(tmp_path / "run.zip"), *of, folder=there).returncode == 0
+    assert sinew("runs", "compare", "1", "2", *of, folder=tmp_path / "here").returncode == 0
 
 
 def test_what_is_refused_says_why_and_ends_with_2(tmp_path: Path) -> None:
