@@ -4,8 +4,12 @@ What runs are searched by is derived from the rest, and written at the next open
 have none: see ``backend/storage/run_index.py``.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import sqlalchemy as sa
 from alembic import op
+from alembic.operations import BatchOperations
 
 revision = "0008_runs_found"
 down_revision = "0007_experiments"
@@ -82,11 +86,18 @@ def downgrade() -> None:
         _rename_unique(table, f"uq_{table}_station", f"uq_{table}_name", ["name", "version"])
     for table in _OF_STATION:
         op.drop_index(f"ix_{table}_station", table)
-        with op.batch_alter_table(table, table_kwargs={"sqlite_autoincrement": True}) as batch:
+        with _made_anew(table) as batch:
             batch.drop_column("station")
 
 
 def _rename_unique(table: str, before: str, after: str, columns: list[str]) -> None:
+    with _made_anew(table) as batch:
+        batch.drop_constraint(before, type_="unique")
+        batch.create_unique_constraint(after, columns)
+
+
+@contextmanager
+def _made_anew(table: str) -> Iterator[BatchOperations]:
     """SQLite makes the table anew; that no number is given out twice has to be kept by hand."""
     connection = op.get_bind()
     of_table = {"table": table}
@@ -94,8 +105,7 @@ def _rename_unique(table: str, before: str, after: str, columns: list[str]) -> N
     asked = sa.text("SELECT seq FROM sqlite_sequence WHERE name = :table")
     given_out = connection.scalar(asked, of_table) if is_sqlite else None
     with op.batch_alter_table(table, table_kwargs={"sqlite_autoincrement": True}) as batch:
-        batch.drop_constraint(before, type_="unique")
-        batch.create_unique_constraint(after, columns)
+        yield batch
     if given_out is not None:
         connection.execute(sa.text("DELETE FROM sqlite_sequence WHERE name = :table"), of_table)
         connection.execute(sa.text("INSERT INTO sqlite_sequence VALUES (:table, :seq)"), {**of_table, "seq": given_out})

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from alembic import command
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
@@ -138,6 +139,19 @@ def test_a_longer_name_of_a_plant_leaves_runs_and_their_numbers_as_they_are(
         assert recordings.get(session, kept).missed == 0
         assert runs.create(session, NEW_RUN).id == gone + 1
     opened.close()
+
+
+def test_going_back_gives_no_number_out_again(tmp_path: Path) -> None:
+    make_with_data(tmp_path)
+    engine = connect(sqlite_url(tmp_path))
+    with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
+        connection.execute(text("DELETE FROM sqlite_sequence"))
+        connection.execute(text("INSERT INTO sqlite_sequence VALUES ('run', 7), ('bank', 7)"))
+        command.downgrade(migrate._configuration(connection), "0007_experiments")
+        asked = text("SELECT name, seq FROM sqlite_sequence WHERE name IN ('run', 'bank') ORDER BY name")
+        kept = [tuple(row) for row in connection.execute(asked)]
+    engine.dispose()
+    assert kept == [("bank", 7), ("run", 7)]
 
 
 def test_a_rebuilt_table_keeps_its_rows_and_those_that_refer_to_it(tmp_path: Path, later_scripts: Path) -> None:
