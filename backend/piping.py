@@ -7,7 +7,9 @@ slow. Imports nothing of the project but ``offload``, so that the process loads 
 import asyncio
 import multiprocessing
 from collections.abc import AsyncGenerator, Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import ParamSpec
 
 from backend.offload import POLITE, WorkerDiedError, begin_beside
@@ -24,15 +26,16 @@ async def piped(work: Callable[P, Iterable[bytes]], *arguments: P.args, **_none:
     """
     mine, its = multiprocessing.Pipe(duplex=False)
     process = multiprocessing.get_context("spawn").Process(target=_send, args=(its, work, arguments), daemon=True)
+    loop, thread = asyncio.get_running_loop(), ThreadPoolExecutor(1, "piped")  # those of the loop are for short work
     try:
-        await asyncio.to_thread(process.start)
+        await loop.run_in_executor(thread, process.start)
         its.close()  # or nobody would hear of the end of the process
-        while (piece := await asyncio.to_thread(_received, mine)) is not None:
+        while (piece := await loop.run_in_executor(thread, _received, mine)) is not None:
             yield piece
     finally:
-        if process.pid is not None:
-            process.kill()  # who waits for it in a thread hears of that
-            await asyncio.shield(asyncio.to_thread(process.join))
+        _kill(process)  # who waits for it in the thread hears of that
+        await asyncio.shield(loop.run_in_executor(thread, _end, process))
+        thread.shutdown(wait=False)
         its.close()
         mine.close()
 
@@ -47,6 +50,18 @@ def _received(connection: Connection) -> bytes | None:
     if isinstance(told, Exception):
         raise told
     return told
+
+
+def _kill(process: BaseProcess) -> None:
+    if process.pid is not None:
+        process.kill()
+
+
+def _end(process: BaseProcess) -> None:
+    """End a process that has been started by now, if ever."""
+    _kill(process)
+    if process.pid is not None:
+        process.join()
 
 
 def _send(connection: Connection, work: Callable[..., Iterable[bytes]], arguments: tuple[object, ...]) -> None:

@@ -3,8 +3,11 @@
 import asyncio
 import os
 import signal
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import aclosing
+from pathlib import Path
 
 import pytest
 
@@ -41,6 +44,13 @@ def endless() -> Iterator[bytes]:
         yield LARGE
 
 
+def waiting(gate: Path) -> Iterator[bytes]:
+    yield b"begun"
+    while not gate.exists():
+        time.sleep(0.01)
+    yield b"end"
+
+
 async def collected(work: object, *arguments: object) -> list[bytes]:
     return [piece async for piece in piped(work, *arguments)]  # type: ignore[arg-type]
 
@@ -64,6 +74,22 @@ def test_what_breaks_off_is_no_end(work: object, error: type[Exception]) -> None
         return taken
 
     assert asyncio.run(take()) == [b"begun"]
+
+
+def test_who_waits_for_a_piece_leaves_the_threads_of_the_loop_to_others(tmp_path: Path) -> None:
+    gate = tmp_path / "gate"
+
+    async def take() -> bytes:
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
+        async with aclosing(piped(waiting, gate)) as stream:
+            assert await anext(stream) == b"begun"
+            awaited = asyncio.ensure_future(anext(stream))
+            await asyncio.sleep(0)
+            async with asyncio.timeout(20.0):
+                await asyncio.to_thread(gate.touch)
+            return await awaited
+
+    assert asyncio.run(take()) == b"end"
 
 
 def test_the_process_ends_when_nobody_takes_its_pieces_any_more() -> None:
