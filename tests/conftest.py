@@ -59,7 +59,7 @@ BESIDE = {
         "waits walk_back"
     ),
     "cli": "queue",
-    "foxglove": "publisher server",
+    "foxglove": "door publisher server",
     "loop": "supervisor",
     "packaging": "wheel",
     PAGE: (

@@ -29,6 +29,7 @@ HEARD = ("subscribe", "unsubscribe")
 MOST_CLIENTS = 8
 MOST_BYTES = 64 * 1024
 POLICY_VIOLATION, FAILED = 1008, 1011
+FAREWELL_S = 1.0
 
 
 class Door:
@@ -58,21 +59,29 @@ class Door:
         """Let in who shows ``key``, and nobody with the one of before: who came in with that is sent away."""
         if key != self._key:
             self._key = key
-            for client in tuple(self._inside):
-                await client.close(POLICY_VIOLATION, "the token was replaced: take the new address")
+            why = "the token was replaced: take the new address"
+            await asyncio.gather(*(_send_away(client, POLICY_VIOLATION, why) for client in tuple(self._inside)))
 
     def _look_at(self, connection: ServerConnection, request: Request) -> Response | None:
+        refused = self._refused(request)
+        return connection.respond(refused[0], f"{refused[1]}\n") if refused else None
+
+    def _refused(self, request: Request) -> tuple[HTTPStatus, str] | None:
         shown = parse_qs(urlsplit(request.path).query, errors="replace").get("token", [""])[-1]
         if self._key is None or not secrets.compare_digest(shown.encode(errors="replace"), self._key.encode()):
-            return connection.respond(
+            return (
                 HTTPStatus.UNAUTHORIZED,
-                "the address needs ?token= with the viewer's token, as sinew foxglove prints it\n",
+                "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
             )
         if len(self._inside) >= MOST_CLIENTS:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} are connected already\n")
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} are connected already"
         return None
 
     async def _relay(self, client: ServerConnection) -> None:
+        assert client.request is not None  # it was looked at
+        if refused := self._refused(client.request):  # since: by another key, or others who were faster
+            await _send_away(client, POLICY_VIOLATION, refused[1])
+            return
         self._inside.add(client)
         try:
             async with connect(
@@ -80,7 +89,7 @@ class Door:
             ) as server:
                 await _first_of(self._show(server, client), _hear(client, server))
         except (OSError, InvalidHandshake):
-            await client.close(FAILED, "the vendor's server has ended: start sinew foxglove again")
+            await _send_away(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
         finally:
             self._inside.discard(client)
 
@@ -98,10 +107,19 @@ async def _hear(client: ServerConnection, server: ClientConnection) -> None:
         try:
             asked = json.loads(said) if isinstance(said, str) else {}
         except (ValueError, RecursionError):
-            await client.close(POLICY_VIOLATION, "this is not JSON")
+            await _send_away(client, POLICY_VIOLATION, "this is not JSON")
             return
         if isinstance(asked, dict) and asked.get("op") in HEARD:
             await server.send(said)
+
+
+async def _send_away(client: ServerConnection, code: int, why: str) -> None:
+    """Close a connection, also to one who does not answer, or does not even read."""
+    try:
+        async with asyncio.timeout(FAREWELL_S):
+            await client.close(code, why)
+    except TimeoutError:
+        client.transport.abort()
 
 
 async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
