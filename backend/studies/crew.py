@@ -50,7 +50,7 @@ class LocalCrew:
         self._jobs = jobs
         self._work = work
         self._pool: ProcessPoolExecutor | None = None
-        self._given: dict[Future[PointResult], Point] = {}
+        self._given: dict[Future[PointResult], tuple[Point, ProcessPoolExecutor]] = {}
         self._again: list[Point] = []
         self._deaths: dict[int, int] = {}
 
@@ -60,8 +60,8 @@ class LocalCrew:
         return _AHEAD * self._jobs
 
     def give(self, point: Point) -> None:
-        """Hand over a point."""
-        if self._again:
+        """Hand over a point; it waits while there are some that a process died over."""
+        if self._again or self._one_is_alone():
             self._again.append(point)
             return
         self._submit(point)
@@ -71,10 +71,11 @@ class LocalCrew:
         done, _ = wait(self._given, timeout_s, FIRST_COMPLETED)
         results: list[PointResult] = []
         for future in done:
-            point = self._given.pop(future)
+            point, pool = self._given.pop(future)
             try:
                 results.append(future.result())
             except BrokenProcessPool as died:
+                self._drop(pool)
                 results += self._died_over(point, str(died))
         self._give_again()
         return results
@@ -89,11 +90,14 @@ class LocalCrew:
             self._pool = None
 
     def _submit(self, point: Point) -> None:
+        pool = self._present()
         try:
-            self._given[self._present().submit(self._work, self._base, point)] = point
+            future = pool.submit(self._work, self._base, point)
         except BrokenProcessPool:  # died since, over another point
-            self._pool = None
-            self._given[self._present().submit(self._work, self._base, point)] = point
+            self._drop(pool)
+            pool = self._present()
+            future = pool.submit(self._work, self._base, point)
+        self._given[future] = point, pool
 
     def _present(self) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -101,8 +105,11 @@ class LocalCrew:
             self._pool = ProcessPoolExecutor(self._jobs, context, begin_beside, (POLITE,))
         return self._pool
 
+    def _drop(self, broken: ProcessPoolExecutor) -> None:
+        if self._pool is broken:  # or there is another one already: not all points of one are told at once
+            self._pool = None
+
     def _died_over(self, point: Point, words: str) -> list[PointResult]:
-        self._pool = None
         self._deaths[point.number] = self._deaths.get(point.number, 0) + 1
         if self._deaths[point.number] >= DEATHS_MAX:
             return [without_run(point, LOST, f"the process that computes it died {DEATHS_MAX} times over it: {words}")]
@@ -112,10 +119,12 @@ class LocalCrew:
     def _give_again(self) -> None:
         """Give once more what a process died over; what could be the reason comes alone."""
         while self._again:
-            alone = self._deaths.get(self._again[0].number, 0) >= DEATHS_MAX - 1
-            if self._given and (alone or any(self._is_alone(point) for point in self._given.values())):
+            if self._given and (self._is_alone(self._again[0]) or self._one_is_alone()):
                 return
             self._submit(self._again.pop(0))
+
+    def _one_is_alone(self) -> bool:
+        return any(self._is_alone(point) for point, _ in self._given.values())
 
     def _is_alone(self, point: Point) -> bool:
         return self._deaths.get(point.number, 0) >= DEATHS_MAX - 1
