@@ -1,5 +1,6 @@
 """Which runs a study has: plain arithmetic on its text, the same wherever and whenever it is done."""
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -47,7 +48,7 @@ class Design:
         ordered = {name: chosen[name] for name, _ in self.axes}
         settings = {name: value for name, value in ordered.items() if "." not in name}
         if self.study.seeds > 1:
-            settings[_SEED] = self._first_seed + noise
+            settings[_SEED] = self.first_seed + noise
         plant = {name: float(value) for name, value in ordered.items() if "." in name}
         return Point(number, settings, plant | self._drawn(draw))
 
@@ -57,7 +58,8 @@ class Design:
         return tuple((axis.over, values_of(axis)) for axis in self.study.axes)
 
     @property
-    def _first_seed(self) -> int:
+    def first_seed(self) -> int:
+        """The seed of the noise, where the seeds begin."""
         return int(self.base.settings.get(_SEED, 0))
 
     def _drawn(self, draw: int) -> dict[str, float]:
@@ -104,6 +106,7 @@ def designed(study: Study, lines: Lines, base: Base, settings: tuple[Setting, ..
     for place, axis in enumerate(study.axes):
         path: Path = ("axes", place)
         _require_axis(axis, path, lines)
+        _require_apart(values_of(axis), (*path, "over"), lines)
         _require_new(axis.over, taken, (*path, "over"), lines)
         for value in _outermost(values_of(axis)) if "." in axis.over else values_of(axis):
             if "." in axis.over:
@@ -116,6 +119,8 @@ def designed(study: Study, lines: Lines, base: Base, settings: tuple[Setting, ..
         _require_spread(base, spread, path, lines)
     design = Design(study, base)
     _require_counts(study, design, lines, _SEED in taken)
+    if study.seeds > 1:
+        _require_setting(known, _SEED, design.first_seed + study.seeds - 1, ("seeds",), lines)
     try:
         planned(base, design.point(0))
     except ParameterError as error:
@@ -146,6 +151,12 @@ def _require_new(name: str, taken: set[str], path: Path, lines: Lines) -> None:
     if name in taken:
         raise ExperimentError(f"{name} is varied twice", path, line_of(path, lines))
     taken.add(name)
+
+
+def _require_apart(values: tuple[Value, ...], path: Path, lines: Lines) -> None:
+    twice = next((value for value, count in Counter(values).items() if count > 1), None)
+    if twice is not None:
+        raise ExperimentError(f"{twice} is gone through more than once", path, line_of(path, lines))
 
 
 def _require_axis(axis: Axis, path: Path, lines: Lines) -> None:

@@ -122,6 +122,8 @@ def plant_with(name: str, document: Mapping[str, Any], numbers: Mapping[str, flo
 
 def number_of(value: Any, place: list[str]) -> float:
     """Return a number of an entry, or that at a place of its row. Raises IndexError, TypeError, ValueError."""
+    if place and place[0] != str(int(place[0])):
+        raise ValueError("a place has one way to be written")
     number = value[int(place[0])] if place else value
     if isinstance(number, bool) or not isinstance(number, int | float):
         raise TypeError("it is no number")

@@ -1,8 +1,7 @@
 """A study as it is kept, with all that its text speaks of as that was when it was begun."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 from pydantic import TypeAdapter
 
@@ -14,6 +13,8 @@ from backend.experiments.composing.refused import ExperimentError, Lines, line_o
 from backend.experiments.plans.catalogue import Entry, entry_of
 from backend.experiments.plans.composed_plan import KIND
 from backend.experiments.playing.playable import BankOf, banks_of
+from backend.refusal import Path
+from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.storage.studies import NewStudy, StoredStudy
 from backend.studies.design import Design, designed
@@ -57,7 +58,7 @@ def new_study(written: str, around: Surroundings, who: str) -> NewStudy:
         {**around.tuning, **study.settings},
     )
     design = designed(study, lines, base, entry.settings)
-    base = Base(**{**vars(base), "banks": _banks(design, around.bank_of, lines)})
+    base = replace(base, banks=_banks(design, around.bank_of, lines))
     return NewStudy(study.name, study.title, written, _BASE.dump_python(base, mode="json"), len(design), who)
 
 
@@ -76,12 +77,20 @@ def _entry(study: Study, lines: Lines, around: Surroundings) -> Entry:
         raise ExperimentError(error.why, ("written", *error.path), error.line) from None
 
 
-def _banks(design: Design, bank_of: BankOf, lines: Lines) -> tuple[Any, ...]:
+def _banks(design: Design, bank_of: BankOf, lines: Lines) -> tuple[Bank, ...]:
     """Return the banks that are used: of the tuning, of an axis, or on the way of the first point."""
     _, plan, loop = planned(design.base, design.point(0))
-    numbers = {loop.bank, *banks_of(plan)}
-    numbers |= {int(value) for name, values in design.axes if name == "bank" for value in values}
+    said_at: dict[int, Path] = dict.fromkeys((loop.bank, *banks_of(plan)), ())
+    if "bank" in design.study.settings:
+        said_at[loop.bank] = ("settings", "bank")
+    for place, (name, values) in enumerate(design.axes):
+        if name == "bank":
+            said_at |= {int(value): ("axes", place, "over") for value in values}
+    return tuple(_bank(bank_of, number, said_at[number], lines) for number in sorted(said_at) if number)
+
+
+def _bank(bank_of: BankOf, number: int, path: Path, lines: Lines) -> Bank:
     try:
-        return tuple(bank_of(number) for number in sorted(numbers - {0}))
+        return bank_of(number)
     except UnknownRecordError as error:
-        raise ExperimentError(str(error), (), line_of((), lines)) from None
+        raise ExperimentError(str(error), path, line_of(path, lines)) from None

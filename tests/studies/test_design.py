@@ -95,6 +95,18 @@ def test_spreads_lie_where_they_are_said_to() -> None:
         ("experiment: nothing", "there is no such experiment"),
         ("settings: {lam_q: 0.5, b: 3}", "line 4: settings, b"),
         ("axes: [{over: bank, values: [3]}]", "there is no bank 3"),
+        ("settings: {bank: 9}", "line 4: settings, bank: there is no bank 9"),
+        (
+            "axes:\n  - {over: lam_q, values: [0.5]}\n  - {over: bank, values: [7]}",
+            "line 6: axes 2, over: there is no bank 7",
+        ),
+        ("axes: [{over: lam_q, values: [0.5, 0.6, 0.5]}]", "line 4: axes 1, over: 0.5 is gone through more than once"),
+        ("axes: [{over: lam_q, first: 0.5, last: 0.5, count: 4}]", "0.5 is gone through more than once"),
+        ("settings: {seed: 2147483646}\nseeds: 3", "line 5: seeds: "),
+        (
+            "axes: [{over: spring.k.0, values: [-2.5]}, {over: spring.k.00, values: [-2.6]}]",
+            "spring.k.00: the plant has no",
+        ),
         ("axis: []", "it is not known here"),
         ("written: {format: 1, name: b, title: B, phases: []}", "line 4: written, phases: it is empty"),
         ("settings: {S_low: 13.0, S_high: 12.0}", "lower level"),
