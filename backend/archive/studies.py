@@ -15,7 +15,8 @@ from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies import maps
 from backend.studies.design import Design
 from backend.studies.maps import Map
-from backend.studies.runner import is_computed, left_s
+from backend.studies.point import require_version
+from backend.studies.runner import TakenError, is_computed, left_s
 from backend.studies.stored import Surroundings, design_of, new_study
 from plant.parameters import PlantParameters
 
@@ -54,6 +55,16 @@ class Studies:
         """Have whoever computes it stop when the runs in hand are done. Raises UnknownRecordError."""
         with self._database.session() as session:
             studies.ask_to_stop(session, study_id)
+        return self.view(study_id)
+
+    def resume(self, study_id: int) -> StudyView:
+        """Have what is missing computed by whoever comes. Raises UnknownRecordError, OtherSoftwareError, TakenError."""
+        with self._database.session() as session:
+            kept = studies.get(session, study_id)
+            require_version(kept.base["software"])
+            if kept.stop_asked and is_computed(kept):
+                raise TakenError(kept)
+            studies.want(session, study_id)
         return self.view(study_id)
 
     def detail(self, study_id: int, rows: int | None = ROWS_SHOWN) -> StudyDetail:

@@ -1,6 +1,5 @@
 """``sinew study``: many simulated runs at once, their table, their maps."""
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     help="Studies: many simulated runs, over settings, plants and noise.", no_args_is_help=True, rich_markup_mode=None
 )
+PICTURES = (".png", ".svg", ".pdf")
 Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Number of a study, of sinew study list.")]
 
 
@@ -32,6 +32,7 @@ def run(
     file: Annotated[Path | None, typer.Argument(help="File of a study, YAML or JSON (docs/studies.md).")] = None,
     resume: Annotated[int | None, typer.Option("--resume", metavar="NUMBER", help="Go on with this study.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, max=1024, help="Processes; 0 for one on each core.")] = 0,
+    again: Annotated[bool, typer.Option("--again", help="With --resume: anew what failed or was lost.")] = False,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Compute on a Dask cluster: tcp://HOST:8786.")
     ] = None,
@@ -46,6 +47,8 @@ def run(
     """
     if (file is None) == (resume is None):
         fail("name the file of a study, or the number of one with --resume", status=2)
+    if again and resume is None:
+        fail("--again needs --resume: a study that is begun has nothing that failed", status=2)
     from backend.archive.studies import Studies
     from backend.studies.runner import run_study
     from plant.parameters import load_parameters
@@ -57,10 +60,12 @@ def run(
         if resume is None:
             assert file is not None
             resume = kept.begin(text_in(file), current_user(), load_parameters(settings.params), tuning).id
+        else:
+            kept.resume(resume)
         if not as_json:
             out.print(f"study {resume}: sinew study run --resume {resume} goes on with it", highlight=False)
         with _progress(hidden=as_json) as notify:
-            whole = run_study(database, resume, _crew(jobs, scheduler), notify)
+            whole = run_study(database, resume, _crew(jobs, scheduler), notify, again=again)
         _say(kept.detail(resume, 0), as_json=as_json)
     if not whole:
         fail(f"study {resume} was stopped: sinew study run --resume {resume} goes on with it")
@@ -127,6 +132,8 @@ def draw(
     as_json: AsJson = False,
 ) -> None:
     """Map a figure over two axes of a study: as a table, or as a picture."""
+    if to is not None and to.suffix.lower() not in PICTURES:
+        fail(f"{to}: a picture ends in {', '.join(PICTURES)}", status=2)
     from dataclasses import asdict
 
     from backend.archive.studies import Studies, unit_of
@@ -209,4 +216,5 @@ def _left(study: "StudyView") -> str:
 
 
 def _in_time(seconds: float) -> str:
-    return time.strftime("%H:%M:%S", time.gmtime(seconds))
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60:02}:{minutes % 60:02}:{rest:02}"

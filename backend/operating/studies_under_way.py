@@ -5,6 +5,7 @@ One core is left to the loop and the service. What ends with the service goes on
 
 import asyncio
 import logging
+import time
 from collections.abc import Callable
 
 from backend.archive.studies import Studies
@@ -22,6 +23,9 @@ WAITING = "waiting"
 """State of a study whose turn comes after that of another one."""
 WAITING_MAX = 20
 """Studies under way or waiting, at most."""
+COMPUTED = ("running", "stopping")
+REST = 9.0
+"""The table of a study that is computed is read anew after so many times what that takes: of 100 000 rows, seconds."""
 
 
 class StudiesUnderWay:
@@ -41,7 +45,8 @@ class StudiesUnderWay:
         self._database, self._parameters, self._tuning = database, parameters, tuning
         self._computing, self._reading = computing, reading
         self._kept = Studies(database)
-        self._turn = asyncio.Lock()
+        self._turn, self._door = asyncio.Lock(), asyncio.Lock()
+        self._looked_at: dict[int, tuple[float, StudyDetail]] = {}
         self._waiting: dict[int, asyncio.Task[None]] = {}
         self._present: dict[int, asyncio.Task[None]] = {}
 
@@ -50,27 +55,46 @@ class StudiesUnderWay:
         return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])
 
     async def detail(self, study_id: int) -> StudyDetail:
-        """Return a study with its maps and the first rows of its table. Raises UnknownRecordError."""
-        found = await self._reading.run(_detail, self._database, study_id)
-        return found.model_copy(update={"study": self._told(found.study)})
+        """Return a study with its maps and the first rows of its table. Raises UnknownRecordError.
+
+        The table of one that is computed may be that of before, see REST.
+        """
+        study = await asyncio.to_thread(self._kept.view, study_id)
+        due, found = self._looked_at.get(study_id, (0.0, None))
+        if found is None or study.state not in COMPUTED or time.monotonic() >= due:
+            begun = time.monotonic()
+            found = await self._reading.run(_detail, self._database, study_id)
+            study, ended = found.study, time.monotonic()
+            resting = {other: kept for other, kept in self._looked_at.items() if kept[0] > ended}
+            self._looked_at = resting | {study_id: (ended + REST * (ended - begun), found)}
+        return found.model_copy(update={"study": self._told(study)})
 
     async def begin(self, text: str, who: str) -> StudyView:
         """Keep a study and have it computed. Raises ExperimentError, SettingError, RefusalError for one too many."""
-        self._require_place()
-        tuning = self._tuning()
-        study = await self._reading.run(_begin, self._database, text, who, self._parameters, tuning)
-        return self._have_computed(study)
+        async with self._door:
+            self._require_place()
+            tuning = self._tuning()
+            study = await self._reading.run(_begin, self._database, text, who, self._parameters, tuning)
+            return self._have_computed(study)
 
     async def resume(self, study_id: int) -> StudyView:
-        """Have computed what is missing. Raises UnknownRecordError, RefusalError for one too many."""
-        self._require_place()
-        return self._have_computed(await asyncio.to_thread(self._kept.view, study_id))
+        """Have computed what is missing.
+
+        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RefusalError for one too many.
+        """
+        async with self._door:
+            self._require_place()
+            return self._have_computed(await asyncio.to_thread(self._kept.resume, study_id))
 
     async def stop(self, study_id: int) -> StudyView:
         """Have a study stop, whoever computes it. Raises UnknownRecordError."""
         study = await asyncio.to_thread(self._kept.stop, study_id)
-        if study_id in self._waiting:
-            self._waiting.pop(study_id).cancel()
+        due = self._waiting.pop(study_id, None)
+        begun = self._present.get(study_id) if study.state == "stopped" else None  # its process only comes up
+        for task in (due, begun):
+            if task is not None:
+                task.cancel()
+                await asyncio.wait((task,))
         return self._told(study)
 
     async def close(self) -> None:
@@ -85,8 +109,7 @@ class StudiesUnderWay:
             raise RefusalError(Because.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
 
     def _have_computed(self, study: StudyView) -> StudyView:
-        known = study.id in self._waiting or study.id in self._present
-        if not known and study.state == "stopped":
+        if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends
             self._waiting[study.id] = asyncio.get_running_loop().create_task(self._compute(study.id))
         return self._told(study)
 

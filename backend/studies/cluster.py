@@ -17,6 +17,7 @@ CONNECT_S = 10.0
 """A scheduler that does not answer within this [s] is not there."""
 _AHEAD = 2
 _GONE = "the scheduler is gone: start it again, and go on with --resume"
+_SET_UP = "; set up their machines like this one, and go on with --resume"
 
 
 def on_cluster(address: str, work: Work = run_point) -> Callable[[Base], "ClusterCrew"]:
@@ -29,7 +30,7 @@ class ClusterCrew:
 
     def __init__(self, base: Base, address: str, work: Work = run_point) -> None:
         try:
-            from distributed import Client
+            from distributed import Client, KilledWorker
         except ModuleNotFoundError:
             raise CrewGoneError("a cluster needs the extra cluster: pip install 'sinew[cluster]'") from None
         logging.getLogger("distributed").setLevel(logging.ERROR)
@@ -37,6 +38,7 @@ class ClusterCrew:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise CrewGoneError(f"no Dask scheduler answers at {address}: {error}") from None
+        self._killed = KilledWorker
         self._work = work
         self._base = base  # goes with each point: what lay on a worker would be gone with it
         self._given: dict[str, tuple[Any, Point]] = {}
@@ -76,9 +78,12 @@ class ClusterCrew:
         if future.status == "finished":
             result: PointResult = future.result()
             return result
-        if future.status == "cancelled" or self._client.status != "running":
+        if future.status != "error" or self._client.status != "running":
             raise CrewGoneError(_GONE)
-        return without_run(point, LOST, f"the workers of the cluster died over it: {future.exception()}")
+        error = future.exception()
+        if not isinstance(error, self._killed):
+            raise CrewGoneError(f"the workers cannot compute it: {type(error).__name__}: {error}{_SET_UP}")
+        return without_run(point, LOST, f"the workers of the cluster died over it: {error}")
 
 
 def _told(done: "SimpleQueue[str]", future: Any) -> None:

@@ -16,7 +16,7 @@ from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.playing.in_memory import play_in_memory
 from backend.experiments.playing.play import NotPlayedError
 from backend.experiments.results.metrics import NoSamplesError
-from backend.refusal import RefusedValueError
+from backend.refusal import Because, RefusalError, RefusedValueError
 from backend.storage.banks import Bank
 from backend.storage.records import UnknownRecordError
 from backend.tuning.formulas import TuningError
@@ -75,11 +75,27 @@ class PointResult:
     figures: dict[str, float | None]
 
 
+class OtherSoftwareError(RefusalError):
+    """Another version of Sinew could give other rows than those that are there."""
+
+    def __init__(self, software: str) -> None:
+        super().__init__(
+            Because.NOT_NOW,
+            f"Sinew {__version__} computes here, the study is of Sinew {software}: "
+            "use that one, or begin the study anew",
+        )
+
+
+def require_version(software: str) -> None:
+    """Raise OtherSoftwareError where this Sinew is not the one that a study was begun with."""
+    if software != __version__:
+        raise OtherSoftwareError(software)
+
+
 def run_point(base: Base, point: Point) -> PointResult:
-    """Simulate one point. Whatever becomes of it is a row: nothing is raised."""
+    """Simulate one point. Whatever becomes of it is a row; OtherSoftwareError alone is raised."""
+    require_version(base.software)
     try:
-        if base.software != __version__:
-            raise ValueError(f"Sinew {__version__} computes here, the study is of Sinew {base.software}")
         return _computed(base, point)
     except _REFUSALS as error:
         return without_run(point, REFUSED, str(error))

@@ -15,7 +15,7 @@ from backend.storage import Database, StorageError, studies
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
-from backend.studies.point import Base, PointResult
+from backend.studies.point import FAILED, LOST, Base, PointResult, require_version
 from backend.studies.stored import design_of
 
 BEAT_S = 1.0
@@ -51,17 +51,29 @@ def local(jobs: int) -> MakeCrew:
     return lambda base: LocalCrew(base, jobs)
 
 
-def run_study(database: Database, study_id: int, make_crew: MakeCrew, notify: Notify = lambda _progress: None) -> bool:
+def run_study(
+    database: Database,
+    study_id: int,
+    make_crew: MakeCrew,
+    notify: Notify = lambda _progress: None,
+    *,
+    again: bool = False,
+) -> bool:
     """Compute all rows that are not there yet; return whether all are there now, or somebody had it stopped.
 
-    Each row is stored as it comes. Raises UnknownRecordError, TakenError, StorageError, CrewGoneError.
+    Each row is stored as it comes; with ``again`` those that failed or were lost are computed anew. Raises
+    UnknownRecordError, OtherSoftwareError, TakenError, StorageError, CrewGoneError.
     """
     runner = f"{socket.gethostname()}:{os.getpid()}"
     with database.session() as session:
         study = studies.get(session, study_id)
+        require_version(study.base["software"])
         if is_computed(study) and study.runner != runner:
             raise TakenError(study)
-        studies.claim(session, study_id, runner)
+        if again:
+            studies.forget(session, study_id, (FAILED, LOST))
+        if not studies.claim(session, study_id, runner):
+            return False
     problem = "it was interrupted"
     try:
         design = design_of(study)

@@ -51,7 +51,9 @@ def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_t
     with database.reading() as session:
         assert (studies.get(session, study).runner, studies.get(session, study).problem) == ("two:2", "")
     with database.session() as session:
-        studies.claim(session, study, "two:2")
+        assert not studies.claim(session, study, "three:3")  # the stop holds for whoever comes
+        studies.want(session, study)
+        assert studies.claim(session, study, "two:2")
     assert may("two:2")
 
 

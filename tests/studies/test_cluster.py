@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ import pytest
 from backend.storage import Database, open_database
 from backend.studies.cluster import ClusterCrew, on_cluster
 from backend.studies.crew import CrewGoneError
-from backend.studies.point import Base, Point
+from backend.studies.point import LOST, Base, Point
 from backend.studies.runner import local, run_study
 from tests.studies import studying
 from tests.studies.studying import begun, in_folder, table
@@ -27,8 +28,8 @@ ROOT = Path(__file__).parents[2]
 class Cluster:
     """A scheduler and two workers, each a process of its own."""
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._folder, self._stack = folder, stack
+    def __init__(self, folder: Path, stack: ExitStack, **environment: str) -> None:
+        self._folder, self._stack, self._environment = folder, stack, environment
         place = folder / "scheduler.json"
         self.scheduler = self._start(
             "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(place)
@@ -45,7 +46,7 @@ class Cluster:
         return self._start("worker", self.address, *alone)
 
     def _start(self, *words: str) -> subprocess.Popen[bytes]:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), **self._environment}
         command = [sys.executable, "-m", "dask", *words]
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self._stack.callback(process.wait)
@@ -90,6 +91,29 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
 
     assert run_study(database, study, losing)
     assert [(row.number, row.state) for row in table(database, study)] == [(n, "completed") for n in range(16)]
+
+
+def test_a_point_that_kills_its_worker_is_told_and_computed_when_that_is_asked(
+    database: Database, tmp_path: Path
+) -> None:
+    study = begun(database)
+    with ExitStack() as stack:
+        strict = Cluster(tmp_path, stack, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
+        assert run_study(database, study, on_cluster(strict.address, studying.die_always))
+        assert table(database, study)[5].state == LOST
+        assert run_study(database, study, on_cluster(strict.address, studying.quick), again=True)
+    assert {row.state for row in table(database, study)} == {"completed"}
+
+
+def test_workers_of_another_version_leave_the_table_as_it_is(database: Database, cluster: Cluster) -> None:
+    study = begun(database)
+
+    def other(base: Base) -> ClusterCrew:
+        return ClusterCrew(replace(base, software="99.0"), cluster.address)
+
+    with pytest.raises(CrewGoneError, match=r"the study is of Sinew 99\.0.*set up their machines like this one"):
+        run_study(database, study, other)
+    assert table(database, study) == []
 
 
 def test_a_scheduler_that_is_not_there_is_told(database: Database) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from backend.archive.studies import Studies
+from backend.cli.study import _in_time
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.catalogue import experiment
 from backend.experiments.plans.loop_settings import LoopSettings
@@ -21,8 +22,10 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.storage import Database, banks, open_database, studies
 from backend.storage.banks import BankEntry
+from backend.storage.studies import StoredPoint
+from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
-from backend.studies.point import LOST, Base
+from backend.studies.point import FAILED, LOST, REFUSED, Base, OtherSoftwareError
 from backend.studies.runner import Progress, TakenError, local, run_study
 from backend.studies.stored import design_of
 from backend.tuning.models import designed_point
@@ -119,6 +122,7 @@ def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database
     assert [row.number for row in table(database, study)] == list(range(6))  # those in its hands were waited for
     stopped = Studies(database).view(study)
     assert (stopped.state, stopped.problem) == ("stopped", "")
+    Studies(database).resume(study)
     assert run_study(database, study, with_work(studying.patient, tmp_path))
     assert computed_in(tmp_path) == list(range(16))
     assert Studies(database).view(study).state == "done"
@@ -130,6 +134,48 @@ def test_two_do_not_compute_the_same_study(database: Database) -> None:
         studies.claim(session, study, "elsewhere:1")
     with pytest.raises(TakenError, match="elsewhere:1"):
         run_study(database, study, local(1))
+
+
+def test_another_version_computes_no_row_of_a_study(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = begun(database)
+    monkeypatch.setattr(point, "__version__", "99.0")
+    with pytest.raises(OtherSoftwareError, match=r"Sinew 99\.0 computes here"):
+        run_study(database, study, local(1))
+    with pytest.raises(OtherSoftwareError):
+        Studies(database).resume(study)
+    assert table(database, study) == []
+    with pytest.raises(OtherSoftwareError):
+        point.run_point(Base("", "", "", {}, {}, software="1.0"), point.Point(0, {}, {}))
+
+
+def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    rows = [StoredPoint(number, state, "", None, {}, {}) for number, state in enumerate((FAILED, LOST, REFUSED))]
+    with database.session() as session:
+        studies.add_points(session, study, rows)
+    assert run_study(database, study, with_work(studying.quick, tmp_path))
+    assert table(database, study)[:3] == rows
+    assert run_study(database, study, with_work(studying.quick, tmp_path), again=True)
+    assert [row.state for row in table(database, study)] == ["completed"] * 2 + [REFUSED] + ["completed"] * 13
+
+
+def test_a_stop_that_was_asked_before_holds_until_somebody_resumes(database: Database, tmp_path: Path) -> None:
+    study = begun(database)
+    Studies(database).stop(study)
+    assert not run_study(database, study, with_work(studying.quick, tmp_path))
+    assert table(database, study) == []
+    assert Studies(database).resume(study).state == "stopped"
+    assert run_study(database, study, with_work(studying.quick, tmp_path))
+
+
+def test_a_study_that_stops_is_not_resumed_before_it_has(database: Database) -> None:
+    study = begun(database)
+    with database.session() as session:
+        studies.claim(session, study, "elsewhere:1")
+    assert Studies(database).stop(study).state == "stopping"
+    with pytest.raises(TakenError, match="elsewhere:1"):
+        Studies(database).resume(study)
+    assert Studies(database).view(study).state == "stopping"
 
 
 KILLED = """
@@ -182,6 +228,11 @@ def until(reached: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
+@pytest.mark.parametrize(("seconds", "told"), [(59.7, "00:01:00"), (108_000.0, "30:00:00"), (360_000.0, "100:00:00")])
+def test_the_time_left_may_be_more_than_a_day(seconds: float, told: str) -> None:
+    assert _in_time(seconds) == told
+
+
 def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(studying.SHORT.replace("draws: 2\nseeds: 2", ""))
@@ -204,6 +255,9 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     ]
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert "there is no figure weight" in sinew("map", "1", "--figure", "weight").stderr
+    assert "a picture ends in .png, .svg, .pdf" in sinew("map", "1", *over, "--out", str(tmp_path / "map.bmp")).stderr
+    assert "--again needs --resume" in sinew("run", str(file), "--again").stderr
+    assert json.loads(sinew("run", "--resume", "1", "--again").stdout)["study"]["done"] == 4
     assert "there is no study 9" in sinew("stop", "9").stderr
     file.write_text("format: 2")
     assert "line 1: format: 2 is not known" in sinew("run", str(file)).stderr

@@ -1,0 +1,108 @@
+"""Studies of the page: their turns, stops and places, with a process that does what the test says."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from backend.archive.studies import Studies
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.offload import Offload
+from backend.operating.studies_under_way import WAITING_MAX, StudiesUnderWay
+from backend.refusal import RefusalError
+from backend.storage import Database, open_database, studies
+from plant.parameters import load_parameters
+from tests.studies.studying import SHORT
+
+
+class Process:
+    """Stands for an Offload: does in a thread what is asked once the ``gate`` is open; counts that."""
+
+    def __init__(self) -> None:
+        self.gate = asyncio.Event()
+        self.asked = 0
+
+    async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
+        self.asked += 1
+        await self.gate.wait()
+        return await asyncio.to_thread(work, *arguments)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return open_database(tmp_path / "data")
+
+
+def under_way(database: Database) -> tuple[StudiesUnderWay, Process, Process]:
+    computing, reading = Process(), Process()
+    processes = (cast(Offload, computing), cast(Offload, reading))
+    return StudiesUnderWay(database, load_parameters("lab"), TuningChoice, *processes), computing, reading
+
+
+def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Database) -> None:
+    async def go() -> None:
+        page, computing, reading = under_way(database)
+        reading.gate.set()
+        study = await page.begin(SHORT, "Ana")
+        await asyncio.sleep(0)
+        assert (study.state, computing.asked) == ("waiting", 1)
+        assert (await page.stop(study.id)).state == "stopped"
+        computing.gate.set()
+        assert [found.state for found in (await page.all()).studies] == ["stopped"]
+        assert (await page.resume(study.id)).state == "waiting"
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Database) -> None:
+    async def go() -> None:
+        page, computing, reading = under_way(database)
+        reading.gate.set()
+        study = await page.begin(SHORT, "Ana")
+        await asyncio.sleep(0)
+        await asyncio.to_thread(Studies(database).stop, study.id)  # from elsewhere: this one does not hear of it
+        await page.resume(study.id)
+        with database.reading() as session:
+            assert not studies.get(session, study.id).stop_asked
+        assert (computing.asked, list(page._waiting)) == (1, [study.id])
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_no_more_wait_than_there_are_places_however_they_come(database: Database) -> None:
+    async def go() -> None:
+        page, _, reading = under_way(database)
+        begins = [asyncio.ensure_future(page.begin(SHORT, "Ana")) for _ in range(WAITING_MAX + 3)]
+        await asyncio.sleep(0)
+        reading.gate.set()
+        ends = await asyncio.gather(*begins, return_exceptions=True)
+        assert [isinstance(end, RefusalError) for end in ends] == [False] * WAITING_MAX + [True] * 3
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def go() -> None:
+        page, _, reading = under_way(database)
+        reading.gate.set()
+        study = (await page.begin(SHORT, "Ana")).id
+        with database.session() as session:
+            studies.claim(session, study, "elsewhere:1")
+        before = reading.asked
+        monkeypatch.setattr("backend.operating.studies_under_way.REST", 1e6)
+        shown = [(await page.detail(study)).study.state for _ in range(3)]
+        assert (shown, reading.asked - before) == (["running"] * 3, 1)
+        with database.session() as session:
+            studies.let_go(session, study, "elsewhere:1")
+        await page.detail(study)
+        assert reading.asked - before == 2
+        await page.close()
+
+    asyncio.run(go())
