@@ -78,6 +78,7 @@ class Studies:
                 label=item.label,
                 unit=item.unit,
                 count=spread[name].count,
+                unstable=spread[name].unstable,
                 least=spread[name].least,
                 median=spread[name].median,
                 mean=spread[name].mean,
@@ -136,7 +137,12 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
 
 def _map_view(drawn: Map) -> StudyMap:
     return StudyMap(
-        figure=drawn.figure, pick=drawn.pick, x=drawn.x, y=drawn.y, cells=[list(row) for row in drawn.cells]
+        figure=drawn.figure,
+        pick=drawn.pick,
+        x=drawn.x,
+        y=drawn.y,
+        cells=[list(row) for row in drawn.cells],
+        unstable=[list(row) for row in drawn.unstable],
     )
 
 

@@ -139,6 +139,7 @@ def draw(
     from backend.archive.studies import Studies, unit_of
     from backend.experiments.composing.text import of_canonical
     from backend.studies.maps import figure_names
+    from backend.studies.point import UNSTABLE
 
     with database_of(settings_with(data=data, station=station)) as database:
         found, design = Studies(database).map(study, figure, pick, over)
@@ -149,13 +150,18 @@ def draw(
         from backend.reports.study_map import draw_map
 
         labels = [f"{name} [{unit_of(name, design)}]" for name in (found.x, found.y)]
-        label = f"{named[figure].label} [{named[figure].unit}], {pick}"
+        blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
+        label = f"{named[figure].label} [{named[figure].unit}], {pick}{blank}"
         draw_map(found.cells, (labels[0], found.x_values), (labels[1], found.y_values), label, to)
     if as_json:
         print_json(asdict(found))
         return
     columns = (f"{found.y} \\ {found.x}", *(f"{value}" for value in found.x_values))
-    print_table(columns, [(value, *row) for value, row in zip(found.y_values, found.cells, strict=True)])
+    cells = (
+        [UNSTABLE if blank else value for value, blank in zip(*both, strict=True)]
+        for both in zip(found.cells, found.unstable, strict=True)
+    )
+    print_table(columns, [(value, *row) for value, row in zip(found.y_values, cells, strict=True)])
 
 
 def _crew(jobs: int, scheduler: str | None) -> "Callable[[Base], Crew]":
@@ -197,7 +203,7 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
                 item.name,
                 item.count,
                 *(
-                    read(value or 0.0, item.unit, angles())
+                    "unstable" if value is None else read(value, item.unit, angles())
                     for value in (item.least, item.median, item.mean, item.largest)
                 ),
                 reading_of(item.unit, angles()).unit,

@@ -1,6 +1,7 @@
 """Studies as the page and the command line show them."""
 
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field
 
@@ -38,12 +39,13 @@ class StudyList(Schema):
 
 
 class StudyFigure(Schema):
-    """A figure of the table, and how it is spread over all runs that gave it; ``unit`` is SI."""
+    """How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number."""
 
     name: str
     label: str
     unit: str
     count: int
+    unstable: int = Field(description="how many of these are of an unstable loop")
     least: float | None
     median: float | None
     mean: float | None
@@ -58,7 +60,7 @@ class StudyPoint(Schema):
     state: str
     detail: str
     passed: bool | None
-    figures: dict[str, float | None]
+    figures: dict[str, float | Literal["unstable"] | None]
 
 
 class StudyAxis(Schema):
@@ -77,6 +79,7 @@ class StudyMap(Schema):
     x: str
     y: str
     cells: list[list[float | None]]
+    unstable: list[list[bool]] = Field(description="by the same places, where null stands for an unstable loop")
 
 
 class StudyDetail(Schema):

@@ -29,7 +29,10 @@ class FigureName:
 
 @dataclass(frozen=True)
 class Map:
-    """A figure over two axes: ``cells`` by place of y, then of x; None where no run gave a number."""
+    """A figure over two axes: ``cells`` by place of y, then of x; None where no run gave a number.
+
+    Or where it is of a loop that is ``unstable``, at the same places.
+    """
 
     figure: str
     pick: str
@@ -38,18 +41,23 @@ class Map:
     x_values: tuple[Value, ...]
     y_values: tuple[Value, ...]
     cells: tuple[tuple[float | None, ...], ...]
+    unstable: tuple[tuple[bool, ...], ...]
 
 
 @dataclass(frozen=True)
 class Spreading:
-    """How the numbers of a figure lie, over the ``count`` runs that gave one."""
+    """How the numbers of a figure lie, over the ``count`` runs that gave one; None for what is infinite.
+
+    That is of the ``unstable`` among them.
+    """
 
     figure: str
     count: int
-    least: float
-    median: float
-    mean: float
-    largest: float
+    unstable: int
+    least: float | None
+    median: float | None
+    mean: float | None
+    largest: float | None
 
 
 def figure_names(experiment: Experiment) -> dict[str, FigureName]:
@@ -84,8 +92,8 @@ def map_of(
         raise SettingError("pick", pick, f"choose one of {', '.join(PICKS)}", legal=tuple(PICKS))
     found: dict[tuple[Value, Value], list[float]] = {}
     for point in points:
-        value = point.figures.get(figure)
-        if value is not None and math.isfinite(value):
+        value = number_of(point, figure)
+        if value is not None:
             found.setdefault((point.values[x], point.values[y]), []).append(value)
 
     def cell(at_x: Value, at_y: Value) -> float | None:
@@ -93,7 +101,19 @@ def map_of(
         return PICKS[pick](values) if values else None
 
     cells = tuple(tuple(cell(at_x, at_y) for at_x in axes[x]) for at_y in axes[y])
-    return Map(figure, pick, x, y, axes[x], axes[y], cells)
+    finite = tuple(tuple(_finite(value) for value in row) for row in cells)
+    unstable = tuple(tuple(value == math.inf for value in row) for row in cells)
+    return Map(figure, pick, x, y, axes[x], axes[y], finite, unstable)
+
+
+def number_of(point: StoredPoint, figure: str) -> float | None:
+    """Return the number of a figure in a row, infinity where the loop is unstable; None where there is none."""
+    value: float | str | None = point.figures.get(figure)
+    return math.inf if isinstance(value, str) else value
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value == math.inf else value
 
 
 def axes_to_draw(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:
@@ -108,7 +128,8 @@ def spreadings(points: Sequence[StoredPoint], names: Sequence[str]) -> list[Spre
     """Return how each figure is spread, of those that any run has."""
     found = []
     for name in names:
-        values = [v for point in points if (v := point.figures.get(name)) is not None]
+        values = [v for point in points if (v := number_of(point, name)) is not None]
         if values:
-            found.append(Spreading(name, len(values), min(values), median(values), fmean(values), max(values)))
+            told = (_finite(of(values)) for of in (min, median, fmean, max))
+            found.append(Spreading(name, len(values), values.count(math.inf), *told))
     return found

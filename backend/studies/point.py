@@ -29,6 +29,8 @@ FAILED = "failed"
 """State of a point that could not be computed for a reason that nobody foresaw."""
 LOST = "lost"
 """State of a point over which the process that computes it has died again and again."""
+UNSTABLE = "unstable"
+"""In the table in place of a sensitivity peak that is infinite."""
 
 _REFUSALS = (RefusedValueError, ParameterError, TuningError, NotPlayedError, NoSamplesError, UnknownRecordError)
 

@@ -1,5 +1,6 @@
 """Compute what a study still lacks, row by row into the database; stopped, killed or done, it can be taken up again."""
 
+import math
 import os
 import socket
 import time
@@ -15,7 +16,7 @@ from backend.storage import Database, StorageError, studies
 from backend.storage.studies import StoredPoint, StoredStudy
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
-from backend.studies.point import FAILED, LOST, Base, PointResult, require_version
+from backend.studies.point import FAILED, LOST, UNSTABLE, Base, PointResult, require_version
 from backend.studies.stored import design_of
 
 BEAT_S = 1.0
@@ -160,6 +161,6 @@ def _is_alive(process: int) -> bool:
 
 
 def as_stored(result: PointResult) -> StoredPoint:
-    """Return a row as it is kept: what JSON has no number for, an unstable loop's M_s, is null."""
-    kept = asdict(result)
-    return StoredPoint(**{**kept, "values": json_ready(result.values), "figures": json_ready(result.figures)})
+    """Return a row as it is kept: an unstable loop's M_s, for which JSON has no number, by its word."""
+    figures = {name: UNSTABLE if value == math.inf else value for name, value in result.figures.items()}
+    return StoredPoint(**{**asdict(result), "values": json_ready(result.values), "figures": json_ready(figures)})

@@ -5216,7 +5216,7 @@ export interface components {
         };
         /**
          * StudyFigure
-         * @description A figure of the table, and how it is spread over all runs that gave it; ``unit`` is SI.
+         * @description How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number.
          */
         StudyFigure: {
             /** Name */
@@ -5227,6 +5227,11 @@ export interface components {
             unit: string;
             /** Count */
             count: number;
+            /**
+             * Unstable
+             * @description how many of these are of an unstable loop
+             */
+            unstable: number;
             /** Least */
             least: number | null;
             /** Median */
@@ -5262,6 +5267,11 @@ export interface components {
             y: string;
             /** Cells */
             cells: (number | null)[][];
+            /**
+             * Unstable
+             * @description by the same places, where null stands for an unstable loop
+             */
+            unstable: boolean[][];
         };
         /**
          * StudyPoint
@@ -5282,7 +5292,7 @@ export interface components {
             passed: boolean | null;
             /** Figures */
             figures: {
-                [key: string]: number | null;
+                [key: string]: number | "unstable" | null;
             };
         };
         /**
