@@ -1,5 +1,6 @@
 """Which report a run gets."""
 
+import re
 from dataclasses import replace
 
 from backend.reading import Angles, in_words
@@ -17,6 +18,7 @@ from backend.reports.timing import timing_section
 from backend.reports.tracking import tracking_report
 from backend.storage.runs import RunKind
 
+_QUOTED_OR_NOT = re.compile(r"“[^”]*”|“|[^“]+")
 _BUILDERS = {
     RunKind.TRACKING: tracking_report,
     RunKind.COMPLIANCE: compliance_report,
@@ -50,11 +52,16 @@ def hashes_section(evidence: Evidence) -> Section:
 
 
 def told(report: Report, angles: Angles) -> Report:
-    """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already."""
+    """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already.
+
+    What somebody has written or named stays as it was written: what is marked as quoted, or stands between “ and ”.
+    """
     return replace(
         report,
-        verdict=in_words(report.verdict, angles),
-        facts=tuple(replace(fact, text=in_words(fact.text, angles)) for fact in report.facts),
+        verdict=_told_text(report.verdict, angles),
+        facts=tuple(
+            fact if fact.quoted else replace(fact, text=_told_text(fact.text, angles)) for fact in report.facts
+        ),
         sections=tuple(
             replace(section, blocks=tuple(_told_block(block, angles) for block in section.blocks))
             for section in report.sections
@@ -65,11 +72,21 @@ def told(report: Report, angles: Angles) -> Report:
 def _told_block(block: Block, angles: Angles) -> Block:
     match block:
         case Paragraph(text):
-            return Paragraph(in_words(text, angles))
+            return Paragraph(_told_text(text, angles))
         case Table(caption, columns, rows):
-            told = tuple(tuple(in_words(cell, angles) for cell in row) for row in rows)
+            told = tuple(
+                tuple(
+                    cell if column.quoted else _told_text(cell, angles)
+                    for column, cell in zip(columns, row, strict=True)
+                )
+                for row in rows
+            )
             if any(NO_FIGURE in row for row in rows):
                 caption += f" {NO_FIGURE} means: there is no such figure."
-            return Table(in_words(caption, angles), columns, told)
+            return Table(_told_text(caption, angles), columns, told)
         case Figure(name, svg, caption):
-            return Figure(name, svg, in_words(caption, angles))
+            return Figure(name, svg, _told_text(caption, angles))
+
+
+def _told_text(text: str, angles: Angles) -> str:
+    return _QUOTED_OR_NOT.sub(lambda part: part[0] if part[0][0] == "“" else in_words(part[0], angles), text)

@@ -9,10 +9,11 @@ from datetime import datetime
 
 @dataclass(frozen=True)
 class Fact:
-    """One line of the heading: a label and what it says."""
+    """One line of the heading: a label and what it says; what is ``quoted`` are a person's own words."""
 
     label: str
     text: str
+    quoted: bool = False
 
 
 @dataclass(frozen=True)
@@ -24,12 +25,16 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table; numbers are set flush right; a wide column takes the room that the others leave."""
+    """A column of a table; numbers are set flush right; a wide column takes the room that the others leave.
+
+    In a ``quoted`` one stand a person's own words.
+    """
 
     title: str
     unit: str = ""
     number: bool = True
     wide: bool = False
+    quoted: bool = False
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def facts(source: Source) -> tuple[Fact, ...]:
         Fact("Plant", f"{run.plant}, parameters “{run.parameters_name}”"),
     ]
     if run.note:
-        lines.append(Fact("Note", run.note))
+        lines.append(Fact("Note", run.note, quoted=True))
     versions = run.set_to.versions or {}
     software = ", ".join([f"Sinew {run.software}", *(f"{name} {version}" for name, version in versions.items())])
     return (*lines, Fact("Software", software))
@@ -161,7 +161,7 @@ def parameter_section(source: Source) -> Section:
         Column("Parameter", number=False),
         Column("Value"),
         Column("Unit", number=False),
-        Column("Source", number=False, wide=True),
+        Column("Source", number=False, wide=True, quoted=True),
     )
     caption = f"Parameter set “{source.run.parameters_name}” as it was when the run began."
     return Section("Plant parameters", (Table(caption, columns, rows),))

@@ -1,5 +1,6 @@
 """Every text of a report and every axis is in the unit of who asked for it, converted here a second time."""
 
+import copy
 import json
 import math
 import re
@@ -111,6 +112,18 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: Sourc
     assert (first["Step"], first["to"]) == ("q [deg]", "60.0")
     assert any("q = 91.7918 deg; the bound is 90 deg" in fact.text for fact in degrees.facts)
     assert any(TRIP in fact.text for fact in radians.facts)
+
+
+def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: Source) -> None:
+    said, source = "limit 1.5 rad, see mail", "datasheet: 0.5 rad at 20 N"
+    parameters = copy.deepcopy(tracking_source.run.parameters)
+    parameters["geometry"]["r_j"]["source"] = source
+    run = replace(tripped(tracking_source).run, note=said, parameters=parameters, parameters_name="bent by 0.1 rad")
+    report = build_report(replace(tracking_source, run=run, angles=DEG))
+    assert f"Note: {said}" in list(texts(report))
+    assert source in list(texts(report))
+    assert any("parameters “bent by 0.1 rad”" in fact.text for fact in report.facts)
+    assert any("q = 91.7918 deg" in fact.text for fact in report.facts)
 
 
 def test_segments_are_a_table_and_not_json(tracking_source: Source) -> None:
