@@ -1,4 +1,4 @@
-"""One service for each data folder, and a look at whether the folder is still there.
+"""One service for each data folder, beside commands that play there, and a look at whether the folder is still there.
 
 Two locks, as each covers what the other cannot see: one on a file in the folder, found by whoever reaches that file by
 any path; one on the folder's path, found after the folder was deleted and another made in its place.
@@ -18,6 +18,7 @@ from backend.supervision import Part
 
 PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
 LOCK = "service.lock"
+COMMANDS = "commands.lock"
 LOOK_S = 0.5
 
 
@@ -92,6 +93,27 @@ def only_service_on(data: Path) -> Iterator[HeldFolder]:
         held.say_address("")
         yield held
         held.say_address("")
+
+
+@contextmanager
+def playing_in(data: Path) -> Iterator[None]:
+    """Let nobody take the open runs of this command for interrupted ones; other commands may play beside it."""
+    with (data / COMMANDS).open("ab") as lock:
+        fcntl.flock(lock, fcntl.LOCK_SH)
+        yield
+
+
+@contextmanager
+def held_by_nobody(data: Path) -> Iterator[bool]:
+    """Give whether neither a service nor a command plays in a folder; in the block none begins to."""
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(only_service_on(data))
+            fcntl.flock(stack.enter_context((data / COMMANDS).open("ab")), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            free = True
+        except (AlreadyRunningError, DataFolderError, OSError):
+            free = False
+        yield free
 
 
 def address_of_service(data: Path) -> str | None:

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from backend.data_folder import AlreadyRunningError, HeldFolder, address_of_service, only_service_on
+from backend.data_folder import (
+    AlreadyRunningError,
+    HeldFolder,
+    address_of_service,
+    held_by_nobody,
+    only_service_on,
+    playing_in,
+)
 
 
 @pytest.fixture
@@ -79,3 +86,17 @@ def test_a_held_folder_ends_with_its_process(data: Path) -> None:
     subprocess.run([sys.executable, "-c", program, str(data)], check=False)
     with only_service_on(data) as held:
         assert isinstance(held, HeldFolder)
+
+
+def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> None:
+    def is_free() -> bool:
+        with held_by_nobody(data) as free:
+            assert not free or refused(data)
+            return free
+
+    assert is_free()
+    with only_service_on(data):
+        assert not is_free()
+    with playing_in(data), playing_in(data):
+        assert not is_free()
+    assert is_free()

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from backend.experiments.results.again import catch_up
 from backend.exports import bundle
 from backend.reports.rendering import render
 from backend.reports.source import load_source
@@ -16,6 +17,7 @@ def bundle_pieces(database: Database, run_id: int, folder: Path) -> Iterator[byt
         kept = results.newest_report(session, run_id, "html")
     report = None if kept is None else kept.content
     if report is None:
+        catch_up(database, [run_id])
         source = load_source(database, run_id)
         if source.run.kind != RunKind.SESSION and source.run.end_state != EndState.RUNNING:
             report = render(source, "html")

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from backend.archive.bundling import bundle_pieces
+from backend.experiments.results.again import left_behind
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import of_columns, of_run
 from backend.libraries import DRAWING
@@ -60,6 +61,7 @@ class Downloads:
 
     async def series(self, run_ids: Sequence[int], kind: str, angles: Angles) -> bytes:
         """Return a report of many runs as "html" or "pdf"; it is not kept. Raises UnknownRecordError, RefusalError."""
+        await self._catch_up(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
         return await self._offload.run(render_series, sources, kind)
 
@@ -100,21 +102,20 @@ class Downloads:
             self._under_way -= 1
 
     async def _report(self, run_id: int, kind: str, angles: Angles) -> bytes:
+        await self._catch_up([run_id])
         source = await asyncio.to_thread(self._source, run_id, angles)
-        if _was_left_behind(source):
-            await self._catch_up(run_id)
-            source = await asyncio.to_thread(self._source, run_id, angles)
         content = await self._offload.run(render, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
 
-    async def _catch_up(self, run_id: int) -> None:
-        try:
-            await self._evaluate(run_id)
-        except RefusalError:  # it is under way
-            raise
-        except Exception as error:
-            _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
+    async def _catch_up(self, run_ids: Sequence[int]) -> None:
+        for run_id in await asyncio.to_thread(left_behind, self._database, run_ids):
+            try:
+                await self._evaluate(run_id)
+            except RefusalError:  # it is under way
+                raise
+            except Exception as error:
+                _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
 
     def _source(self, run_id: int, angles: Angles) -> Source:
         source = load_source(self._database, run_id, angles)
@@ -141,14 +142,6 @@ def _is_awaited(source: Source) -> bool:
         and ended is not None
         and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
     )
-
-
-def _was_left_behind(source: Source) -> bool:
-    """Whether its service died before the result could be computed."""
-    run = source.run
-    without = source.result is None and source.identification is None
-    is_due = run.kind != RunKind.SESSION and run.evaluation_problem == ""
-    return without and is_due and run.end_state == EndState.SERVICE_DIED
 
 
 def _run_pieces(database: Database, run_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:

@@ -147,6 +147,7 @@ def run_in_turn(
 @contextmanager
 def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
+    from backend.data_folder import playing_in
     from backend.experiments.playing.headless_station import headless_station
     from backend.experiments.playing.runner import run_experiment
     from backend.reports.source import load_source
@@ -155,6 +156,7 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     parameters = load_parameters(settings.params)
     with (
         database_of(settings) as database,
+        playing_in(settings.data),
         headless_station(database, parameters, first.loop_settings, settings.plant_choice) as station,
     ):
 

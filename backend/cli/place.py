@@ -1,7 +1,7 @@
 """Where a command works: data folder, parameter set, database."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +11,8 @@ from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
     from backend.storage import Database
+
+_INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
 
 DataFolder = Annotated[
     Path | None,
@@ -53,6 +55,31 @@ def database_of(settings: Settings) -> "Iterator[Database]":
 
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     try:
+        _close_interrupted(settings, database)
         yield database
     finally:
         database.close()
+
+
+def has_database(settings: Settings) -> bool:
+    """Whether there is something to read: to open it would make a folder that is not there."""
+    from backend.storage.database import FILE_NAME
+
+    return settings.database_url is not None or (settings.data / FILE_NAME).exists()
+
+
+def _close_interrupted(settings: Settings, database: "Database") -> None:
+    """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
+    from backend.data_folder import held_by_nobody
+    from backend.storage import StorageError, runs
+
+    if settings.database_url is not None:
+        return
+    with suppress(StorageError):  # of a damaged file as much is done as can be
+        with database.reading() as session:
+            interrupted = runs.open_ones(session)
+        if interrupted:
+            with held_by_nobody(settings.data) as free:
+                if free:
+                    with database.session() as session:
+                        runs.close_interrupted(session, _INTERRUPTED)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from backend.documents.result import CRITERIA
+from backend.experiments.results.again import catch_up
 from backend.exports.formats import DataFormat, write_file
 from backend.exports.source import stored_or_none
 from backend.reading import Angles
@@ -20,10 +21,11 @@ from backend.storage import Database
 def write_files(database: Database, run_id: int, folder: Path, angles: Angles = Angles.DEGREES) -> tuple[Path, ...]:
     """Write report.html, report.pdf, data.csv and metrics.json; make the folder where it is missing.
 
-    ``angles`` is for the report; data and metrics are in SI.
+    ``angles`` is for the report; data and metrics are in SI. A run that was left behind gets its result first.
 
     Raises UnknownRecordError, ExportError, OSError.
     """
+    catch_up(database, [run_id])
     source = load_source(database, run_id, angles)
     report = build_report(source)
     contents = {

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from contextlib import suppress
 
+from backend.experiments.results.again import catch_up
 from backend.reading import Angles
 from backend.refusal import Because, RefusalError
 from backend.reports.source import Source, load_source
@@ -16,7 +17,10 @@ MOST_SAMPLES = 3_000_000
 
 
 def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> list[Source]:
-    """Gather what is stored of each run. Raises RefusalError, UnknownRecordError, before samples are read."""
+    """Gather what is stored of each run; one that was left behind gets its result first.
+
+    Raises RefusalError, UnknownRecordError, before samples are read.
+    """
     chosen = list(dict.fromkeys(numbers))
     if not 2 <= len(chosen) <= MOST_RUNS:
         raise RefusalError(
@@ -40,4 +44,5 @@ def load_series(database: Database, numbers: Sequence[int], angles: Angles) -> l
         raise RefusalError(
             Because.BAD_VALUE, f"samples of all runs: {samples} is above {MOST_SAMPLES}: take fewer runs at once"
         )
+    catch_up(database, chosen)
     return [load_source(database, number, angles) for number in chosen]

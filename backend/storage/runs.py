@@ -214,14 +214,25 @@ def end(session: Session, run_id: int, end_state: EndState, detail: str = "") ->
     return to_record(Run, row)
 
 
-def close_interrupted(session: Session) -> list[int]:
-    """Close the station's runs that a crash left open as service_died; return their numbers. For a service's start."""
+def open_ones(session: Session) -> bool:
+    """Whether runs of the station are not over."""
+    of_station = (RunRow.end_state == EndState.RUNNING.value, RunRow.station == station_of(session))
+    return session.scalar(select(RunRow.id).where(*of_station).limit(1)) is not None
+
+
+def close_interrupted(
+    session: Session, detail: str = "the service ended while this run was open; found at its next start"
+) -> list[int]:
+    """Close the station's runs that a crash left open as service_died; return their numbers.
+
+    For whoever knows that nothing plays them: a service's start, or a command in a folder that nobody holds.
+    """
     ended = session.scalars(
         update(RunRow)
         .where(RunRow.end_state == EndState.RUNNING.value, RunRow.station == station_of(session))
         .values(
             end_state=EndState.SERVICE_DIED.value,
-            end_detail="the service ended while this run was open; found at its next start",
+            end_detail=detail,
             ended_at=datetime.now(UTC),
         )
         .returning(RunRow.id)

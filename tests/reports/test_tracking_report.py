@@ -177,6 +177,7 @@ def test_a_run_without_samples_still_has_a_report(tracking_source: Source) -> No
 def test_files_for_a_folder_say_the_same_as_the_report(
     tracking_source: Source, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    monkeypatch.setattr("backend.reports.files.catch_up", lambda *_: None)
     monkeypatch.setattr("backend.reports.files.load_source", lambda *_: tracking_source)
     monkeypatch.setattr(
         "backend.reports.files.stored_or_none", lambda *_: of_columns(tracking_source.columns, "run 12")
