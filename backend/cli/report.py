@@ -1,18 +1,19 @@
 """``sinew report``."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json
-from backend.cli.place import DataFolder, database_of, settings_with
+from backend.cli.place import DataFolder, database_of, has_database, settings_with
 from backend.settings import Settings
 
 if TYPE_CHECKING:
     from backend.recording.columns import Columns
+    from backend.reports.differences import Verified
     from backend.reports.evidence import Evidence
-    from backend.reports.verification import Verified
 
 app = typer.Typer(help="Reports: of a series, and whether one holds.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -59,12 +60,23 @@ def verify(
     A PDF is verified by the page of the same name beside it. Ends with 0 where all hold, 1 where something differs, 2
     where it cannot be told.
     """
+    from backend.recording.codec import CodecError
     from backend.reports.evidence import EvidenceError
     from backend.reports.samples_file import SamplesFileError
+    from backend.storage import StorageError
+    from backend.storage.migrate import SchemaError
 
     try:
         found, origin = _verified(file, samples, settings_with(data=data))
-    except (OSError, UnicodeDecodeError, EvidenceError, SamplesFileError) as error:
+    except (
+        OSError,
+        UnicodeDecodeError,
+        EvidenceError,
+        SamplesFileError,
+        CodecError,
+        SchemaError,
+        StorageError,
+    ) as error:
         fail(f"{file}: it cannot be told whether it holds: {error}", status=2)
     if as_json:
         print_json(
@@ -82,13 +94,14 @@ def verify(
             errors.print(one.sentence, highlight=False, markup=False, soft_wrap=True)
         fail(f"{file} does not hold: {len(found.differences)} differences")
     if not as_json:
-        words = f"{file} holds: every number, criterion, parameter and hash, computed again from {origin}"
+        words = f"{file} holds: {found.compared}, computed again from {origin}"
         out.print(words, highlight=False, markup=False, soft_wrap=True)
 
 
 def _verified(file: Path, samples: Path | None, settings: Settings) -> "tuple[Verified, str]":
     """Return what was found, and where the samples are from."""
     from backend.reports import verification
+    from backend.reports.differences import Difference
     from backend.reports.evidence import EvidenceError, SeriesEvidence, read
     from backend.reports.series_verification import verify_series
 
@@ -102,28 +115,34 @@ def _verified(file: Path, samples: Path | None, settings: Settings) -> "tuple[Ve
         if of_pdf or samples is not None:
             raise EvidenceError("a series is verified by its page, from the stored runs")
         return verify_series(page, evidence, lambda one: _stored(settings, one)[0]), "its stored runs"
-    columns, origin = _columns(file, samples, settings, evidence)
-    if of_pdf:
-        return verification.verify_pdf(file.read_bytes(), page, columns), origin
-    return verification.verify(page, columns), origin
+    columns, origin, problem = _columns(file, samples, settings, evidence)
+    found = verification.verify_pdf(file.read_bytes(), page, columns) if of_pdf else verification.verify(page, columns)
+    others = [Difference("the file of the samples", "samples as they were exported", problem)] if problem else []
+    return replace(found, differences=(*found.differences, *others)), origin
 
 
 def _columns(
     file: Path, samples: Path | None, settings: Settings, evidence: "Evidence"
-) -> "tuple[Columns | None, str]":
-    """Return the samples, and where they are from: the file that is named, one beside the report, the stored run."""
+) -> "tuple[Columns | None, str, str]":
+    """Return the samples, where they are from, and why a file does not hold what was exported, "" where it does.
+
+    They are from the file that is named, one beside the report, or the stored run.
+    """
     from backend.reports.samples_file import SUFFIXES, read_samples_file
 
     beside = (file.with_name(f"data{suffix}") for suffix in SUFFIXES)
     named = samples or next((one for one in beside if one.exists()), None)
     if named is not None:
-        return read_samples_file(named), str(named)
-    columns, number = _stored(settings, evidence)
-    return columns, f"run {number} of the data folder"
+        columns, problem = read_samples_file(named)
+        return columns, str(named), problem
+    stored, number = _stored(settings, evidence)
+    return stored, f"run {number} of the data folder", ""
 
 
 def _stored(settings: Settings, evidence: "Evidence") -> "tuple[Columns | None, int | None]":
     from backend.reports.stored_samples import stored_samples
 
+    if not has_database(settings):
+        return None, None
     with database_of(settings) as database:
         return stored_samples(database, evidence)

@@ -1,6 +1,6 @@
 """Own exports taken in as runs: looked through whole first, then stored in one transaction or not at all."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,6 +56,12 @@ def take_in(database: Database, file: Path, who: str, name: str = "") -> TakenIn
 def checked(file: Path) -> Facts:
     """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
     facts, batches = read(file)
+    require_told(facts, batches)
+    return facts
+
+
+def require_told(facts: Facts, batches: Iterable[Batch]) -> None:
+    """Raise ImportRefusedError where samples, or their times, are others than the facts tell."""
     digest, samples = SamplesDigest(facts.fields, facts.period_s), 0
     try:
         for tick, batch in _pieces(facts, batches):
@@ -67,7 +73,6 @@ def checked(file: Path) -> Facts:
         raise ImportRefusedError(f"it holds {samples} samples, and says that it has {facts.samples}")
     if digest.hex() != facts.sha256:
         raise ImportRefusedError(f"its samples are not those that were exported: their sha256 is {digest.hex()}")
-    return facts
 
 
 def run_of(facts: Facts) -> dict[str, Any]:
@@ -124,7 +129,7 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None) 
     return run_id
 
 
-def _pieces(facts: Facts, batches: Iterator[Batch]) -> Iterator[tuple[int, Batch]]:
+def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch]]:
     """Yield stretches without a gap, in order of their ticks. Raises ImportRefusedError for times that are none."""
     end = -1
     for batch in batches:

@@ -7,6 +7,7 @@ from backend.recording.reader import read_envelope, read_samples
 from backend.sample import STORED_NAMES
 from backend.storage import Database, recordings
 from backend.storage.records import UnknownRecordError
+from plant.interface import T_s
 
 Columns = dict[str, NDArray[np.float64]]
 """Samples by column name in double precision, shape (N,) each, and ``t`` [s] from the run's first sample."""
@@ -37,6 +38,12 @@ def drawn_columns(database: Database, run_id: int, points: int = 2000) -> Column
     for name, low in envelope.minimum.items():
         columns[name] = np.column_stack((low, envelope.maximum[name])).ravel().astype(np.float64)
     return columns
+
+
+def missing_between(columns: Columns) -> int:
+    """Return how many ticks are lacking between the first sample and the last."""
+    t = columns["t"]
+    return round((t[-1] - t[0]) / T_s) + 1 - t.size if t.size else 0
 
 
 def _empty() -> Columns:

@@ -4,7 +4,7 @@ It is the report's own account of itself, read again by ``verification``; hashes
 """
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -14,16 +14,16 @@ from backend import __version__
 from backend.documents.digest import digest_of
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.reading import Angles
-from backend.recording.columns import Columns
+from backend.recording.columns import Columns, missing_between
 from backend.reports.digests import blocks_of, of_samples
 from backend.reports.source import Source
 from backend.storage.bank_entry import ChannelFit
-from backend.storage.banks import Bank
-from backend.storage.identifications import Identification
+from backend.storage.banks import Bank, BankEntry
+from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import Result
 from backend.storage.runs import Run, RunKind
 
-FORMAT = 1
+FORMAT = 2
 _BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
 SINEW, DRAWING, SETTING = "Sinew", "matplotlib", "typst"
 ACCOUNT = "account"
@@ -35,19 +35,50 @@ class EvidenceError(ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """What was estimated from a run; not when it was stored, nor under which number: that changes with each time."""
+
+    kind: str
+    data: dict[str, Any]
+    method: str
+    options: dict[str, Any]
+    model: dict[str, Any]
+    quality: dict[str, Any]
+    usable: bool
+    verdict: str
+
+
+@dataclass(frozen=True)
+class CarriedBank:
+    """What gains came from; not when it was stored, nor by whom."""
+
+    name: str
+    version: int
+    entries: tuple[BankEntry, ...]
+
+    @property
+    def digest(self) -> str:
+        """Return the hash of what it says."""
+        return digest_of([self.name, self.version, [[entry.S_nominal, entry.model] for entry in self.entries]])
+
+
+@dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """``hashes`` are by what they are of; ``blocks`` check sums of the samples by signal and second."""
+    """``hashes`` are by what they are of; ``blocks`` check sums of the samples by signal and second.
+
+    ``missed_before`` ticks were lost before the first sample; those between samples can be counted.
+    """
 
     format: int
     run: Run
     metrics: dict[str, Any] | None
     criteria: list[dict[str, Any]]
-    bank: Bank | None
-    identification: Identification | None
+    bank: CarriedBank | None
+    identification: Estimate | None
     runs_of: dict[int, int | None]
     fits: dict[int, dict[str, ChannelFit]]
     angles: Angles
-    missed: int
+    missed_before: int
     samples: int
     hashes: dict[str, str]
     blocks: dict[str, list[str]]
@@ -62,24 +93,23 @@ class SeriesEvidence:
     runs: tuple[Evidence, ...]
 
 
-SERIES = "series 1"
+SERIES = f"series {FORMAT}"
 _EVIDENCE: TypeAdapter[Evidence] = TypeAdapter(Evidence)
 _SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
-def hashes_of(source: Source) -> dict[str, str]:
+def hashes_of(evidence: Evidence, columns: Columns) -> dict[str, str]:
     """Return the hash of each thing that the report's numbers come from, by its name."""
-    run = source.run
+    run = evidence.run
     found = {
-        "samples": of_samples(source.columns),
+        "samples": of_samples(columns),
         "parameters": digest_of(run.parameters),
         "settings": digest_of(run.settings),
     }
-    if source.bank is not None:
-        entries = [[entry.S_nominal, entry.model] for entry in source.bank.entries]
-        found["bank"] = digest_of([source.bank.name, source.bank.version, entries])
-    if source.identification is not None:
-        found["identification"] = digest_of([source.identification.model, source.identification.quality])
+    if evidence.bank is not None:
+        found["bank"] = evidence.bank.digest
+    if evidence.identification is not None:
+        found["identification"] = digest_of([evidence.identification.model, evidence.identification.quality])
     return found
 
 
@@ -87,24 +117,37 @@ def evidence_of(source: Source) -> Evidence | None:
     """Return the account of a run; none of a session, of which nothing is computed."""
     if source.run.kind == RunKind.SESSION:
         return None
-    result = source.result
+    result, columns = source.result, source.columns
+    missing = None if result is None else result.metrics.missing_samples
     told = Evidence(
         format=FORMAT,
         run=source.run,
         metrics=None if result is None else METRICS.write(result.metrics),
         criteria=[] if result is None else CRITERIA.write(result.criteria),
-        bank=source.bank,
-        identification=source.identification,
+        bank=carried(source.bank),
+        identification=None if source.identification is None else estimate_of(source.identification),
         runs_of={of: source.runs_of[of] for of in _named(source)},
         fits={number: dict(fits) for number, fits in source.fits.items()},
         angles=source.angles,
-        missed=0 if result is None else result.metrics.missing_samples or 0,
-        samples=source.columns["t"].size,
-        hashes=hashes_of(source),
-        blocks=blocks_of(source.columns),
+        missed_before=max(0, (missing or 0) - missing_between(columns)),
+        samples=columns["t"].size,
+        hashes={},
+        blocks=blocks_of(columns),
         made_with=made_with(),
     )
+    told = replace(told, hashes=hashes_of(told, columns))
     return replace(told, hashes={**told.hashes, ACCOUNT: account_hash(told)})
+
+
+def carried(bank: Bank | None) -> CarriedBank | None:
+    """Return what a report carries of a bank."""
+    return None if bank is None else CarriedBank(bank.name, bank.version, bank.entries)
+
+
+def estimate_of(found: NewIdentification) -> Estimate:
+    """Return what a report carries of an estimate, as JSON gives it back."""
+    told = {item.name: getattr(found, item.name) for item in fields(Estimate)}
+    return Estimate(**json.loads(json.dumps(told)))
 
 
 def made_with() -> dict[str, str]:
@@ -118,18 +161,23 @@ def account_hash(evidence: Evidence) -> str:
     return digest_of(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
 
-def source_of(evidence: Evidence, columns: Columns, metrics: Metrics | None, criteria: tuple[Criterion, ...]) -> Source:
+def source_of(
+    evidence: Evidence,
+    columns: Columns,
+    metrics: Metrics | None,
+    criteria: tuple[Criterion, ...],
+    estimate: Estimate | None,
+) -> Source:
     """Return what a report is made from again, with these samples and this result."""
-    run = evidence.run
-    result = None
-    if metrics is not None:
-        result = Result(run.id, metrics, criteria, run.software, 0, run.started_at)
+    run, bank = evidence.run, evidence.bank
+    moment = run.started_at
+    stored: dict[str, Any] = {"run_id": run.id, "who": run.who, "software": run.software, "id": 0, "created_at": moment}
     return Source(
         run,
-        result,
+        None if metrics is None else Result(run.id, metrics, criteria, run.software, 0, moment),
         columns,
-        evidence.bank,
-        evidence.identification,
+        None if bank is None else Bank(0, bank.name, bank.version, "", "", moment, bank.entries),
+        None if estimate is None else Identification(**asdict(estimate), **stored),
         evidence.runs_of,
         evidence.angles,
         evidence.fits,
@@ -146,25 +194,30 @@ def to_element(evidence: Evidence | SeriesEvidence) -> str:
     return f"{_BEGIN}{text}{_END}"
 
 
+def element_of(page: str) -> str:
+    """Return the element of a page that carries its account, "" where there is none."""
+    begin = page.find(_BEGIN)
+    end = page.find(_END, begin)
+    return "" if begin < 0 or end < 0 else page[begin : end + len(_END)]
+
+
 def without_element(page: str) -> str:
-    """Return a page as a person sees it."""
-    begin, end = page.find(_BEGIN), page.find(_END)
-    return page if begin < 0 or end < begin else page[:begin] + page[end + len(_END) :]
+    """Return a page as a person sees it, with the mere place of its account."""
+    return page.replace(element_of(page), _BEGIN, 1)
 
 
 def read(page: str) -> Evidence | SeriesEvidence:
     """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
-    begin = page.find(_BEGIN)
-    end = page.find(_END, begin)
-    if begin < 0 or end < 0:
+    element = element_of(page)
+    if not element:
         raise EvidenceError("it carries no account of its numbers: it is no report of a run, or of an older Sinew")
-    text = page[begin + len(_BEGIN) : end]
+    text = element[len(_BEGIN) : -len(_END)]
     try:
         kind = json.loads(text).get("format")
         if kind not in (FORMAT, SERIES):
             raise EvidenceError(f"its account is not of format {FORMAT}: take the Sinew that it was made with")
         return _SERIES.validate_json(text) if kind == SERIES else _EVIDENCE.validate_json(text)
-    except (ValidationError, ValueError, AttributeError) as error:
+    except (ValidationError, ValueError, AttributeError, RecursionError) as error:
         if isinstance(error, EvidenceError):
             raise
         raise EvidenceError(f"its account of its numbers cannot be read: {str(error).splitlines()[0]}") from None
@@ -173,6 +226,4 @@ def read(page: str) -> Evidence | SeriesEvidence:
 def _named(source: Source) -> set[int]:
     entries = () if source.bank is None else source.bank.entries
     named = {entry.identification_id for entry in entries if entry.identification_id is not None}
-    if source.identification is not None:
-        named.add(source.identification.id)
     return {number for number in named if number in source.runs_of}

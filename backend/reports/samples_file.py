@@ -1,11 +1,14 @@
 """Samples of a run read back from a file that was exported, as they are stored."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from backend.exports.errors import ImportRefusedError
+from backend.exports.facts import Batch, Facts
 from backend.exports.formats import DataFormat, read
+from backend.exports.taking_in import require_told
 from backend.recording.columns import Columns
 from backend.sample import STORED_NAMES
 
@@ -16,8 +19,11 @@ class SamplesFileError(ValueError):
     """A file that does not hold the samples of a run."""
 
 
-def read_samples_file(file: Path) -> Columns:
-    """Return the columns of an export, ``t`` [s] and every stored signal. Raises SamplesFileError."""
+def read_samples_file(file: Path) -> tuple[Columns, str]:
+    """Return the columns of an export, ``t`` [s] and every stored signal, and why they are not those of its export.
+
+    "" where they are. Raises SamplesFileError.
+    """
     try:
         facts, batches = read(file)
         parts = list(batches)
@@ -26,4 +32,14 @@ def read_samples_file(file: Path) -> Columns:
     missing = [name for name in STORED_NAMES if name not in facts.names]
     if missing:
         raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
-    return {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in ("t", *STORED_NAMES)}
+    names = ("t", *STORED_NAMES)
+    columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
+    return columns, _problem(facts, parts)
+
+
+def _problem(facts: Facts, parts: Sequence[Batch]) -> str:
+    try:
+        require_told(facts, parts)
+    except ImportRefusedError as error:
+        return str(error)
+    return ""

@@ -3,6 +3,7 @@
 import numpy as np
 
 from backend.documents.run_settings import KeptGrant
+from backend.recording.columns import missing_between
 from backend.reports.document import Column, Section, Table, shown
 from backend.reports.source import Source
 
@@ -14,7 +15,7 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         return ()
     none = np.zeros(1)
     late_ms, overruns = 1e3 * columns.get("lateness_s", none), columns.get("overruns", none)
-    missing = source.result.metrics.missing_samples if source.result else None
+    missing = source.result.metrics.missing_samples if source.result else missing_between(columns)
     gaps = int(np.count_nonzero(np.diff(np.round(columns["t"] * 1e3)) > 1.5))
     on_a_clock = bool(np.any(late_ms != 0.0))
     rows = [
@@ -33,7 +34,7 @@ def timing_section(source: Source) -> tuple[Section, ...]:
         ]
     else:
         rows.append(("Lateness", "none", "", "it was computed tick by tick, faster than real time, not on a clock"))
-    rows += _granted_rows(source.run.set_to.granted)
+    rows += granted_rows(source.run.set_to.granted)
     titles = (
         Column("Quantity", number=False),
         Column("Value"),
@@ -43,7 +44,7 @@ def timing_section(source: Source) -> tuple[Section, ...]:
     return (Section("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
 
 
-def _granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
+def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
     """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
     if granted is None:
         return []

@@ -3,71 +3,43 @@
 What differs is told by its name: a figure, a criterion, a parameter, a sample, a hash, a version, a line of the page.
 """
 
-import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from html import unescape
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
-from backend.documents.edge import UnreadableDocumentError
-from backend.documents.result import CRITERIA, METRICS
+from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import computed
 from backend.experiments.results.metrics import NoSamplesError
-from backend.recording.columns import Columns
+from backend.recording.columns import Columns, missing_between
 from backend.reports.build import build_report
-from backend.reports.digests import BLOCK_S, blocks_of
+from backend.reports.differences import LIKE, LIKE_ESTIMATE, MOST, Difference, Verified, differing, not_made
+from backend.reports.digests import BLOCK_S, HASHED, blocks_of
 from backend.reports.evidence import (
     ACCOUNT,
-    DRAWING,
-    SINEW,
+    Estimate,
     Evidence,
     EvidenceError,
     SeriesEvidence,
     account_hash,
+    estimate_of,
     hashes_of,
     made_with,
     read,
     source_of,
-    without_element,
 )
 from backend.reports.html import to_html
+from backend.reports.page_comparison import compare_pages
 from backend.reports.pdf import to_pdf
 from backend.reports.source import Source
-from backend.sample import STORED_NAMES
-from plant.parameters import ParameterError, parameters_of
+from plant.parameters import parameters_of
 
-_LIKE = 1e-9
-"""Share by which a number may differ where another machine has computed it again."""
+_NO_RESULT = (
+    "the result: the report was made without one, and from its samples one can be computed: sinew runs evaluate RUN"
+)
+_OTHER_PDF = "the PDF: other versions of what draws and sets it made the report, so that its bytes differ"
 
-MOST = 50
-"""Differences that are told; who finds so many needs no more."""
-_TAG = re.compile(r"<[^>]*>")
-_SET = re.compile(r"</?(?:i|b|sub|sup)>")
-_DRAWING = re.compile(r"<svg.*?</svg>", re.DOTALL)
-
-
-@dataclass(frozen=True)
-class Difference:
-    """What does not hold: its name, what the report says, and what was found."""
-
-    name: str
-    said: str
-    found: str
-
-    @property
-    def sentence(self) -> str:
-        """Say it."""
-        return f"{self.name}: the report says {self.said}, found {self.found}"
-
-
-@dataclass(frozen=True)
-class Verified:
-    """What was compared: differences, and what could not be compared with the reason."""
-
-    differences: tuple[Difference, ...]
-    left_out: tuple[str, ...]
+_Result = tuple[Metrics | None, tuple[Criterion, ...], Estimate | None]
 
 
 def verify(page: str, columns: Columns | None) -> Verified:
@@ -84,11 +56,17 @@ def _verified(page: str, evidence: Evidence, columns: Columns | None) -> tuple[V
         raise EvidenceError(
             "the samples that it was made of are not here: name their file with --samples, or the folder with their run"
         )
-    differences, source = computed_again(evidence, columns)
+    again, source = computed_again(evidence, columns)
     if source is None:
-        return Verified(differences, ()), None
-    shown = compare_pages(page, lambda: to_html(build_report(source)), evidence.made_with)
-    return Verified((*differences, *shown.differences)[:MOST], shown.left_out), source
+        return again, None
+    return joined(again, compare_pages(page, evidence, lambda: to_html(build_report(source)))), source
+
+
+def joined(*found: Verified) -> Verified:
+    """Return what was compared one after the other, the page last, as one."""
+    differences = tuple(one for each in found for one in each.differences)
+    left_out = dict.fromkeys(one for each in found for one in each.left_out)
+    return Verified(differences[:MOST], tuple(left_out), found[-1].compared)
 
 
 def verify_pdf(pdf: bytes, page: str, columns: Columns | None) -> Verified:
@@ -100,11 +78,14 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None) -> Verified:
     verified, source = _verified(page, evidence, columns)
     if verified.differences or source is None:
         return verified
-    said, here = evidence.made_with, made_with()
-    if said != here:
-        words = "the PDF: other versions of what draws and sets it made the report, so that its bytes differ"
-        return replace(verified, left_out=(*verified.left_out, words))
-    if to_pdf(build_report(source)) == pdf:
+    if evidence.made_with != made_with():
+        words = f"of the page beside it: {verified.compared}"
+        return replace(verified, left_out=(*verified.left_out, _OTHER_PDF), compared=words)
+    try:
+        same = to_pdf(build_report(source)) == pdf
+    except Exception as error:
+        return Verified((not_made("the PDF", "one that can be made again", error),), ())
+    if same:
         return verified
     return Verified((Difference("the PDF", "other pages", "those that the numbers of its page give"),), ())
 
@@ -116,34 +97,25 @@ def _of_a_run(page: str) -> Evidence:
     return evidence
 
 
-def computed_again(evidence: Evidence, columns: Columns) -> tuple[tuple[Difference, ...], Source | None]:
+def computed_again(evidence: Evidence, columns: Columns) -> tuple[Verified, Source | None]:
     """Compare an account with samples; return what differs, and what the report is made from again.
 
-    None where it cannot be computed again.
+    None where it cannot be computed again, whatever is wrong with what it says of its run.
     """
-    differences = [*_samples(evidence, columns)]
+    differences: list[Difference] = []
     try:
-        metrics, criteria = _again(evidence, columns)
-    except (UnreadableDocumentError, ParameterError, ValueError, KeyError, TypeError) as error:
-        problem = Difference("what it was computed from", "a run that can be computed again", str(error)[:200])
-        return (*differences, problem), None
-    source = source_of(evidence, columns, metrics, criteria)
-    differences += _documents("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics))
-    differences += _documents("criteria", evidence.criteria, CRITERIA.write(criteria))
-    differences += _hashes(evidence.hashes, {**hashes_of(source), ACCOUNT: account_hash(evidence)})
-    return tuple(differences[:MOST]), source
-
-
-def compare_pages(page: str, make_again: Callable[[], str], said: Mapping[str, str]) -> Verified:
-    """Compare a page, made with the versions that it says, with the same page made here."""
-    here = made_with()
-    if said.get(SINEW) != here[SINEW]:
-        left_out = f"the page as it is read: it was written by Sinew {said.get(SINEW)}, this is {here[SINEW]}"
-        return Verified((), (left_out,))
-    drawings = said.get(DRAWING) == here[DRAWING]
-    differences = tuple(_pages(page, make_again(), drawings=drawings))
-    left = () if drawings else (f"figures: they were drawn by {DRAWING} {said.get(DRAWING)}, here is {here[DRAWING]}",)
-    return Verified(differences[:MOST], left)
+        differences += _samples(evidence, columns)
+        differences += _hashes(evidence.hashes, {**hashes_of(evidence, columns), ACCOUNT: account_hash(evidence)})
+        again = _again(evidence, columns)
+        if evidence.metrics is None and again[0] is not None:
+            source = source_of(evidence, columns, None, (), None)
+            return Verified(tuple(differences[:MOST]), (_NO_RESULT,)), source
+        others = list(_results(evidence, again))
+        source = source_of(evidence, columns, *(again if others else _carried(evidence)))
+    except Exception as error:
+        problem = not_made("what it was computed from", "a run that can be computed again", error)
+        return Verified((*differences, problem)[:MOST], ()), None
+    return Verified((*differences, *others)[:MOST], ()), source
 
 
 def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Difference]:
@@ -152,15 +124,36 @@ def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[Diffe
             yield Difference(f"hash of the {name}", said.get(name, "nothing"), found.get(name, "nothing"))
 
 
-def _again(evidence: Evidence, columns: Columns) -> Any:
+def _again(evidence: Evidence, columns: Columns) -> _Result:
     run = evidence.run
     plan = stored_plan(run.kind, run.set_to.plan or {})
     parameters = parameters_of(run.parameters_name, run.parameters)
+    missed = evidence.missed_before + missing_between(columns)
     try:
-        result, _ = computed(columns, evidence.missed, parameters, plan, run)
+        result, estimate = computed(columns, missed, parameters, plan, run)
     except NoSamplesError:
-        return None, ()
-    return result.metrics, result.criteria
+        return None, (), None
+    return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)
+
+
+def _carried(evidence: Evidence) -> _Result:
+    """Return the result as a report says it: where it holds, a last digit of another machine changes no hash."""
+    metrics, of = evidence.metrics, f"run {evidence.run.id}"
+    criteria = CRITERIA.read(evidence.criteria, of)
+    return None if metrics is None else METRICS.read(metrics, of), criteria, evidence.identification
+
+
+def _results(evidence: Evidence, again: _Result) -> Iterator[Difference]:
+    metrics, criteria, estimate = again
+    like = LIKE if estimate is None else LIKE_ESTIMATE
+    yield from differing("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
+    yield from differing("criteria", evidence.criteria, CRITERIA.write(criteria))
+    said, found = _document(evidence.identification), _document(estimate)
+    yield from differing("identification", said, found, like)
+
+
+def _document(estimate: Estimate | None) -> dict[str, Any] | None:
+    return None if estimate is None else vars(estimate)
 
 
 def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
@@ -169,7 +162,7 @@ def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
         yield Difference("number of samples", str(evidence.samples), str(size))
         return
     found = blocks_of(columns)
-    for name in STORED_NAMES:
+    for name in HASHED:
         said = evidence.blocks.get(name, [])
         for place, (one, other) in enumerate(zip(said, found.get(name, []), strict=False)):
             if one != other:
@@ -177,64 +170,3 @@ def _samples(evidence: Evidence, columns: Columns) -> Iterator[Difference]:
                 yield Difference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
         if len(said) != len(found.get(name, [])):
             yield Difference(f"check sums of {name}", str(len(said)), str(len(found.get(name, []))))
-
-
-def _documents(name: str, said: Any, found: Any) -> Iterator[Difference]:
-    """Compare two documents, part by part; parts of lists are called by their own name, where they have one."""
-    if isinstance(said, Mapping) and isinstance(found, Mapping):
-        for part in dict.fromkeys([*said, *found]):
-            yield from _documents(f"{name}, {part}", said.get(part), found.get(part))
-    elif _is_list(said) and _is_list(found) and len(said) == len(found):
-        for place, (one, other) in enumerate(zip(said, found, strict=True)):
-            called = one.get("name") if isinstance(one, Mapping) else None
-            yield from _documents(f"{name}, {called or place + 1}", one, other)
-    elif not _alike(said, found):
-        yield Difference(name, _short(said), _short(found))
-
-
-def _is_list(value: Any) -> bool:
-    return isinstance(value, Sequence) and not isinstance(value, str)
-
-
-def _alike(said: Any, found: Any) -> bool:
-    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (said, found))
-    return math.isclose(said, found, rel_tol=_LIKE, abs_tol=1e-15) if numbers else bool(said == found)
-
-
-def _short(value: Any) -> str:
-    return "nothing" if value is None else str(value)[:80]
-
-
-def _pages(page: str, again: str, *, drawings: bool) -> Iterator[Difference]:
-    """Compare what a person sees, line by line; drawings only where the same library would draw them alike."""
-    said, found = without_element(page), without_element(again)
-    if drawings:
-        for number, (one, other) in enumerate(zip(_DRAWING.findall(said), _DRAWING.findall(found), strict=False), 1):
-            if one != other:
-                yield Difference(f"drawing of figure {number}", "another drawing", "that of its samples")
-    one_by_one = [_DRAWING.sub("", text).replace("<dt>", "\n<dt>").splitlines() for text in (said, found)]
-    for line, (one, other) in enumerate(zip(*one_by_one, strict=False), start=1):
-        if one != other:
-            yield Difference(_called(one, line), *_where_they_differ(_plain(one), _plain(other)))
-    sizes = [len(lines) for lines in one_by_one]
-    if sizes[0] != sizes[1]:
-        yield Difference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
-
-
-def _called(line: str, number: int) -> str:
-    if row := re.match(r"<tr><t[dh][^>]*>(.*?)</t[dh]>", line):
-        return f"row “{_plain(row.group(1))}”"
-    if fact := re.match(r"<dt>(.*?)</dt>", line):
-        return f"“{_plain(fact.group(1))}” in the heading"
-    return f"line {number} of the page"
-
-
-def _plain(line: str) -> str:
-    return " ".join(unescape(_TAG.sub(" ", _SET.sub("", line.replace("<sub>", "_")))).split())
-
-
-def _where_they_differ(said: str, found: str) -> tuple[str, str]:
-    """Return what stands around the first difference of two lines."""
-    same = next((place for place, (one, other) in enumerate(zip(said, found, strict=False)) if one != other), 0)
-    start = max(0, same - 30)
-    return f"“{said[start : same + 40]}”", f"“{found[start : same + 40]}”"

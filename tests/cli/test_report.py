@@ -1,9 +1,16 @@
 """Whether a report holds, as the command line says it and as programs read its end."""
 
 import json
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
+from subprocess import DEVNULL
+
+from backend.storage import open_database, recordings
+from backend.storage.records import UnknownRecordError
 
 
 def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -18,6 +25,11 @@ def test_a_report_holds_until_somebody_touches_it(tmp_path: Path) -> None:
     report = out / "report.html"
     held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    samples = (out / "data.csv").read_text(encoding="utf-8")
+    (out / "data.csv").write_text(samples.replace("\n0.5,", "\n0.5001,", 1), encoding="utf-8")
+    later = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    assert (later.returncode, "samples of t from 0 s to 1 s" in later.stderr) == (1, True)
+    assert "the file of the samples: the report says samples as they were exported" in later.stderr
     (out / "data.csv").unlink()
     by_the_run = sinew("report", "verify", str(report), "--json", folder=here)
     assert json.loads(by_the_run.stdout) == {
@@ -28,12 +40,44 @@ def test_a_report_holds_until_somebody_touches_it(tmp_path: Path) -> None:
     }
     nowhere = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert nowhere.returncode == 2
+    assert not (tmp_path / "elsewhere").exists()  # who only reads makes no folder
     assert "the samples that it was made of are not here" in nowhere.stderr
     page = report.read_text(encoding="utf-8")
     report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
     touched = sinew("report", "verify", str(report), folder=here)
     assert touched.returncode == 1
     assert "does not hold: 1 differences" in touched.stderr
+
+
+def test_what_a_killed_command_left_behind_has_a_report_that_holds(tmp_path: Path) -> None:
+    here, out, series = tmp_path / "here", tmp_path / "out", tmp_path / "series.html"
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
+    assert sinew("experiment", "tracking", *short, folder=here).returncode == 0
+    words = ("experiment", "tracking", "--set", "q_duration_s=60", "--data", str(here))
+    with subprocess.Popen([sys.executable, "-m", "backend", *words], stdout=DEVNULL, stderr=DEVNULL) as playing:
+        _until_recorded(here, 2)
+        playing.send_signal(signal.SIGSTOP)
+        alive = sinew("runs", "show", "2", "--json", folder=here)
+        assert json.loads(alive.stdout)["end_state"] == "running"
+        playing.kill()
+    assert sinew("runs", "report", "2", str(out), folder=here).returncode == 0
+    told = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
+    assert (told["end_state"], told["complete"]) == ("service_died", False)
+    assert "s were played" in told["verdict"]
+    held = sinew("report", "verify", str(out / "report.html"), folder=here)
+    assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
+    assert sinew("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
+    assert sinew("report", "verify", str(series), folder=here).returncode == 0
+
+
+def _until_recorded(folder: Path, run: int) -> None:
+    database = open_database(folder)
+    for _ in range(600):
+        with suppress(UnknownRecordError), database.reading() as session:
+            recordings.extent(session, run)
+            break
+        time.sleep(0.1)
+    database.close()
 
 
 def test_several_experiments_play_in_turn_with_files_for_each(tmp_path: Path) -> None:

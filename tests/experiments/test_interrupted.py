@@ -14,9 +14,10 @@ from backend.experiments.playing.runner import Order, Station, run_experiment
 from backend.faults import Fault
 from backend.loop.commands import Command, Inject, Stop
 from backend.reports.build import build_report
+from backend.reports.differences import Verified
 from backend.reports.html import to_html
 from backend.reports.source import Source, load_source
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import verify
 from backend.storage import open_database
 from plant.breakage import Breakage, Broken
 from plant.parameters import load_parameters

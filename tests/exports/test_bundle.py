@@ -16,9 +16,10 @@ from backend.exports import bundle
 from backend.exports.bundle_import import take_in
 from backend.exports.errors import ExportError, ImportRefusedError
 from backend.exports.taking_in import TakenIn
+from backend.reports.differences import Verified
 from backend.reports.evidence import Evidence, read
 from backend.reports.stored_samples import stored_samples
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import verify
 from backend.storage import Database, banks, results, runs
 from tests.exports.stored import NEW, boxes, held, nothing_left, recorded
 

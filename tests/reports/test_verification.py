@@ -16,12 +16,14 @@ from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.recording.columns import Columns
 from backend.reports.build import build_report
+from backend.reports.differences import Verified
 from backend.reports.evidence import EvidenceError, read
 from backend.reports.html import to_html
+from backend.reports.page_comparison import where_they_differ
 from backend.reports.pdf import to_pdf
 from backend.reports.samples_file import SamplesFileError, read_samples_file
 from backend.reports.source import Source, load_source
-from backend.reports.verification import Verified, verify
+from backend.reports.verification import verify
 from backend.storage import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written
@@ -40,7 +42,10 @@ class Made:
         text, _, tail = rest.partition(END)
         account = json.loads(text)
         change(account)
-        return f"{head}{BEGIN}{json.dumps(account, ensure_ascii=False)}{END}{tail}"
+        text = json.dumps(account, ensure_ascii=False, separators=(",", ":"))
+        for letter in "<>&":
+            text = text.replace(letter, f"\\u{ord(letter):04x}")
+        return f"{head}{BEGIN}{text}{END}{tail}"
 
 
 def made(folder: Path) -> Source:
@@ -122,7 +127,7 @@ ACCOUNTS: dict[str, tuple[Callable[[Document], None], str]] = {
     "the hash of the account": (put("hashes", "account", value="0" * 64), "hash of the account"),
     "a check sum": (put("blocks", "F_A", 1, value="00000000"), "samples of F_A from 1 s to 2 s"),
     "how many samples": (put("samples", value=100), "number of samples"),
-    "how many are missing": (put("missed", value=7), "metrics, missing_samples"),
+    "how many are missing": (put("missed_before", value=7), "metrics, missing_samples"),
 }
 
 
@@ -150,7 +155,15 @@ SEEN: dict[str, tuple[str, str, str]] = {
     "the timing": ("Missing samples</td>" + CELL, "Missing samples</td>" + CELL + "1", "row “Missing samples”"),
     "a drawing": ('d="M ', 'd="M 1', "drawing of figure 1"),
     "the footer": ("· run ", "· Run ", "of the page"),
+    "a drawing more in a cell": (PEAK, f"<svg><text>9</text></svg>{PEAK}", "number of drawings"),
+    "a drawing more that is a script": ("</main>", "<svg><script>1</script></svg></main>", "number of drawings"),
+    "markup alone": ('<p class="subtitle">', '<p class="subtitle" hidden>', "of the page"),
+    "a form feed for a newline": ("</h1>\n", "</h1>\f", "of the page"),
 }  # fmt: skip
+
+
+MORE = "a drawing more in a cell", "a drawing more that is a script", "a form feed for a newline"
+"""Changes that are found in more than one place."""
 
 
 @pytest.mark.parametrize("what", SEEN)
@@ -158,9 +171,52 @@ def test_a_change_of_what_is_read_is_found_and_named(report: Made, what: str) ->
     old, new, name = SEEN[what]
     visible, mark, carried = report.page.partition(BEGIN)
     assert old in visible
-    found = names(verify(visible.replace(old, new, 1) + mark + carried, report.source.columns))
-    assert len(found) == 1
-    assert name in found[0]
+    found = verify(visible.replace(old, new, 1) + mark + carried, report.source.columns).differences
+    assert len(found) == 1 or what in MORE
+    assert name in found[0].name
+    assert all(one.said != one.found for one in found)
+
+
+def test_a_drawing_less_is_found_and_so_is_a_missing_last_newline(report: Made) -> None:
+    begin, end = report.page.index("<svg"), report.page.index("</svg>") + len("</svg>")
+    assert "number of drawings" in names(verify(report.page[:begin] + report.page[end:], report.source.columns))
+    assert names(verify(report.page.removesuffix("\n"), report.source.columns)) == ["length of the page"]
+
+
+@pytest.mark.parametrize(("one", "other"), [("usable", "usable with caution"), ("<b>q</b>", "<b >q</b>"), ("", "0")])
+def test_what_is_told_of_a_difference_is_never_the_same_twice(one: str, other: str) -> None:
+    said, found = where_they_differ(one, other)
+    assert said != found
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (f'{BEGIN}{{"format"', f'{BEGIN}{{"more":1,"format"'),
+        ('"metrics":', '"metrics":{"complete":false},"metrics":'),
+        ('"complete":true', '"complete": true'),
+    ],
+)
+def test_nothing_else_stands_in_the_account(report: Made, old: str, new: str) -> None:
+    assert report.page.count(old) >= 1
+    assert names(verify(report.page.replace(old, new, 1), report.source.columns)) == ["the account as it is written"]
+
+
+IMPOSSIBLE: dict[str, tuple[Callable[[Document], None], str]] = {
+    "an end that there is not": (put("run", "end_state", value="complete"), "the page"),
+    "a kind that there is not": (put("run", "kind", value="trackings"), "the page"),
+    "a number beyond any float": (put("missed_before", value=10**400), "metrics, missing_samples"),
+    "a metric beyond any float": (put("metrics", "played_s", value=10**400), "metrics, played_s"),
+    "a section that is a number": (put("run", "parameters", "geometry", value=7), "what it was computed from"),
+}
+
+
+@pytest.mark.parametrize("what", IMPOSSIBLE)
+def test_what_cannot_be_is_a_difference(report: Made, what: str) -> None:
+    change, name = IMPOSSIBLE[what]
+    found = names(verify(report.with_account(change), report.source.columns))
+    assert name in found
+    assert any(one.startswith("hash of the ") for one in found[:3])
 
 
 @pytest.mark.parametrize(("signal", "at"), [("q", 3200), ("F_B", 0), ("u_A", 12_999), ("lateness_s", 5000)])
@@ -173,6 +229,36 @@ def test_one_sample_is_found_and_named(report: Made, signal: str, at: int) -> No
     assert "hash of the samples" in found
 
 
+def test_another_time_of_a_sample_is_found_and_named(report: Made) -> None:
+    columns: Columns = report.source.columns | {"t": report.source.columns["t"].copy()}
+    columns["t"][3200] += 1e-4
+    found = names(verify(report.page, columns))
+    assert {"samples of t from 3 s to 4 s", "hash of the samples"} <= {*found}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [("\n3.2,", "\n3.2004,", "no multiples of 0.001 s"), ("\n3.2,", "\n3.199,", "do not rise"), ("", "", "")],
+)
+def test_a_file_of_samples_is_held_against_what_it_says_of_itself(
+    report: Made, tmp_path: Path, old: str, new: str, told: str
+) -> None:
+    file = tmp_path / "data.csv"
+    file.write_text(to_csv(report.source.columns).decode().replace(old, new, 1))
+    _, problem = read_samples_file(file)
+    assert (told in problem) == bool(told or not problem)
+
+
+def test_missing_samples_are_counted_where_they_are_missing(report: Made) -> None:
+    kept = np.ones(report.source.columns["t"].size, bool)
+    kept[[500, 501, 7000]] = False
+    columns = {name: column[kept] for name, column in report.source.columns.items()}
+    result = report.source.result
+    assert result is not None
+    fewer = replace(report.source, columns=columns, result=result)  # whose result counts none as missing
+    assert "metrics, missing_samples" in names(verify(to_html(build_report(fewer)), columns))
+
+
 def test_a_sample_more_or_less_is_found(report: Made) -> None:
     fewer = {name: column[:-1] for name, column in report.source.columns.items()}
     assert "number of samples" in names(verify(report.page, fewer))
@@ -182,7 +268,8 @@ def test_a_sample_more_or_less_is_found(report: Made) -> None:
 def test_it_holds_by_the_files_beside_it(report: Made, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"data{suffix}"
     file.write_bytes(written(report.source.columns, suffix[1:]))
-    assert verify(report.page, read_samples_file(file)) == Verified((), ())
+    columns, problem = read_samples_file(file)
+    assert (verify(report.page, columns), problem) == (Verified((), ()), "")
 
 
 def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_path: Path) -> None:
@@ -207,3 +294,13 @@ def test_of_a_report_of_another_version_the_words_are_not_compared(report: Made)
     found = verify(report.with_account(put("made_with", "Sinew", value="0.0.9")), report.source.columns)
     assert names(found) == ["hash of the account"]
     assert "it was written by Sinew 0.0.9" in found.left_out[0]
+    assert "every number" not in found.compared
+    assert "not the page as it is read" in found.compared
+
+
+def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made) -> None:
+    run = replace(report.source.run, end_state="service_died")
+    without = to_html(build_report(replace(report.source, run=run, result=None)))
+    found = verify(without, report.source.columns)
+    assert found.differences == ()
+    assert "the report was made without one" in found.left_out[0]

@@ -1,0 +1,75 @@
+"""The model of an identification is estimated again too, and a run evaluated again has the same report."""
+
+import asyncio
+import copy
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.experiments.results.again import evaluate_again
+from backend.reports.build import build_report
+from backend.reports.differences import Verified
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source, load_source
+from backend.reports.verification import verify
+from backend.storage import open_database
+from plant.parameters import load_parameters
+
+PLANS: dict[str, tuple[IdentificationPlan, tuple[str, ...]]] = {
+    "motor": (MotorIdentificationPlan(), ("A", "parameters", "K_m")),
+    "spring": (SpringIdentificationPlan(), ("A", "fits", "0", "rms_N")),
+    "actuator": (ActuatorIdentificationPlan(tension_N=20.0, bits=6), ("G_q", "first_order", "K")),
+}
+
+
+@pytest.fixture(scope="module", params=PLANS)
+def identified(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Source, Source]:
+    """A run of each kind, and the same evaluated once more."""
+    database = open_database(tmp_path_factory.mktemp(request.param))
+    plan, _ = PLANS[request.param]
+    with headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+        outcome = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator")))
+    first = load_source(database, outcome.run.id)
+    evaluate_again(database, outcome.run.id)
+    second = load_source(database, outcome.run.id)
+    database.close()
+    return request.param, first, second
+
+
+def test_one_that_nobody_touched_holds(identified: tuple[str, Source, Source]) -> None:
+    _, source, _ = identified
+    assert source.identification is not None
+    assert verify(to_html(build_report(source)), source.columns) == Verified((), ())
+
+
+def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[str, Source, Source]) -> None:
+    kind, source, _ = identified
+    assert source.identification is not None
+    model = copy.deepcopy(source.identification.model)
+    here: Any = model
+    *path, last = PLANS[kind][1]
+    for part in path:
+        here = here[int(part) if isinstance(here, list) else part]
+    here[last] *= 1.25
+    touched = replace(source, identification=replace(source.identification, model=model))
+    names = [one.name for one in verify(to_html(build_report(touched)), source.columns).differences]
+    assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
+    verdict = replace(source, identification=replace(source.identification, verdict="Usable for anything."))
+    names = [one.name for one in verify(to_html(build_report(verdict)), source.columns).differences]
+    assert "identification, verdict" in names
+
+
+def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, Source, Source]) -> None:
+    _, first, second = identified
+    assert first.identification is not None
+    assert second.identification is not None
+    assert first.identification.id != second.identification.id
+    assert to_html(build_report(first)) == to_html(build_report(second))
+    assert to_pdf(build_report(first)) == to_pdf(build_report(second))
