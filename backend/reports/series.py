@@ -4,21 +4,29 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 
 from backend import __version__
+from backend.documents.digest import digest_of
 from backend.documents.outcome import Outcome
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.result import Figure as Measured
 from backend.reading import Angles, read
 from backend.reports.build import told
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
-from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
+from backend.reports.evidence import SERIES, SeriesEvidence, carried, evidence_of, to_element
 from backend.reports.judgement import measured, verdict
 from backend.reports.provenance import chosen, shown_unit
-from backend.reports.series_figures import metric_panels, overlay
+from backend.reports.series_figures import is_partial, metric_panels, overlay
 from backend.reports.source import Source
+from backend.reports.timing import granted_rows
 from backend.storage.run_title import title_of
 
 _BESIDE = 5
 """Runs that stand beside each other in one table: as many as fit a page."""
+
+_DIGITS = 12
+"""Of a digest, that tell it from others beside it."""
+
+_MARK = " *"
+"""Stands behind a figure that was not measured whole."""
 
 _SAID = {
     Outcome.PASSED: "passed all criteria",
@@ -46,7 +54,7 @@ def series_report(sources: Sequence[Source]) -> Report:
         sections=(
             Section("Runs", (_runs_table(sources),)),
             Section("What differs", tuple(_differing(sources, angles))),
-            Section("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles))),
+            Section("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             Section("Figures", tuple(_figures(sources, angles))),
             Section("What it was made of", (_hashes(evidence), Paragraph(_PROOF))),
         ),
@@ -118,9 +126,20 @@ def _differing(sources: Sequence[Source], angles: Angles) -> Iterator[Block]:
 
 
 def _set_to(source: Source, angles: Angles) -> Iterator[tuple[str, str]]:
-    run = source.run
+    run, bank = source.run, carried(source.bank)
     yield "plant", run.plant
+    yield "name of the parameters", run.parameters_name
     yield "Sinew", run.software
+    yield from (run.set_to.versions or {}).items()
+    if text := (run.set_to.plan or {}).get("experiment"):
+        yield "text of the experiment, sha256", digest_of(text)[:_DIGITS]
+    yield "bank", "none" if bank is None else f"“{bank.name}” version {bank.version}"
+    if bank is not None:
+        yield "bank, sha256", bank.digest[:_DIGITS]
+    granted: dict[str, list[str]] = {}
+    for name, value, unit, meaning in granted_rows(run.set_to.granted):
+        granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
+    yield from ((name, "; ".join(told)) for name, told in granted.items())
     for item in run.set_to.declared or ():
         unit = shown_unit(item.unit, angles)
         yield f"{item.meaning} {item.symbol}" + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
@@ -166,7 +185,11 @@ def _metric_tables(sources: Sequence[Source], angles: Angles) -> Iterator[Table]
     for items in _metrics(sources).values():
         of = next(item for item in items if item is not None)
         values = [None if item is None or item.value is None else read(item.value, of.unit, angles) for item in items]
-        cells = [measured(value) + _difference(value, values[0]) for value in values]
+        whole = [None if is_partial(item) else value for item, value in zip(items, values, strict=True)]
+        cells = [
+            measured(value) + (_MARK if is_partial(item) else _difference(value, whole[0]))
+            for item, value in zip(items, values, strict=True)
+        ]
         rows.append(((of.label, shown_unit(of.unit, angles)), cells))
     first = (Column("Quantity", number=False, wide=True), Column("Unit", number=False))
     yield from _beside(sources, "Metrics; in brackets the difference to the first run", first, rows)
@@ -180,7 +203,7 @@ def _difference(value: float | None, reference: float | None) -> str:
 
 
 def _spread(sources: Sequence[Source], angles: Angles) -> Table:
-    """Return how far each metric spreads over the runs."""
+    """Return how far each metric spreads over the runs that measured it whole; the others are counted apart."""
     columns = (
         Column("Quantity", number=False, wide=True),
         Column("Unit", number=False),
@@ -189,16 +212,37 @@ def _spread(sources: Sequence[Source], angles: Angles) -> Table:
         Column("Deviation"),
         Column("Smallest"),
         Column("Largest"),
+        Column("In part"),
     )
     rows = []
     for items in _metrics(sources).values():
         of = next(item for item in items if item is not None)
-        values = [read(item.value, of.unit, angles) for item in items if item is not None and item.value is not None]
+        values = [
+            read(item.value, of.unit, angles)
+            for item in items
+            if item is not None and item.value is not None and not is_partial(item)
+        ]
         spread: list[Callable[[Sequence[float]], float]] = [statistics.fmean, _deviation, min, max]
+        partial = sum(map(is_partial, items))
         figures = [shown(one(values)) if values else measured(None) for one in spread]
-        rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures))
-    caption = "Spread over the runs that measured it; deviation is the standard deviation of one run (N − 1)."
+        rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures, str(partial or "")))
+    caption = (
+        "Spread over the runs that measured it whole; deviation is the standard deviation of one run (N − 1). In part: "
+        "runs that did not measure it whole, which are left out."
+    )
     return Table(caption, columns, tuple(rows))
+
+
+def _partial(sources: Sequence[Source]) -> Iterator[Paragraph]:
+    """Say why each marked figure was not measured whole."""
+    said: dict[str, list[str]] = {}
+    for items in _metrics(sources).values():
+        for source, item in zip(sources, items, strict=True):
+            if item is not None and is_partial(item):
+                said.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
+    if said:
+        reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in said.items())
+        yield Paragraph(f"{_MARK.strip()} Not measured whole, so that no difference is told. {reasons}.")
 
 
 def _deviation(values: Sequence[float]) -> float:
@@ -212,7 +256,10 @@ def _figures(sources: Sequence[Source], angles: Angles) -> Iterator[Figure]:
         if any(i is not None and i.value is not None for i in items)
     }
     if drawn:
-        words = "Metrics of the runs, in the order of the list; a gap where a run has not measured it."
+        words = (
+            "Metrics of the runs, in the order of the list; hollow where a run has not measured it whole, a gap where "
+            "it has not measured it at all."
+        )
         yield Figure("metrics", metric_panels(list(drawn.values()), angles), words)
     curves = [source for source in sources if source.columns["t"].size]
     if curves:

@@ -20,6 +20,11 @@ _LEGEND = 10
 """Runs that are named beside the curves; of more, first and last."""
 
 
+def is_partial(item: Figure | None) -> bool:
+    """Whether a figure has a value that was not measured whole."""
+    return item is not None and item.value is not None and item.reason != ""
+
+
 def metric_panels(metrics: Sequence[Sequence[Figure | None]], angles: Angles) -> str:
     """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
     rows = -(-len(metrics) // _COLUMNS)
@@ -29,7 +34,11 @@ def metric_panels(metrics: Sequence[Sequence[Figure | None]], angles: Angles) ->
             values = [
                 np.nan if item is None or item.value is None else read(item.value, of.unit, angles) for item in items
             ]
-            panel.plot(np.arange(1, len(items) + 1), values, color=INK, linewidth=0.6, marker="o", markersize=2.5)
+            places, partial = np.arange(1, len(items) + 1), [is_partial(item) for item in items]
+            panel.plot(places, values, color=INK, linewidth=0.6, marker="o", markersize=2.5)
+            if any(partial):
+                hollow = {"linestyle": "", "marker": "o", "markersize": 2.5, "markerfacecolor": "white"}
+                panel.plot(places[partial], np.array(values)[partial], color=INK, **hollow)
             unit = shown_unit(of.unit, angles)
             panel.set_title(_short(of.label) + (f" [{unit}]" if unit else ""), fontsize=6.5)
             panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))

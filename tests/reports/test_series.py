@@ -1,6 +1,7 @@
 """One report of many runs: what differs, how metrics spread, and whether it all holds where the runs are stored."""
 
 import asyncio
+import copy
 import re
 import statistics
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.refusal import RefusalError
 from backend.reports.build import build_report
+from backend.reports.differences import Verified
 from backend.reports.document import Report, Table
 from backend.reports.evidence import Evidence, EvidenceError, SeriesEvidence, read
 from backend.reports.html import to_html
@@ -28,8 +30,9 @@ from backend.reports.series_source import load_series
 from backend.reports.series_verification import verify_series
 from backend.reports.source import Source
 from backend.reports.stored_samples import stored_samples
-from backend.reports.verification import Verified, verify, verify_pdf
+from backend.reports.verification import verify, verify_pdf
 from backend.storage import Database, open_database, runs
+from backend.storage.banks import Bank, BankEntry
 from backend.storage.records import UnknownRecordError
 from plant.parameters import load_parameters
 
@@ -85,7 +88,7 @@ def test_metrics_and_their_spread_are_those_of_the_samples(sources: list[Source]
     row = next(row for row in spread.rows if row[0] == "RMSE of q")
     expected = [statistics.fmean(rms), statistics.stdev(rms), min(rms), max(rms)]
     assert row[2] == "3"
-    assert [float(cell) for cell in row[3:]] == pytest.approx(expected, rel=5e-3)
+    assert [float(cell) for cell in row[3:7]] == pytest.approx(expected, rel=5e-3)
 
 
 def test_of_seven_runs_five_stand_beside_each_other(sources: list[Source]) -> None:
@@ -97,6 +100,53 @@ def test_of_seven_runs_five_stand_beside_each_other(sources: list[Source]) -> No
     assert all(cell in ("0", "not measured") for cell in (row[4] for row in spread.rows))
     assert "Nothing: the runs have the same settings" in to_html(report)
     assert to_pdf(report).startswith(b"%PDF-")
+
+
+def test_what_differs_names_versions_text_bank_and_what_was_granted(sources: list[Source]) -> None:
+    run = sources[0].run
+    settings = copy.deepcopy(run.settings)
+    settings["versions"]["NumPy"] = "1.0"
+    settings["plan"]["experiment"] += " "
+    refused = {"priority": 0, "memory_locked": False, "timer_slack_ns": 50, "refusals": ["no rights", "no memory"]}
+    settings["granted"] = refused
+    entry = BankEntry(10.55, {"K_q": 0.05, "T_q": 0.34, "K_S": 0.72, "T_S": 0.34})
+    bank = Bank(1, "set 2", 3, "", "", run.started_at, (entry,))
+    other = replace(sources[0], run=replace(run, settings=settings, parameters_name="mine"), bank=bank)
+    (differing,) = tables(series_report([sources[0], other]), "What differs")
+    rows = {row[0]: row[1:] for row in differing.rows}
+    assert rows["NumPy"][1] == "1.0"
+    assert rows["name of the parameters"] == ("ideal", "mine")
+    assert rows["text of the experiment, sha256"][0] != rows["text of the experiment, sha256"][1]
+    assert rows["bank"] == ("none", "“set 2” version 3")
+    assert len(rows["bank, sha256"][1]) == 12
+    assert rows["Not granted"] == ("not set", "no rights; no memory")
+
+
+def test_what_was_not_measured_whole_is_marked_and_counted_apart(sources: list[Source]) -> None:
+    first = sources[0].result
+    assert first is not None
+    in_part = tuple(
+        replace(item, reason="of 2 of 3 steps") if item.name == "rmse_q" else item for item in first.metrics.figures
+    )
+    partial = replace(sources[0], result=replace(first, metrics=replace(first.metrics, figures=in_part)))
+    for runs_of_series, marked in (([partial, *sources[1:]], 2), ([*sources[1:], partial], 4)):
+        section = next(one for one in series_report(runs_of_series).sections if one.heading == "Metrics")
+        beside, spread, *said = section.blocks
+        assert isinstance(beside, Table)
+        assert isinstance(spread, Table)
+        row = next(row for row in beside.rows if row[0] == "RMSE of q")
+        assert [place for place, cell in enumerate(row) if cell.endswith(" *")] == [marked]
+        assert "(" not in row[marked]
+        assert any("(" in cell for cell in row[2:]) == (marked != 2)  # to one in part there is no difference
+        row = next(row for row in spread.rows if row[0] == "RMSE of q")
+        assert (row[2], row[-1]) == ("2", "1")
+        assert f"RMSE of q: of 2 of 3 steps (run {partial.run.id})" in str(said)
+
+
+def test_a_drawing_more_is_found(database: Database, page: str) -> None:
+    more = page.replace("</main>", "<svg><text>0.1</text></svg></main>", 1)
+    found = verify_series(more, account(more), lambda one: stored_samples(database, one)[0])
+    assert "number of drawings" in [one.name for one in found.differences]
 
 
 def test_a_series_holds_where_its_runs_are_stored(database: Database, page: str) -> None:
