@@ -5,6 +5,7 @@ import { useState } from "react";
 import { usePreferences } from "../service/preferences";
 import { PALETTE, signalOf, type Trace } from "../theme/signals";
 import styles from "./ColourChoice.module.css";
+import { TraceLine } from "./TraceLine";
 
 export function ColourChoice({ trace }: { trace: Trace }) {
   const [opened, setOpened] = useState(false);
@@ -27,17 +28,7 @@ export function ColourChoice({ trace }: { trace: Trace }) {
           aria-expanded={opened}
           onClick={() => setOpened(!opened)}
         >
-          <svg width="18" height="8" aria-hidden="true">
-            <line
-              x1="0"
-              x2="18"
-              y1="4"
-              y2="4"
-              stroke={trace.hue}
-              strokeWidth="2.5"
-              strokeDasharray={trace.dashed ? "5 3" : trace.dotted ? "2 2" : undefined}
-            />
-          </svg>
+          <TraceLine trace={trace} />
         </button>
       </Popover.Target>
       <Popover.Dropdown p={8}>

@@ -4,6 +4,7 @@ import { SignalName } from "../components/SignalName";
 import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { ColourChoice } from "./ColourChoice";
+import { TraceLine } from "./TraceLine";
 
 interface LegendProps {
   readonly panel: Panel;
@@ -26,7 +27,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
           onPointerEnter={() => onHighlight(trace.name)}
           onPointerLeave={() => onHighlight(null)}
         >
-          <ColourChoice trace={trace} />
+          {trace.ofRecording ? <TraceLine trace={trace} /> : <ColourChoice trace={trace} />}
           <button
             type="button"
             className={styles.toggle}

@@ -6,7 +6,7 @@ import uPlot from "uplot";
 import { fixed, significant } from "../samples/format";
 import { longestWhole, type Spectrum, welch } from "../samples/spectrum";
 import type { SampleTable } from "../samples/table";
-import type { Panel } from "../theme/signals";
+import { dashOf, type Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { readColours } from "./colours";
 import { decadeRange } from "./range";
@@ -132,7 +132,7 @@ function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
           ...shown.map(({ trace }) => ({
             stroke: trace.hue,
             width: 1.2,
-            ...(trace.dashed ? { dash: [6, 4] } : {}),
+            dash: dashOf(trace),
             points: { show: false },
           })),
         ],

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { POSITION } from "../theme/signals";
+import { dashOf, FORCE, PANELS, POSITION, STIFFNESS } from "../theme/signals";
 import { ComparedSource, comparedPanels, markOf, merged, resampled } from "./comparedSource";
 import type { PlotSource } from "./source";
 
@@ -61,10 +61,66 @@ describe("several recordings", () => {
     });
   });
 
-  it("keep the hue where there are two, and have one each where there are more", () => {
-    const hues = (count: number) =>
-      comparedPanels([POSITION], count)[0]?.traces.slice(POSITION.traces.length);
-    expect(hues(1)?.map(({ hue, dotted }) => [hue, dotted])).toEqual([[POSITION.traces[1]?.hue, true]]);
-    expect(new Set(hues(4)?.map(({ hue }) => hue)).size).toBe(4);
+  it("read the signals of one recording from it alone, in whatever order they are drawn", () => {
+    const source = new ComparedSource(constant(0, [0, 1]), constant(1, [0, 1]), constant(2, [0, 1]));
+    const [panel] = comparedPanels([FORCE], 2);
+    if (panel === undefined) throw new Error("there is one panel");
+    const { values, extents } = source.curves(panel, { from_s: 0, to_s: 1 }, 100);
+    const names = panel.traces.map(({ name }) => name);
+    expect(names).toEqual(["F_A", "F_A′", "F_A′′", "F_B", "F_B′", "F_B′′"]);
+    expect(values.map((drawn) => drawn[0])).toEqual([0, 1, 2, 0, 1, 2]);
+    expect(extents.map(({ maximum }) => maximum)).toEqual([0, 1, 2, 0, 1, 2]);
+  });
+
+  it("keep the hues of the signals where there are two, the further one dotted", () => {
+    const further = comparedPanels([POSITION], 1)[0]?.traces.at(-1);
+    expect(further?.hue).toBe(POSITION.traces[1]?.hue);
+    expect(further && dashOf(further)).toEqual([2, 3]);
+  });
+
+  it("look different from each other in every panel, however many there are", () => {
+    for (let further = 1; further < 20; further += 1) {
+      for (const { traces } of comparedPanels(PANELS, further)) {
+        const looks = traces.map((trace) => `${trace.hue} ${dashOf(trace)}`);
+        expect(new Set(looks).size, `${further} further ones: ${looks.join("; ")}`).toBe(traces.length);
+      }
+    }
+  });
+
+  it("have a hue each where there are more than two, the same in all panels and of the first too", () => {
+    for (let further = 2; further < 20; further += 1) {
+      const traces = comparedPanels(PANELS, further).flatMap((panel) => panel.traces);
+      const hues = Array.from({ length: further + 1 }, (_, n) => {
+        const own = traces.filter(({ name }) => name.replace(/^[^′]*/, "") === markOf(n));
+        return new Set(own.map(({ hue }) => hue));
+      });
+      expect(hues.map(({ size }) => size)).toEqual(hues.map(() => 1));
+      expect(new Set(hues.flatMap((own) => [...own])).size).toBe(further + 1);
+    }
+  });
+
+  it("are told apart without hues by their dashes and widths, up to eight", () => {
+    for (const { traces } of comparedPanels(PANELS, 7)) {
+      expect(new Set(traces.map((trace) => `${dashOf(trace)} ${trace.broad}`)).size).toBe(traces.length);
+    }
+  });
+
+  it("are told apart by hue and lightness, and stand out from light and dark ground", () => {
+    for (let count = 7; count <= 20; count += 1) {
+      const traces = comparedPanels([STIFFNESS], count - 1)[0]?.traces.slice(1) ?? [];
+      const colours = traces.map(({ hue }) => {
+        const [lightness = 0, chroma = 0, angle = 0] = (hue.match(/[\d.]+/g) ?? []).map(Number);
+        const radians = (angle * Math.PI) / 180;
+        return [lightness, chroma * Math.cos(radians), chroma * Math.sin(radians)] as const;
+      });
+      for (const [place, one] of colours.entries()) {
+        for (const other of colours.slice(place + 1)) {
+          expect(Math.hypot(...one.map((part, axis) => part - (other[axis] ?? 0)))).toBeGreaterThan(0.08);
+        }
+        const luminance = one[0] ** 3;
+        expect(1.05 / (luminance + 0.05)).toBeGreaterThan(2);
+        expect((luminance + 0.05) / 0.062).toBeGreaterThan(2);
+      }
+    }
   });
 });

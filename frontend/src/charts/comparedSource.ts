@@ -1,8 +1,9 @@
 /** Recordings on the same axes: the signals of each after the first carry its mark. Pure but for its sources. */
 
+import type { Extent } from "../samples/decimate";
 import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
-import { PALETTE, type Panel, type Trace } from "../theme/signals";
+import { HUES, type Panel, type Trace } from "../theme/signals";
 import type { Curves, PlotSource } from "./source";
 
 const PRIME = "′";
@@ -15,26 +16,45 @@ export function markOf(n: number): string {
   return PRIME + [...String(n)].map((digit) => RAISED[Number(digit)]).join("");
 }
 
-/** The hue of the n-th of several further recordings; a single one shares the hues of the first, dotted. */
-export function hueOf(n: number): string {
-  return PALETTE[n % PALETTE.length] as string;
+/** Dashes and gaps of as many recordings as can be told apart without hues; [6, 4] is that of references [px]. */
+const DASHES = [[], [2, 3], [10, 4], [8, 3, 2, 3], [2, 7], [8, 2, 2, 2, 2, 2], [4, 6], [1, 2]] as const;
+const DOTTED = DASHES[1];
+const LIGHTNESSES = [0.52, 0.7, 0.61] as const;
+const CHROMA = 0.13;
+const FIRST_HUE_DEG = 250;
+
+/** The hue of the n-th of so many recordings: Okabe and Ito's, or else evenly around in steps of lightness. */
+function hueOf(n: number, count: number): string {
+  const known = Object.values(HUES);
+  if (count <= known.length) return known[n] as string;
+  const levels = LIGHTNESSES.length;
+  const angle = FIRST_HUE_DEG + (360 * n) / (levels * Math.ceil(count / levels));
+  return `oklch(${LIGHTNESSES[n % levels]} ${CHROMA} ${Number((angle % 360).toFixed(1))})`;
 }
 
-/** The panels with the traces of `count` further recordings beside those of the first. */
-export function comparedPanels(panels: readonly Panel[], count = 1): Panel[] {
-  const numbers = Array.from({ length: count }, (_, index) => index + 1);
+/**
+ * The curve of a signal in the n-th of so many recordings, 0 for the first. Of two the further one is dotted and the
+ * hues stay those of the signals; of more the hue is that of the recording, and the two sides of a recording differ by
+ * their dashes.
+ */
+export function traceOf(trace: Trace, n: number, count: number): Trace {
+  const named = { ...trace, name: `${trace.name}${markOf(n)}` };
+  if (count <= 2) return n === 0 ? named : { ...named, dash: DOTTED };
+  const coloured = { ...named, hue: hueOf(n, count), ofRecording: true };
+  const place = trace.broad ? n + DASHES.length / 2 : n;
+  return trace.dashed ? coloured : { ...coloured, dash: DASHES[place % DASHES.length] ?? DOTTED };
+}
+
+/** The panels with the traces of `further` recordings beside those of the first, the narrow over the broad. */
+export function comparedPanels(panels: readonly Panel[], further = 1): Panel[] {
   return panels.map((panel) => {
-    const measured = panel.traces.filter((trace) => !trace.dashed);
-    const others = numbers.flatMap((n) =>
-      measured.map(
-        (trace, place): Trace => ({
-          ...trace,
-          name: `${trace.name}${markOf(n)}`,
-          ...(count === 1 ? { dotted: true } : { hue: hueOf(n), dotted: place > 0 }),
-        }),
-      ),
-    );
-    return { ...panel, traces: [...panel.traces, ...others] };
+    const traces = Array.from({ length: further + 1 }, (_, n) =>
+      panel.traces.filter((trace) => n === 0 || !trace.dashed).map((trace) => traceOf(trace, n, further + 1)),
+    ).flat();
+    return {
+      ...panel,
+      traces: [...traces.filter(({ broad }) => broad), ...traces.filter(({ broad }) => !broad)],
+    };
   });
 }
 
@@ -82,10 +102,20 @@ export class ComparedSource implements PlotSource {
       return source.curves({ ...panel, traces }, stretch, pixels);
     });
     const times = parts.map((part) => part.times).reduce(merged);
+    const taken = parts.map(() => 0);
+    const drawn = panel.traces.map((trace) => {
+      const { of } = parted(trace.name);
+      const [part, place] = [parts[of] as Curves, taken[of] as number];
+      taken[of] = place + 1;
+      return {
+        values: resampled(part.times, part.values[place] as Float64Array, times),
+        extent: part.extents[place] as Extent,
+      };
+    });
     return {
       times,
-      values: parts.flatMap((part) => part.values.map((values) => resampled(part.times, values, times))),
-      extents: parts.flatMap((part) => part.extents),
+      values: drawn.map(({ values }) => values),
+      extents: drawn.map(({ extent }) => extent),
     };
   }
 

@@ -1,6 +1,6 @@
 /** A stack of charts as one picture, each under its heading. */
 
-import type { Panel } from "../theme/signals";
+import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
 
 const HEADING_PX = 24;
@@ -59,7 +59,7 @@ function heading(
     if (hidden.has(trace.name)) continue;
     pen.strokeStyle = trace.hue;
     pen.lineWidth = 2.5 * ratio;
-    pen.setLineDash(trace.dashed ? [5 * ratio, 3 * ratio] : []);
+    pen.setLineDash(dashOf(trace).map((length) => length * ratio));
     pen.beginPath();
     pen.moveTo(left, middle);
     pen.lineTo(left + SWATCH_PX * ratio, middle);

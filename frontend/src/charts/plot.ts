@@ -4,7 +4,7 @@ import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
 import { clockTime } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
-import type { Panel } from "../theme/signals";
+import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
 import { drawLimits, drawMarks, type LimitLine, MARK_LANE_PX, type PlacedMark } from "./decorations";
 import { linePath } from "./linePath";
@@ -144,7 +144,7 @@ export class SignalPlot {
             auto: false,
             stroke: trace.hue,
             width: (software ? HAIRLINE : LINE_WIDTH) * (trace.broad ? BROAD : 1),
-            ...(trace.dashed ? { dash: [6, 4] } : trace.dotted ? { dash: [2, 3] } : {}),
+            dash: dashOf(trace),
             paths: linePath,
             pxAlign: 0,
             points: {

@@ -10,8 +10,10 @@ export interface Trace {
   readonly hue: string;
   /** References share their signal's hue and are dashed. */
   readonly dashed: boolean;
-  /** Of another recording than the first. */
-  readonly dotted?: boolean;
+  /** Lengths of dashes and gaps that tell its recording from others [px]. */
+  readonly dash?: readonly number[];
+  /** Its hue tells the recording that it is of, and is not to be chosen. */
+  readonly ofRecording?: boolean;
   /** Drawn under its partner and wider, so that both are seen where they are the same. */
   readonly broad?: boolean;
 }
@@ -51,6 +53,13 @@ export const HUES = {
 
 /** Hues offered for a signal: Okabe and Ito's, and a grey, told apart by colour-blind eyes too. */
 export const PALETTE = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#8C949E"] as const;
+
+const REFERENCE = [6, 4] as const;
+
+/** Lengths of dashes and gaps of a curve [px], none of a solid one; the same wherever it is drawn. */
+export function dashOf({ dash, dashed }: Trace): number[] {
+  return [...(dash ?? (dashed ? REFERENCE : []))];
+}
 
 /** The signal whose colour a reference or an estimate shares. */
 export function signalOf(name: string): string {

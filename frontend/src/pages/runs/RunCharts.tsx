@@ -3,16 +3,18 @@
 import { useQueries, useQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { Charts } from "../../charts/Charts";
-import { ComparedSource, comparedPanels, hueOf, markOf } from "../../charts/comparedSource";
+import { ComparedSource, comparedPanels, markOf, traceOf } from "../../charts/comparedSource";
 import type { PlacedMark } from "../../charts/decorations";
 import { Playhead } from "../../charts/playhead";
 import type { PlotSource } from "../../charts/source";
+import { TraceLine } from "../../charts/TraceLine";
 import { useViewport, type ViewControl } from "../../charts/useViewport";
 import type { Viewport } from "../../charts/viewport";
 import { useLive } from "../../live/react";
 import { type Angles, inWords } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { runMarksQuery, runQuery } from "../../service/queries";
+import { HUES, type Trace } from "../../theme/signals";
 import { usePanels } from "../../theme/usePanels";
 import type { RunMark } from "../../wire/types";
 import { limitLines } from "../operate/limitLines";
@@ -24,6 +26,9 @@ import { type Recorded, useRecordings } from "./useRecordings";
 const NO_MARKS: readonly RunMark[] = [];
 
 const NO_OTHERS: readonly number[] = [];
+
+/** What the pieces of curves in the key are of. */
+const MEASURED: Trace = { name: "q", hue: HUES.q, dashed: false };
 
 /** `others` has to be the same array as long as it says the same. */
 export function RunCharts({ run, others = NO_OTHERS }: { run: number; others?: readonly number[] }) {
@@ -129,9 +134,8 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
       name={`sinew-run-${run}`}
       remark={
         <>
-          {runs.slice(1).map(({ id }, index) => (
-            <Key key={id} n={index + 1} of={further} run={id} />
-          ))}
+          {further === 1 && `dotted: run ${runs[1]?.id} · `}
+          {further > 1 && runs.map(({ id }, n) => <Key key={id} n={n} of={runs.length} run={id} />)}
           {silent.length > 0 && `without samples: run ${silent.join(", ")} · `}
           <output aria-label="Resolution">{resolution}</output>
         </>
@@ -146,11 +150,10 @@ function placed(mark: RunMark, angles: Angles): PlacedMark {
 
 /** Which curves are of which run. */
 function Key({ n, of, run }: { n: number; of: number; run: number }) {
-  if (of === 1) return <>{`dotted: run ${run} · `}</>;
   return (
     <>
-      <span className={replay.swatch} style={{ background: hueOf(n) }} aria-hidden="true" />
-      {`${markOf(n)} run ${run} · `}
+      <TraceLine trace={traceOf(MEASURED, n, of)} />
+      {` ${markOf(n)} run ${run} · `}
     </>
   );
 }
