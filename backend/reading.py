@@ -6,6 +6,7 @@ them; docs/decisions/0025-angles.md says why.
 
 import math
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -77,6 +78,20 @@ def in_digits(value: float, digits: int = DIGITS) -> str:
         return f"{float(value) + 0.0:.{digits}g}"
     except OverflowError:
         return f"a number of {len(str(abs(int(value))))} digits"
+
+
+def digits_apart(values: Collection[float], least: int = 4) -> int:
+    """Return how many significant digits it takes, ``least`` or more, until different numbers read differently."""
+    different = len(set(values))
+    return next(
+        digits for digits in range(least, 18) if len({in_digits(value, digits) for value in values}) == different
+    )
+
+
+def digits_over(values: Collection[float], least: int = 4) -> int:
+    """Return how many digits it takes, ``least`` or more, to tell a twentieth of the stretch of the values."""
+    low, high = min(values, default=0.0), max(values, default=0.0)
+    return digits_apart((low, low + (high - low) / 20, high), least)
 
 
 def told(value: float, unit: str, angles: Angles) -> str:

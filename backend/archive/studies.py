@@ -67,8 +67,8 @@ class Studies:
             studies.want(session, study_id)
         return self.view(study_id)
 
-    def detail(self, study_id: int, rows: int | None = ROWS_SHOWN) -> StudyDetail:
-        """Return a study with its maps and the first rows of its table; all ``rows`` for None."""
+    def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
+        """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
         kept, points, design = self._read(study_id)
         named = maps.figure_names(text.of_canonical(design.base.experiment))
         spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
@@ -89,7 +89,7 @@ class Studies:
         ]
         axes = dict(design.axes)
         drawn = maps.axes_to_draw(axes)
-        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, item.name, "mean") for item in figures]
+        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, item.name, pick) for item in figures]
         return StudyDetail(
             study=self.view(study_id),
             text=kept.text,

@@ -12,7 +12,7 @@ from backend.cli.experiment import text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
 from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
-from backend.reading import read, reading_of
+from backend.reading import digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
     from backend.messages.study import StudyDetail, StudyView
@@ -125,7 +125,9 @@ def draw(
         tuple[str, str] | None,
         typer.Option("--over", metavar="X Y", help="Two axes. [lam_q lam_S, else the first two]"),
     ] = None,
-    pick: Annotated[str, typer.Option("--pick", help="Of several runs in a cell: mean, least or largest.")] = "mean",
+    pick: Annotated[
+        str, typer.Option("--pick", help="Of several runs in a cell: worst, mean, least or largest.")
+    ] = "worst",
     to: Annotated[Path | None, typer.Option("--out", help="Picture to write: png, svg or pdf.")] = None,
     data: DataFolder = None,
     station: StationName = None,
@@ -138,7 +140,7 @@ def draw(
 
     from backend.archive.studies import Studies, unit_of
     from backend.experiments.composing.text import of_canonical
-    from backend.studies.maps import figure_names
+    from backend.studies.maps import axis_labels, figure_names
     from backend.studies.point import UNSTABLE
 
     with database_of(settings_with(data=data, station=station)) as database:
@@ -146,22 +148,38 @@ def draw(
     named = figure_names(of_canonical(design.base.experiment))
     if figure not in named:
         fail(f"there is no figure {figure}; known are {', '.join(named)}", status=2)
+    unit = named[figure].unit
+    label = f"{_with_unit(named[figure].label, unit)}, {found.pick} of the runs in a cell"
+    cells = [[None if value is None else read(value, unit, angles()) for value in row] for row in found.cells]
+    (x, at_x), (y, at_y) = (
+        (_with_unit(name, unit_of(name, design)), axis_labels(values, unit_of(name, design), angles()))
+        for name, values in ((found.x, found.x_values), (found.y, found.y_values))
+    )
     if to is not None:
         from backend.reports.study_map import draw_map
 
-        labels = [f"{name} [{unit_of(name, design)}]" for name in (found.x, found.y)]
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
-        label = f"{named[figure].label} [{named[figure].unit}], {pick}{blank}"
-        draw_map(found.cells, (labels[0], found.x_values), (labels[1], found.y_values), label, to)
+        draw_map(cells, (x, at_x), (y, at_y), label + blank, to)
     if as_json:
         print_json(asdict(found))
         return
-    columns = (f"{found.y} \\ {found.x}", *(f"{value}" for value in found.x_values))
-    cells = (
-        [UNSTABLE if blank else value for value, blank in zip(*both, strict=True)]
-        for both in zip(found.cells, found.unstable, strict=True)
-    )
-    print_table(columns, [(value, *row) for value, row in zip(found.y_values, cells, strict=True)])
+    digits = digits_over([value for row in cells for value in row if value is not None])
+    rows = [
+        (name, *(_cell(value, is_unstable, digits) for value, is_unstable in zip(row, unstable, strict=True)))
+        for name, row, unstable in zip(at_y, cells, found.unstable, strict=True)
+    ]
+    print_table((f"{y} \\ {x}", *at_x), rows, title=label)
+
+
+def _with_unit(words: str, unit: str) -> str:
+    shown = reading_of(unit, angles()).unit
+    return words if shown in ("1", "") else f"{words} [{shown}]"
+
+
+def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
+    if unstable:
+        return UNSTABLE
+    return None if value is None else in_digits(value, digits)
 
 
 def _crew(jobs: int, scheduler: str | None) -> "Callable[[Base], Crew]":

@@ -1,13 +1,17 @@
 """Studies as the page and the command line show them."""
 
 from datetime import datetime
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from backend.documents.run_settings import Value
 from backend.experiments.composing.text import MAX_CHARACTERS
 from backend.messages.base import Schema, quantity
+
+MapPick = Annotated[
+    Literal["worst", "mean", "least", "largest"], Field(description="what a cell of a map shows of several runs")
+]
 
 
 class StudyText(Schema):
@@ -75,7 +79,9 @@ class StudyMap(Schema):
     """A figure over two axes; ``cells`` by place of y, then of x, null where no run gave a number."""
 
     figure: str
-    pick: str = Field(description="what a cell shows of several runs: mean, least or largest")
+    pick: str = Field(
+        description="what a cell shows of several runs: mean, least or largest, where the worst was asked for that one"
+    )
     x: str
     y: str
     cells: list[list[float | None]]

@@ -46,7 +46,7 @@ class StudiesUnderWay:
         self._computing, self._reading = computing, reading
         self._kept = Studies(database)
         self._turn, self._door = asyncio.Lock(), asyncio.Lock()
-        self._looked_at: dict[int, tuple[float, StudyDetail]] = {}
+        self._looked_at: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
         self._waiting: dict[int, asyncio.Task[None]] = {}
         self._present: dict[int, asyncio.Task[None]] = {}
 
@@ -54,19 +54,19 @@ class StudiesUnderWay:
         """Return the newest studies, newest first."""
         return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])
 
-    async def detail(self, study_id: int) -> StudyDetail:
-        """Return a study with its maps and the first rows of its table. Raises UnknownRecordError.
+    async def detail(self, study_id: int, pick: str) -> StudyDetail:
+        """Return a study with its maps, by ``pick``, and the first rows of its table. Raises UnknownRecordError.
 
         The table of one that is computed may be that of before, see REST.
         """
         study = await asyncio.to_thread(self._kept.view, study_id)
-        due, found = self._looked_at.get(study_id, (0.0, None))
+        due, found = self._looked_at.get((study_id, pick), (0.0, None))
         if found is None or study.state not in COMPUTED or time.monotonic() >= due:
             begun = time.monotonic()
-            found = await self._reading.run(_detail, self._database, study_id)
+            found = await self._reading.run(_detail, self._database, study_id, pick)
             study, ended = found.study, time.monotonic()
             resting = {other: kept for other, kept in self._looked_at.items() if kept[0] > ended}
-            self._looked_at = resting | {study_id: (ended + REST * (ended - begun), found)}
+            self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
         return found.model_copy(update={"study": self._told(study)})
 
     async def begin(self, text: str, who: str) -> StudyView:
@@ -135,8 +135,8 @@ def _begin(database: Database, text: str, who: str, parameters: PlantParameters,
     return Studies(database).begin(text, who, parameters, tuning.document())
 
 
-def _detail(database: Database, study_id: int) -> StudyDetail:
-    return Studies(database).detail(study_id)
+def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:
+    return Studies(database).detail(study_id, pick=pick)
 
 
 def _compute(database: Database, study_id: int) -> None:

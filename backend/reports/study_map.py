@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from backend.reading import digits_over, in_digits
 from backend.reports.drawing import figure
 
 _ROOM = 12
@@ -13,12 +14,12 @@ _ROOM = 12
 
 def draw_map(
     cells: Sequence[Sequence[float | None]],
-    x: tuple[str, Sequence[object]],
-    y: tuple[str, Sequence[object]],
+    x: tuple[str, Sequence[str]],
+    y: tuple[str, Sequence[str]],
     label: str,
     file: Path,
 ) -> None:
-    """Write a picture of ``cells``, by place of y, then of x; ``x`` and ``y`` are their label and values.
+    """Write a picture of ``cells``, by place of y, then of x; ``x`` and ``y`` are an axis and its values in words.
 
     The ending of ``file`` says its form: png, svg or pdf. Raises OSError, ValueError for another ending.
     """
@@ -28,14 +29,13 @@ def draw_map(
         for axis, (name, values) in ((axes.xaxis, x), (axes.yaxis, y)):
             axis.set_label_text(name)
             step = max(1, len(values) // _ROOM)
-            axis.set_ticks(range(0, len(values), step), [_short(value) for value in values[::step]])
+            axis.set_ticks(range(0, len(values), step), values[::step])
         if max(table.shape) <= _ROOM:
+            digits = digits_over(table[np.isfinite(table)].tolist(), 3)
             for (row, column), value in np.ndenumerate(table):
                 if np.isfinite(value):
-                    axes.text(column, row, f"{value:.3g}", ha="center", va="center", fontsize=7, color="white")
+                    axes.text(
+                        column, row, in_digits(value, digits), ha="center", va="center", fontsize=7, color="white"
+                    )
         drawn.colorbar(image, ax=axes, label=label)
         drawn.savefig(file)
-
-
-def _short(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

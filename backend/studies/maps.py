@@ -9,6 +9,7 @@ from backend.documents.experiment import Experiment
 from backend.documents.run_settings import Value
 from backend.experiments.results.measures import FIGURES
 from backend.experiments.settings import SettingError
+from backend.reading import Angles, digits_apart, in_digits, read
 from backend.storage.studies import StoredPoint
 
 DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", "M_s_q", "reach_q_s")
@@ -16,6 +17,19 @@ DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", "M_s_q", "reach_q_s")
 
 PICKS: dict[str, Callable[[list[float]], float]] = {"mean": fmean, "least": min, "largest": max}
 """What a cell shows of the several runs that fall into it."""
+
+WORST = "worst"
+"""As a pick: the run that a cautious person looks at; of what is neither good nor bad, the mean."""
+LEAST_IS_WORST = ("min_tension_N", "bandwidth_q_Hz", "bandwidth_S_Hz")
+NEITHER_IS_WORST = (
+    "reach_bound_q_s",
+    "stiffness_felt",
+    "largest_push_N",
+    "delay_s",
+    "error_integral_A",
+    "error_integral_B",
+)
+"""Figures of which less is not better than more; of those that stand in neither row the largest is the worst."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +50,7 @@ class Map:
 
     figure: str
     pick: str
+    """One of PICKS."""
     x: str
     y: str
     x_values: tuple[Value, ...]
@@ -79,7 +94,7 @@ def figure_names(experiment: Experiment) -> dict[str, FigureName]:
 def map_of(
     points: Sequence[StoredPoint], axes: Mapping[str, tuple[Value, ...]], x: str, y: str, figure: str, pick: str
 ) -> Map:
-    """Return the map of a figure over two of the ``axes``, over all else by ``pick``.
+    """Return the map of a figure over two of the ``axes``, over all else by ``pick``, one of PICKS or WORST.
 
     Raises SettingError for what is no axis of the study, or no pick.
     """
@@ -88,8 +103,10 @@ def map_of(
             raise SettingError(what, name, f"it is no axis of this study; axes are {', '.join(axes) or 'none'}")
     if x == y:
         raise SettingError("y", y, "it is x already")
-    if pick not in PICKS:
-        raise SettingError("pick", pick, f"choose one of {', '.join(PICKS)}", legal=tuple(PICKS))
+    legal = (WORST, *PICKS)
+    if pick not in legal:
+        raise SettingError("pick", pick, f"choose one of {', '.join(legal)}", legal=legal)
+    shown = worst_of(figure) if pick == WORST else pick
     found: dict[tuple[Value, Value], list[float]] = {}
     for point in points:
         value = number_of(point, figure)
@@ -98,12 +115,12 @@ def map_of(
 
     def cell(at_x: Value, at_y: Value) -> float | None:
         values = found.get((at_x, at_y))
-        return PICKS[pick](values) if values else None
+        return PICKS[shown](values) if values else None
 
     cells = tuple(tuple(cell(at_x, at_y) for at_x in axes[x]) for at_y in axes[y])
     finite = tuple(tuple(_finite(value) for value in row) for row in cells)
     unstable = tuple(tuple(value == math.inf for value in row) for row in cells)
-    return Map(figure, pick, x, y, axes[x], axes[y], finite, unstable)
+    return Map(figure, shown, x, y, axes[x], axes[y], finite, unstable)
 
 
 def number_of(point: StoredPoint, figure: str) -> float | None:
@@ -114,6 +131,20 @@ def number_of(point: StoredPoint, figure: str) -> float | None:
 
 def _finite(value: float | None) -> float | None:
     return None if value == math.inf else value
+
+
+def worst_of(figure: str) -> str:
+    """Return which of PICKS shows the worst run."""
+    if figure in NEITHER_IS_WORST:
+        return "mean"
+    return "least" if figure in LEAST_IS_WORST else "largest"
+
+
+def axis_labels(values: Sequence[Value], unit: str, angles: Angles) -> list[str]:
+    """Write the values of an axis as they are read, each apart from the others."""
+    numbers = {value: read(value, unit, angles) for value in values if not isinstance(value, bool | str)}
+    digits = digits_apart(numbers.values())
+    return [in_digits(numbers[value], digits) if value in numbers else str(value) for value in values]
 
 
 def axes_to_draw(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:

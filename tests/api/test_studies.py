@@ -41,7 +41,10 @@ def test_a_study_is_computed_beside_the_loop_and_drawn(operator: httpx.Client, v
         ("lam_S", "s", [0.5, 0.7, 0.9]),
     ]
     drawn = next(one for one in found["maps"] if one["figure"] == "min_tension_N")
-    assert (drawn["x"], drawn["y"]) == ("lam_q", "lam_S")
+    assert (drawn["x"], drawn["y"], drawn["pick"]) == ("lam_q", "lam_S", "least")
+    asked = viewer.get(f"/api/studies/{study['id']}", params={"pick": "mean"}).raise_for_status().json()
+    assert {one["pick"] for one in asked["maps"]} == {"mean"}
+    assert viewer.get(f"/api/studies/{study['id']}", params={"pick": "median"}).status_code == 422
     by_place = {(row["values"]["lam_q"], row["values"]["lam_S"]): row["figures"] for row in found["rows"]}
     assert drawn["cells"] == [[by_place[q, S]["min_tension_N"] for q in (0.5, 0.8)] for S in (0.5, 0.7, 0.9)]
     assert [one["name"] for one in found["figures"]][:2] == ["min_tension_N", "M_s_q"]

@@ -39,7 +39,7 @@ def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: S
     main = page.get_by_role("region", name="Small map", exact=True)
     expect(main).to_contain_text("of 3000 runs", timeout=MOTION_TIMEOUT_MS)
     maps = page.get_by_role("region", name="Maps", exact=True)
-    least = maps.get_by_role("figure", name="Smallest tension [N]", exact=True)
+    least = maps.get_by_role("figure", name="Smallest tension [N]: the least of up to 500 runs", exact=True)
     expect(least).to_be_visible(timeout=2 * MOTION_TIMEOUT_MS)
     expect(least).to_contain_text("λ_q [s]")
     expect(least).to_contain_text("λ_S [s]")
@@ -52,7 +52,10 @@ def test_a_study_is_begun_stopped_resumed_and_drawn(browser: Browser, service: S
     expect(main).to_contain_text("Stopped,", timeout=MOTION_TIMEOUT_MS)
     assert page.get_by_role("table", name="Rows", exact=True).get_by_role("row").count() > 1
     maps.get_by_role("combobox", name="Figure").select_option("peak_voltage_V")
-    expect(maps.get_by_role("figure", name="Peak voltage [V]", exact=True)).to_be_visible()
+    for pick, shown in (("worst", "largest"), ("mean", "mean")):
+        maps.get_by_role("combobox", name="Each cell").select_option(pick)
+        peak = maps.get_by_role("figure", name=f"Peak voltage [V]: the {shown} of up to 500 runs", exact=True)
+        expect(peak).to_be_visible()
 
     operator.go("Studies")
     expect(page.get_by_role("table", name="Studies", exact=True)).to_contain_text("Small map")

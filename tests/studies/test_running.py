@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -238,9 +240,9 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     file.write_text(studying.SHORT.replace("draws: 2\nseeds: 2", ""))
     data = ("--data", str(tmp_path / "data"), "--json")
 
-    def sinew(*words: str) -> subprocess.CompletedProcess[str]:
+    def sinew(*words: str, options: tuple[str, ...] = data) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, "-m", "backend", "study", *words, *data], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "backend", "study", *words, *options], capture_output=True, text=True, check=False
         )
 
     done = json.loads(sinew("run", str(file), "--jobs", "1").stdout)
@@ -254,6 +256,13 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
         for noise in (0.0, 0.2)
     ]
     assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert shown["pick"] == "least"
+    told = sinew("map", "1", "--figure", "rmse_q", *over, "--pick", "mean", options=data[:-1]).stdout
+    assert "RMSE of q [deg], mean of the runs in a cell" in told
+    assert "sensors.force_noise [N] \\ lam_q [s]" in told
+    in_degrees = [math.degrees(row["figures"]["rmse_q"]) for row in rows]
+    numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", told)]
+    assert all(pytest.approx(value, rel=1e-3) in numbers for value in in_degrees)
     assert "there is no figure weight" in sinew("map", "1", "--figure", "weight").stderr
     assert "a picture ends in .png, .svg, .pdf" in sinew("map", "1", *over, "--out", str(tmp_path / "map.bmp")).stderr
     assert "--again needs --resume" in sinew("run", str(file), "--again").stderr

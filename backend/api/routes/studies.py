@@ -4,7 +4,7 @@ from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import RowId, ServiceInUse
-from backend.messages.study import StudyDetail, StudyList, StudyText, StudyView
+from backend.messages.study import MapPick, StudyDetail, StudyList, StudyText, StudyView
 
 router = APIRouter(prefix="/api/studies", tags=["studies"])
 
@@ -22,9 +22,9 @@ async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) 
 
 
 @router.get("/{id}")
-async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn) -> StudyDetail:
+async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn, pick: MapPick = "worst") -> StudyDetail:
     """Return a study with its maps and the first rows of its table."""
-    return await service.studies.detail(id)
+    return await service.studies.detail(id, pick)
 
 
 @router.post("/{id}/stop")

@@ -1,5 +1,17 @@
 import { describe, expect, it } from "vitest";
-import { age, bytes, clockTime, dateTime, duration, fixed, kilohertz, significant } from "./format";
+import {
+  age,
+  bytes,
+  clockTime,
+  dateTime,
+  digitsApart,
+  digitsOver,
+  duration,
+  fixed,
+  kilohertz,
+  short,
+  significant,
+} from "./format";
 
 describe("numbers", () => {
   it("have fixed decimals, a true minus and no negative zero", () => {
@@ -24,6 +36,16 @@ describe("numbers", () => {
     expect(significant(-123.456, 4)).toBe("−123.5");
     expect(significant(4.919e-7, 3)).toBe("4.92e−7");
     expect(significant(0, 3)).toBe("0");
+  });
+
+  it("have as many digits as tell them apart", () => {
+    const told = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
+    expect(told([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
+    expect(told([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
+    expect(digitsApart([0.1 + 0.2, 0.3])).toBe(17);
+    expect([digitsOver([10, 10.0093]), digitsOver([9, 12]), digitsOver([]), digitsOver([5, 5])]).toEqual([
+      6, 4, 4, 4,
+    ]);
   });
 });
 

@@ -40,9 +40,23 @@ export function settingValue(value: boolean | number | string): string {
   return String(Number(value.toPrecision(6))).replaceAll("-", MINUS);
 }
 
-/** A number as short as it can be told to four digits: 0.5, 8.25, 50. */
-export function short(value: number): string {
-  return String(Number(value.toPrecision(4))).replaceAll("-", MINUS);
+/** A number as short as it can be told to so many digits: 0.5, 8.25, 50. */
+export function short(value: number, digits = 4): string {
+  return String(Number(value.toPrecision(digits))).replaceAll("-", MINUS);
+}
+
+/** How many significant digits it takes, `least` or more, until different numbers read differently. */
+export function digitsApart(values: readonly number[], least = 4): number {
+  const different = new Set(values).size;
+  let digits = least;
+  while (digits < 17 && new Set(values.map((value) => short(value, digits))).size < different) digits += 1;
+  return digits;
+}
+
+/** How many it takes to tell a twentieth of the stretch of the values. */
+export function digitsOver(values: readonly number[], least = 4): number {
+  const [low, high] = [Math.min(...values), Math.max(...values)];
+  return values.length === 0 ? least : digitsApart([low, low + (high - low) / 20, high], least);
 }
 
 /** Rate of the loop, from Hz. */

@@ -18,10 +18,14 @@ export const studiesQuery = queryOptions({
   refetchInterval: ({ state: { data } }) => (data?.some(isUnderWay) ? WHILE_COMPUTED_MS : false),
 });
 
-export function studyQuery(id: number) {
+/** What a cell of a map is asked to show of several runs. */
+export type MapPick = "worst" | "mean" | "least" | "largest";
+
+export function studyQuery(id: number, pick: MapPick = "worst") {
   return queryOptions({
-    queryKey: ["studies", id],
-    queryFn: () => answered(api.GET("/api/studies/{id}", { params: { path: { id } } })),
+    queryKey: ["studies", id, pick],
+    queryFn: () => answered(api.GET("/api/studies/{id}", { params: { path: { id }, query: { pick } } })),
+    placeholderData: (before) => before,
     refetchInterval: ({ state: { data } }) =>
       data !== undefined && isUnderWay(data.study) ? WHILE_COMPUTED_MS : false,
     retry: false,

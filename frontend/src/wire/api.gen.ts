@@ -5258,7 +5258,7 @@ export interface components {
             figure: string;
             /**
              * Pick
-             * @description what a cell shows of several runs: mean, least or largest
+             * @description what a cell shows of several runs: mean, least or largest, where the worst was asked for that one
              */
             pick: string;
             /** X */
@@ -16936,7 +16936,10 @@ export interface operations {
     };
     get_study: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description what a cell of a map shows of several runs */
+                pick?: "worst" | "mean" | "least" | "largest";
+            };
             header?: never;
             path: {
                 /** @description identifier in the database */

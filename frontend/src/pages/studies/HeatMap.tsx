@@ -1,6 +1,6 @@
 /** A map as a picture: a cell for each pair of values, its colour between the least and the largest number. */
 
-import { settingValue, short } from "../../samples/format";
+import { digitsApart, settingValue, short } from "../../samples/format";
 import { type Cells, cellsOf, ticksOf } from "./heatCells";
 import styles from "./Studies.module.css";
 
@@ -27,7 +27,8 @@ const TOP = 8;
 export function HeatMap({ title, x, y, cells }: HeatMapProps) {
   const width = WIDTH - LEFT - SCALE;
   const height = HEIGHT - TOP - BOTTOM;
-  const { least, largest, drawn } = cellsOf(cells, width, height);
+  const { least, largest, digits, drawn } = cellsOf(cells, width, height);
+  const [namesX, namesY] = [namesOf(x), namesOf(y)];
   const atX = (place: number) => LEFT + ((place + 0.5) * width) / x.values.length;
   const atY = (place: number) => TOP + height - ((place + 0.5) * height) / y.values.length;
   return (
@@ -48,8 +49,8 @@ export function HeatMap({ title, x, y, cells }: HeatMapProps) {
                 height={cell.height}
                 fill={cell.colour ?? "var(--sunken)"}
               >
-                <title>{`${x.label} ${told(x, cell.column)}, ${y.label} ${told(y, cell.row)}: ${
-                  cell.value === null ? "no run gave a number" : short(cell.value)
+                <title>{`${x.label} ${namesX[cell.column]}, ${y.label} ${namesY[cell.row]}: ${
+                  cell.value === null ? "no run gave a number" : short(cell.value, digits)
                 }`}</title>
               </rect>
               {cell.text !== "" && (
@@ -73,12 +74,12 @@ export function HeatMap({ title, x, y, cells }: HeatMapProps) {
             className={styles.tick}
             textAnchor="middle"
           >
-            {told(x, place)}
+            {namesX[place]}
           </text>
         ))}
         {ticksOf(y.values.length).map((place) => (
           <text key={place} x={LEFT - 6} y={atY(place)} dy="0.35em" className={styles.tick} textAnchor="end">
-            {told(y, place)}
+            {namesY[place]}
           </text>
         ))}
         <text x={LEFT + width / 2} y={HEIGHT - 6} className={styles.label} textAnchor="middle">
@@ -91,7 +92,7 @@ export function HeatMap({ title, x, y, cells }: HeatMapProps) {
         >
           {y.label}
         </text>
-        <Scale left={WIDTH - SCALE + 16} height={height} least={least} largest={largest} />
+        <Scale left={WIDTH - SCALE + 16} height={height} least={least} largest={largest} digits={digits} />
       </svg>
     </figure>
   );
@@ -103,11 +104,13 @@ function Scale({
   height,
   least,
   largest,
+  digits,
 }: {
   left: number;
   height: number;
   least: number;
   largest: number;
+  digits: number;
 }) {
   const steps = Array.from({ length: 24 }, (_, step) => step / 23);
   const { drawn } = cellsOf(
@@ -128,16 +131,17 @@ function Scale({
         />
       ))}
       <text x={18} y={8} className={styles.tick}>
-        {short(largest)}
+        {short(largest, digits)}
       </text>
       <text x={18} y={height} className={styles.tick}>
-        {short(least)}
+        {short(least, digits)}
       </text>
     </g>
   );
 }
 
-function told(axis: Axis, place: number): string {
-  const value = axis.values[place] ?? "";
-  return typeof value === "number" ? short(value) : settingValue(value);
+/** What stands at the values of an axis, each apart from the others. */
+function namesOf({ values }: Axis): string[] {
+  const digits = digitsApart(values.filter((value) => typeof value === "number"));
+  return values.map((value) => (typeof value === "number" ? short(value, digits) : settingValue(value)));
 }

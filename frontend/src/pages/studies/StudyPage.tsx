@@ -2,13 +2,14 @@
 
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
+import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { counted } from "../../samples/words";
 import { lastRefusal } from "../../service/refusedFields";
-import { isUnderWay, studyQuery, useResumeStudy, useStopStudy } from "../../service/studies";
+import { isUnderWay, type MapPick, studyQuery, useResumeStudy, useStopStudy } from "../../service/studies";
 import type { Study } from "../../wire/types";
 import page from "../Page.module.css";
 import { MapsCard } from "./MapsCard";
@@ -16,7 +17,8 @@ import { StudyProgress } from "./StudyProgress";
 import { FiguresCard, RowsCard } from "./StudyTables";
 
 export function StudyPage({ id }: { id: number }) {
-  const { data, error } = useQuery(studyQuery(id));
+  const [pick, setPick] = useState<MapPick>("worst");
+  const { data, error } = useQuery(studyQuery(id, pick));
   return (
     <div className={page.page}>
       <h1 className={page.title}>
@@ -26,7 +28,7 @@ export function StudyPage({ id }: { id: number }) {
       {data !== undefined && (
         <>
           <ProgressCard study={data.study} />
-          {data.maps.length > 0 && <MapsCard detail={data} />}
+          {data.maps.length > 0 && <MapsCard detail={data} pick={pick} onPick={setPick} />}
           {data.figures.length > 0 && <FiguresCard figures={data.figures} />}
           {data.rows.length > 0 && <RowsCard detail={data} />}
           <Card title="Text">

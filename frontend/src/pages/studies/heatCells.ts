@@ -1,6 +1,6 @@
 /** Where the cells of a map stand, and in which colour. */
 
-import { short } from "../../samples/format";
+import { digitsOver, short } from "../../samples/format";
 
 export type Cells = readonly (readonly (number | null)[])[];
 
@@ -48,6 +48,7 @@ export function cellsOf(cells: Cells, width: number, height: number) {
   const known = cells.flat().filter((value) => value !== null);
   const least = Math.min(...known);
   const largest = Math.max(...known);
+  const digits = digitsOver(known);
   const cellHeight = height / cells.length;
   const drawn = cells.flatMap((row, y) => {
     const cellWidth = width / row.length;
@@ -64,11 +65,11 @@ export function cellsOf(cells: Cells, width: number, height: number) {
         height: cellHeight,
         colour: value === null ? null : colourOf(share),
         ink: share > 0.6 ? "#1b1f24" : "#ffffff",
-        text: value === null || cellWidth < ROOM_X || cellHeight < ROOM_Y ? "" : short(value),
+        text: value === null || cellWidth < ROOM_X || cellHeight < ROOM_Y ? "" : short(value, digits),
       };
     });
   });
-  return { least, largest, drawn };
+  return { least, largest, digits, drawn };
 }
 
 /** Which of so many values are written at an axis. */
