@@ -7,7 +7,7 @@ import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { dateTime, short } from "../../samples/format";
+import { dateTime } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { inWordsOf } from "../../samples/words";
 import { useAngles } from "../../service/angles";
@@ -30,7 +30,8 @@ export function MetricChart() {
   const [typed, setTyped] = useState("");
   const [where] = useDebouncedValue(typed, 250);
   const words = useQuery(searchWordsQuery);
-  const { data, error } = useQuery(metricHistoryQuery(kind, metric, where, everywhere));
+  const asked = useQuery(metricHistoryQuery(kind, metric, where, everywhere));
+  const data = asked.data?.kind === kind ? asked.data : undefined;
   const kinds = words.data?.kinds ?? [USUAL];
   return (
     <div className={page.page}>
@@ -80,10 +81,12 @@ export function MetricChart() {
           </div>
         }
       >
-        {data === undefined || error ? (
-          <p className={page.empty}>{error?.message ?? "Loading …"}</p>
+        {data === undefined || asked.error ? (
+          <p className={page.empty}>{asked.error?.message ?? "Loading …"}</p>
         ) : (
-          <Chart history={data} />
+          <div className={styles.answer} aria-busy={asked.isPlaceholderData}>
+            <Chart history={data} />
+          </div>
         )}
       </Card>
     </div>
@@ -122,13 +125,13 @@ function Chart({ history }: { history: MetricHistory }) {
       <svg viewBox={`0 0 ${Math.max(width, 1)} ${HEIGHT}`} height={HEIGHT} role="group" aria-label="Points">
         <Axes drawn={drawn} width={width} />
         <path className={styles.line} data-dense={dense} d={drawn.line} />
-        {drawn.points.map(({ x, y, run, at, value }) => (
+        {drawn.points.map(({ x, y, run, at, label }) => (
           <Link
             key={run}
             href={`/runs/${run}`}
-            aria-label={`Run ${run}: ${short(value)}${unit && ` ${reading.unit}`}`}
+            aria-label={`Run ${run}: ${label}${unit && ` ${reading.unit}`}`}
           >
-            <title>{`Run ${run}, ${dateTime(new Date(at).toISOString())}: ${short(value)}${unit}`}</title>
+            <title>{`Run ${run}, ${dateTime(new Date(at).toISOString())}: ${label}${unit}`}</title>
             <circle className={styles.point} cx={x} cy={y} r={dense ? 2 : 4} />
           </Link>
         ))}
@@ -141,7 +144,7 @@ function Axes({ drawn, width }: { drawn: Scatter; width: number }) {
   return (
     <g>
       {drawn.values.map(({ at, label }) => (
-        <g key={label}>
+        <g key={at}>
           <line className={styles.grid} x1={drawn.left} x2={width} y1={at} y2={at} />
           <text className={styles.tick} x={drawn.left - 6} y={at + 4} textAnchor="end">
             {label}
