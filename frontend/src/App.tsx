@@ -16,6 +16,7 @@ import { SetupDrawer } from "./components/setup/SetupDrawer";
 import { Tour } from "./components/setup/Tour";
 import { LiveProvider } from "./live/react";
 import { OperatePage } from "./pages/operate/OperatePage";
+import { RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
 import { AnglesContext } from "./service/angles";
 import { usePreferences } from "./service/preferences";
@@ -39,7 +40,6 @@ const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
 const EXPERIMENTS = numbered("experiments");
 const STUDIES = numbered("studies");
-const RUNS = /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:\/(?<others>\d+(?:,\d+){0,18}))?))?$/;
 
 export function App() {
   const session = useQuery(sessionQuery);

@@ -128,6 +128,7 @@ FINDS = {
     "(who = bo or end = tripped) kind = tracking": {"bad", "tripped"},
     "who = bo or end = tripped and kind = compliance": {"bad"},
     "station = none": ALL,
+    'station ~ ""': ALL,
     "lasted_s < 3600": ALL - {"open"},
     "not lasted_s >= 0": {"open"},
     "not lasted_s < 0": ALL,

@@ -88,6 +88,7 @@ def test_two_stations_at_work_at_once_mix_nothing(services: dict[str, Service], 
         for name in NAMES:
             assert {run["station"] for run in listed(clients[name])} == {name}
             assert [run["id"] for run in listed(clients[name], everywhere=True)] == everything
+            assert [run["id"] for run in listed(clients[name], where='station ~ ""')] == everything
             for other in NAMES:
                 assert [run["id"] for run in listed(clients[name], where=f"station = {other}")] == of[other]
             words = clients[name].get("/api/run-words").raise_for_status().json()

@@ -211,15 +211,6 @@ export function useTag(id: number) {
   });
 }
 
-export function useRenameTag() {
-  const queries = useQueryClient();
-  return useMutation({
-    mutationFn: ({ tag, to }: { tag: string; to: string }) =>
-      answered(api.PATCH("/api/run-tags/{tag}", { params: { path: { tag } }, body: { tag: to } })),
-    onSuccess: () => queries.invalidateQueries({ queryKey: ["runs"] }),
-  });
-}
-
 export function useSaveSearch() {
   const queries = useQueryClient();
   return useMutation({

@@ -175,13 +175,12 @@ export interface RunFilter {
   readonly search?: string;
   /** Searches, all of which have to fit; empty ones ask nothing. */
   readonly where?: readonly string[];
-  readonly everywhere?: boolean;
   readonly limit: number;
   readonly offset: number;
 }
 
 export function runsQuery(filter: RunFilter) {
-  const { kind = "", search = "", where = [], everywhere = false, limit, offset } = filter;
+  const { kind = "", search = "", where = [], limit, offset } = filter;
   const asked = where.filter((part) => part.trim() !== "");
   const query = {
     limit,
@@ -189,7 +188,6 @@ export function runsQuery(filter: RunFilter) {
     ...(kind === "" ? {} : { kind }),
     ...(search === "" ? {} : { search }),
     ...(asked.length === 0 ? {} : { where: asked }),
-    ...(everywhere ? { everywhere } : {}),
   };
   return queryOptions({
     queryKey: ["runs", filter],

@@ -95,10 +95,10 @@ function Outcome({ passed }: { passed: boolean | null }) {
 }
 
 /** What a figure that was not seen whole is, by the relation to its bound. */
-const SEEN: Record<string, string> = { "<": "at least this", ">": "at most this" };
+export const SEEN: Record<string, string> = { "<": "at least this", ">": "at most this" };
 
 /** Why there is no figure, or why it is that of a part only; `seen` says what it is then. */
-function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
+export function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
   const angles = useAngles();
   if (text === "") return null;
   return (

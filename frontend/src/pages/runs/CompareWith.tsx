@@ -8,11 +8,9 @@ import { dateTime } from "../../samples/format";
 import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
-import { addressOf } from "./address";
+import { addressOf, MOST_COMPARED } from "./address";
 
 const OFFERED = 100;
-/** With the run itself as many as can be compared. */
-const MOST_OTHERS = 19;
 
 export function CompareWith({ run, others }: { run: Run; others: readonly number[] }) {
   const [, go] = useLocation();
@@ -48,7 +46,7 @@ export function CompareWith({ run, others }: { run: Run; others: readonly number
       <NativeSelect
         aria-label="Compare with"
         value=""
-        disabled={others.length >= MOST_OTHERS}
+        disabled={others.length >= MOST_COMPARED - 1}
         onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)]))}
         data={[
           { value: "", label: others.length === 0 ? "Compare with …" : "and with …" },

@@ -11,12 +11,14 @@ import { type Angles, inWords, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { comparisonQuery } from "../../service/queries";
 import type { ComparedMetric } from "../../wire/types";
+import { Reason, SEEN } from "../experiments/Figures";
 import page from "../Page.module.css";
+import styles from "./Runs.module.css";
 
 export function ComparisonCard({ runs }: { runs: readonly number[] }) {
   const [chosen, setChosen] = useState<number | null>(null);
   const reference = chosen !== null && runs.includes(chosen) ? chosen : (runs[0] as number);
-  const { data, error } = useQuery(comparisonQuery(runs, reference));
+  const { data, error, isPlaceholderData } = useQuery(comparisonQuery(runs, reference));
   const angles = useAngles();
   return (
     <Card
@@ -36,7 +38,7 @@ export function ComparisonCard({ runs }: { runs: readonly number[] }) {
       {data === undefined ? (
         <p className={page.empty}>{error?.message ?? "Loading …"}</p>
       ) : (
-        <div className={page.tableScroll}>
+        <div className={`${page.tableScroll} ${styles.answer}`} aria-busy={isPlaceholderData}>
           <Table aria-label="Comparison" verticalSpacing={4}>
             <Table.Thead>
               <Table.Tr>
@@ -56,7 +58,13 @@ export function ComparisonCard({ runs }: { runs: readonly number[] }) {
                 <Table.Tr key={metric.name}>
                   <Table.Td title={metric.definition}>{metric.label}</Table.Td>
                   {data.runs.map((run, index) => (
-                    <Value key={run.id} metric={metric} index={index} angles={angles} />
+                    <Value
+                      key={run.id}
+                      metric={metric}
+                      index={index}
+                      angles={angles}
+                      compared={data.reference === reference}
+                    />
                   ))}
                   <Table.Td>
                     <Unit unit={metric.unit} />
@@ -95,15 +103,24 @@ function SeriesReports({ runs }: { runs: readonly number[] }) {
   );
 }
 
-function Value({ metric, index, angles }: { metric: ComparedMetric; index: number; angles: Angles }) {
+interface ValueProps {
+  readonly metric: ComparedMetric;
+  readonly index: number;
+  readonly angles: Angles;
+  /** Whether the differences are to the run that is named. */
+  readonly compared: boolean;
+}
+
+function Value({ metric, index, angles, compared }: ValueProps) {
   const found = metric.values[index];
   if (found === undefined) return <Table.Td />;
   const { factor } = readingOf(metric.unit, angles);
   const value = found.value === null ? null : found.value * factor;
   return (
-    <Table.Td className={page.number} title={inWords(found.reason, angles)}>
+    <Table.Td className={page.number}>
       {measured(value, 4)}
-      <div className={page.dim}>{difference(found.difference, found.percent, factor)}</div>
+      {compared && <div className={page.dim}>{difference(found.difference, found.percent, factor)}</div>}
+      <Reason text={found.reason} seen={value === null ? undefined : SEEN["<"]} />
     </Table.Td>
   );
 }

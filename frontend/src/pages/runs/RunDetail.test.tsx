@@ -2,7 +2,7 @@
 /** The page of a run as it is laid out: what comes first, and what it says where something was not measured. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { render, screen, within } from "@testing-library/react";
+import { cleanup, render, screen, within } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
@@ -91,7 +91,7 @@ const LINEAGE: Lineage = {
   nodes: [],
 } as unknown as Lineage;
 
-function show() {
+function show(problem = "") {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   vi.stubGlobal(
     "ResizeObserver",
@@ -111,12 +111,18 @@ function show() {
     <QueryClientProvider client={client}>
       <MantineProvider>
         <LiveProvider store={new LiveStore(0)}>
-          <RunDetail id={7} others={[]} />
+          <RunDetail id={7} others={[]} problem={problem} />
         </LiveProvider>
       </MantineProvider>
     </QueryClientProvider>,
   );
 }
+
+it("says what of its address it could not follow", () => {
+  show("the address has abc, which is no number of a run");
+  expect(screen.getByRole("alert").textContent).toBe("The address has abc, which is no number of a run.");
+  cleanup();
+});
 
 it("shows the result and the curves before anything else, and settings with their units", () => {
   show();

@@ -6,6 +6,7 @@ import { Card } from "../../components/Card";
 import { Told } from "../../components/Told";
 import { Verdict } from "../../components/Verdict";
 import { dateTime, duration, fixed } from "../../samples/format";
+import { capital } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
@@ -18,13 +19,25 @@ import { RunResult } from "./RunResult";
 import { SettingsCard } from "./SettingsCard";
 import { Tags } from "./Tags";
 
-export function RunDetail({ id, others }: { id: number; others: readonly number[] }) {
+interface RunDetailProps {
+  readonly id: number;
+  readonly others: readonly number[];
+  /** What of the address could not be followed. */
+  readonly problem?: string;
+}
+
+export function RunDetail({ id, others, problem = "" }: RunDetailProps) {
   const { data, error } = useQuery(runQuery(id));
   return (
     <div className={page.page}>
       <h1 className={page.title}>
         <Link href="/runs">Runs</Link> / Run {id}
       </h1>
+      {problem !== "" && (
+        <p className={page.lead} role="alert">
+          {capital(problem)}.
+        </p>
+      )}
       {data === undefined && <p className={page.empty}>{error?.message ?? "Loading …"}</p>}
       {data && (
         <>

@@ -20,7 +20,8 @@ interface RunSearchProps {
   onFilter(filters: Filters): void;
 }
 
-const HINT = 'Words, or NAME = VALUE: tag=paper overshoot_q_percent < 5 not who ~ "ana"';
+const HINT =
+  'Words, or NAME = VALUE: tag=paper overshoot_q_percent < 5 not who ~ "ana"; dates in UTC, as date >= 2026-03-31T10:30';
 
 export function RunSearch({ typed, filters, error, onType, onFilter }: RunSearchProps) {
   const { data: words } = useQuery(searchWordsQuery);

@@ -8,13 +8,12 @@ import { Link, useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { runsQuery } from "../../service/queries";
 import page from "../Page.module.css";
-import { addressOf } from "./address";
-import { ALL_STATIONS, type Filters, NO_FILTERS, whereOf } from "./filters";
+import { addressOf, MOST_COMPARED } from "./address";
+import { type Filters, NO_FILTERS, whereOf } from "./filters";
 import { RunRows } from "./RunRows";
 import { RunSearch } from "./RunSearch";
 
 const PAGE = 50;
-const MOST_COMPARED = 20;
 
 export function RunTable() {
   const [typed, setTyped] = useState("");
@@ -25,8 +24,7 @@ export function RunTable() {
   const [asked] = useDebouncedValue(typed, 250);
   const form = whereOf(filters);
   const where = useMemo(() => [asked, form], [asked, form]);
-  const everywhere = filters.station === ALL_STATIONS;
-  const runs = useQuery(runsQuery({ where, everywhere, limit: PAGE, offset }));
+  const runs = useQuery(runsQuery({ where, limit: PAGE, offset }));
   const total = runs.data?.total ?? 0;
   const rows = runs.data?.runs ?? [];
   const [first, ...others] = chosen;

@@ -9,7 +9,11 @@ import { RunTable } from "./RunTable";
 
 export default function RunsPage() {
   const { id, others, chart } = useParams();
-  const numbers = useMemo(() => othersIn(others, Number(id)), [others, id]);
+  const beside = useMemo(() => othersIn(others, Number(id)), [others, id]);
   if (chart !== undefined) return <MetricChart />;
-  return id === undefined ? <RunTable /> : <RunDetail key={id} id={Number(id)} others={numbers} />;
+  return id === undefined ? (
+    <RunTable />
+  ) : (
+    <RunDetail key={id} id={Number(id)} others={beside.numbers} problem={beside.problem} />
+  );
 }
