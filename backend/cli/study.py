@@ -177,6 +177,8 @@ def _with_unit(words: str, unit: str) -> str:
 
 
 def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
+    from backend.studies.point import UNSTABLE
+
     if unstable:
         return UNSTABLE
     return None if value is None else in_digits(value, digits)

@@ -15,6 +15,8 @@ interface HeatMapProps {
   readonly y: Axis;
   /** By place of y, then of x. */
   readonly cells: Cells;
+  /** Where there is no number because the loop of a run is unstable, by the same places. */
+  readonly unstable: readonly (readonly boolean[])[];
 }
 
 const WIDTH = 420;
@@ -24,7 +26,7 @@ const BOTTOM = 40;
 const SCALE = 96;
 const TOP = 8;
 
-export function HeatMap({ title, x, y, cells }: HeatMapProps) {
+export function HeatMap({ title, x, y, cells, unstable }: HeatMapProps) {
   const width = WIDTH - LEFT - SCALE;
   const height = HEIGHT - TOP - BOTTOM;
   const { least, largest, digits, drawn } = cellsOf(cells, width, height);
@@ -50,9 +52,23 @@ export function HeatMap({ title, x, y, cells }: HeatMapProps) {
                 fill={cell.colour ?? "var(--sunken)"}
               >
                 <title>{`${x.label} ${namesX[cell.column]}, ${y.label} ${namesY[cell.row]}: ${
-                  cell.value === null ? "no run gave a number" : short(cell.value, digits)
+                  cell.value === null
+                    ? unstable[cell.row]?.[cell.column]
+                      ? "the loop of a run is unstable"
+                      : "no run gave a number"
+                    : short(cell.value, digits)
                 }`}</title>
               </rect>
+              {unstable[cell.row]?.[cell.column] && (
+                <text
+                  x={cell.left + cell.width / 2}
+                  y={cell.top + cell.height / 2}
+                  className={styles.inside}
+                  fill="var(--text)"
+                >
+                  ∞
+                </text>
+              )}
               {cell.text !== "" && (
                 <text
                   x={cell.left + cell.width / 2}

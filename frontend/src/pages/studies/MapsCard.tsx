@@ -81,10 +81,13 @@ function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
   const title = withUnit(figure?.label ?? map.figure, unit);
   return (
     <HeatMap
-      title={runs > 1 ? `${title}: the ${map.pick} of up to ${fixed(runs, 0)} runs` : title}
+      title={`${title}${runs > 1 ? `: the ${map.pick} of up to ${fixed(runs, 0)} runs` : ""}${
+        map.unstable.flat().includes(true) ? "; ∞: a loop is unstable" : ""
+      }`}
       x={x}
       y={y}
       cells={map.cells.map((row) => row.map((value) => (value === null ? null : value * factor)))}
+      unstable={map.unstable}
     />
   );
 }

@@ -41,7 +41,7 @@ function show(content: ReactNode) {
 function detail(points: number): StudyDetail {
   const figure = (name: string, label: string, unit: string) => ({
     ...{ name, label, unit, count: points },
-    ...{ least: 1, median: 1, mean: 1, largest: 1 },
+    ...{ unstable: 0, least: 1, median: 1, mean: 1, largest: 1 },
   });
   return {
     study: { id: 1, points } as StudyDetail["study"],
@@ -61,6 +61,10 @@ function detail(points: number): StudyDetail {
           [10.0051, 10.0093],
           [10, null],
         ],
+        unstable: [
+          [false, false],
+          [false, false],
+        ],
       },
       {
         figure: "M_s_q",
@@ -70,6 +74,10 @@ function detail(points: number): StudyDetail {
         cells: [
           [1, 1],
           [1, 1],
+        ],
+        unstable: [
+          [false, false],
+          [false, false],
         ],
       },
     ],
@@ -97,6 +105,25 @@ it("says in the title of a map what its cells show, and lets it be chosen", () =
 it("has nothing to say of a map whose cells are a run each", () => {
   show(<MapsCard detail={detail(4)} pick="worst" onPick={() => {}} />);
   expect(titles()).toEqual(["Smallest tension [N]", "Sensitivity peak"]);
+});
+
+it("hides no unstable loop", () => {
+  const found = detail(4);
+  const [first] = found.maps;
+  if (first === undefined) throw new Error("a map is missing");
+  const maps = [
+    {
+      ...first,
+      unstable: [
+        [false, false],
+        [false, true],
+      ],
+    },
+  ];
+  show(<MapsCard detail={{ ...found, maps }} pick="worst" onPick={() => {}} />);
+  expect(titles()).toEqual(["Smallest tension [N]; ∞: a loop is unstable"]);
+  expect(screen.getByText("∞")).toBeTruthy();
+  expect(screen.getByText(/0\.7: the loop of a run is unstable/)).toBeTruthy();
 });
 
 it("tells cells and the places of an axis apart", () => {
