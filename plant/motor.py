@@ -27,6 +27,6 @@ def motor_torque_rate(motor: Motor, tau: float, u: float) -> float:
 
 
 @compiled
-def motor_acceleration(motor: Motor, omega: float, tau: float, load: float) -> float:
-    """Theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7)."""
-    return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load)) / motor.J_m
+def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: float) -> float:
+    """Theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7), bristles at z [rad]."""
+    return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load, z)) / motor.J_m

@@ -1,7 +1,7 @@
 """Reading one section of a parameter file: each number with unit and source, refused by name when out of bounds."""
 
 import math
-from dataclasses import Field, field, fields
+from dataclasses import MISSING, Field, field, fields
 from typing import Any
 
 Value = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
@@ -14,6 +14,12 @@ class ParameterError(ValueError):
 def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -> Any:
     """Field of a section: a number, or a list of numbers, with its unit and bounds."""
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None})
+
+
+def zero_if_left_out(unit: str, minimum: float, maximum: float) -> Any:
+    """Field of a section: a number with its unit and bounds, or left out."""
+    metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": True, "width": None}
+    return field(default=0.0, metadata=metadata)
 
 
 def alternative(unit: str, width: int | None = None) -> Any:
@@ -42,11 +48,12 @@ def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[
 
 
 def completed(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
-    """Return all entries of a section, those left out that may be as (). Raises ParameterError for the others."""
+    """Return all entries of a section, those left out that may be as () or their default. Raises ParameterError."""
     for entry in fields(kind):
         if entry.name not in values and not entry.metadata["optional"]:
             raise ParameterError(_wanted(f"{file}: {section}.{entry.name}", entry))
-    return {entry.name: values.get(entry.name, ()) for entry in fields(kind)}
+    defaults: dict[str, Value] = {item.name: () if item.default is MISSING else item.default for item in fields(kind)}
+    return defaults | values
 
 
 def _wanted(label: str, entry: "Field[Any]") -> str:

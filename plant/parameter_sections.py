@@ -6,9 +6,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from plant.friction import Friction
+from plant.friction import Friction, LuGre
 from plant.motor import Motor
-from plant.parameter_entries import alternative, quantity
+from plant.parameter_entries import alternative, quantity, zero_if_left_out
 from plant.spring import Spring, polynomial_spring
 from plant.spring_table import tabulated_spring
 
@@ -46,7 +46,10 @@ class SpringParameters:
 
 @dataclass(frozen=True)
 class MotorParameters:
-    """Geared motor seen at the gearbox outlet (equations 8, 9, 17), Coulomb friction, output range (±)."""
+    """Geared motor seen at the gearbox outlet (equations 8, 9, 17), Coulomb friction, output range (±).
+
+    The last four make friction stick (LuGre); without ``sigma_0``, or where it is 0, it is smoothed.
+    """
 
     K_m: float = quantity("rad/(V·s)", 1e-3, 1e3)
     T_m: float = quantity("s", 1e-3, 10.0)
@@ -56,12 +59,22 @@ class MotorParameters:
     c1: float = quantity("1", 0.0, 0.9)
     omega_smooth: float = quantity("rad/s", 1e-3, 1.0)
     u_max: float = quantity("V", 0.1, 10.0)
+    sigma_0: float = zero_if_left_out("N·m/rad", 0.0, 1e5)
+    sigma_1: float = zero_if_left_out("N·m·s/rad", 0.0, 1e3)
+    stiction_ratio: float = zero_if_left_out("1", 1.0, 10.0)
+    omega_s: float = zero_if_left_out("rad/s", 1e-4, 10.0)
 
     def motor(self, factor: float = 1.0) -> Motor:
         """Motor with its torque constant multiplied by ``factor``."""
         B_m = self.K_t / self.K_m
-        friction = Friction(self.c0, self.c1, self.omega_smooth)
+        lugre = LuGre(self.sigma_0, self.sigma_1, self.stiction_ratio, self.omega_s) if self.sigma_0 > 0.0 else None
+        friction = Friction(self.c0, self.c1, self.omega_smooth, lugre)
         return Motor(B_m * self.T_m, B_m, factor * self.K_t, self.tau_e, friction)
+
+    @property
+    def stiction(self) -> float:
+        """Torque that breaks it away, per Coulomb friction [1]; 1 where friction is smoothed."""
+        return self.stiction_ratio if self.sigma_0 > 0.0 else 1.0
 
 
 @dataclass(frozen=True)

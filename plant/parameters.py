@@ -5,7 +5,7 @@
 """
 
 import tomllib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,9 @@ from plant.parameter_sections import (
     SpringParameters,
 )
 from plant.spring import Spring, require_stiffening
+from plant.stiction_checks import require_stiction
 
-SHIPPED = ("ideal", "lab")
+SHIPPED = ("ideal", "lab", "lab-stick")
 
 _FOLDER = Path(__file__).parent / "parameters"
 
@@ -90,7 +91,7 @@ class PlantParameters:
 
         def motor(side: Side) -> Motor:
             known = self.identified_of(side)
-            return replace(self.motor_of(side), K_m=known.K_m, T_m=known.T_m, c0=0.0, c1=0.0).motor()
+            return replace(self.motor_of(side), K_m=known.K_m, T_m=known.T_m, c0=0.0, c1=0.0, sigma_0=0.0).motor()
 
         springs = self.identified_spring("A"), self.identified_spring("B")
         return Dynamics(self._joint(), motor("A"), motor("B"), *springs)
@@ -110,15 +111,20 @@ class PlantParameters:
                     "source": self.sources.get(f"{section}.{entry.name}", ""),
                 }
                 for entry in fields(kind)
-                if given[section].get(entry.name, ()) != ()
+                if self._has(section, entry, given[section])
             }
             for section, kind in (SECTIONS | SIDED).items()
             if section in given
         }
 
+    def _has(self, section: str, entry: "Field[Any]", given: dict[str, Any]) -> bool:
+        """Whether a section says anything of an entry: what a file leaves out, its document leaves out."""
+        value = given.get(entry.name, ())
+        return value != () and (value != entry.default or f"{section}.{entry.name}" in self.sources)
+
 
 def load_parameters(name_or_path: str | Path) -> PlantParameters:
-    """Load "ideal", "lab" or a TOML file. Raises ParameterError naming the entry, its bound and unit."""
+    """Load a set of ``SHIPPED`` or a TOML file. Raises ParameterError naming the entry, its bound and unit."""
     path = _FOLDER / f"{name_or_path}.toml" if name_or_path in SHIPPED else Path(name_or_path)
     try:
         document = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -167,6 +173,9 @@ def _check(file: str, parameters: PlantParameters) -> None:
     for side in SIDES:
         if "u_max" in parameters.sided.get(f"motor_{side}", {}):
             raise ParameterError(f"{file}: motor_{side}.u_max: the output range is one for both sides, motor.u_max")
+        own = f"motor_{side}" if f"motor_{side}" in parameters.sided else "motor"
+        given = any(f"{section}.sigma_0" in parameters.sources for section in ("motor", own))
+        require_stiction(f"{file}: {own}", parameters.motor_of(side), given=given)
         for section in ("spring", "identified"):
             label = f"{file}: {section}_{side}" if f"{section}_{side}" in parameters.sided else f"{file}: {section}"
             known = parameters.spring_of(side) if section == "spring" else parameters.identified_of(side)

@@ -21,7 +21,9 @@ DataFolder = Annotated[
 StationName = Annotated[
     str | None, typer.Option("--station", help="Name of the rig among several on one database; also SINEW_STATION.")
 ]
-ParameterSet = Annotated[str | None, typer.Option("--params", help="Parameter set: lab, ideal or a TOML file. [lab]")]
+ParameterSet = Annotated[
+    str | None, typer.Option("--params", help="Parameter set: lab, lab-stick, ideal or a TOML file. [lab]")
+]
 
 PlantName = Annotated[
     str | None,

@@ -39,7 +39,10 @@ class Gains(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """Model of the plant and all else the tick needs; ``omega_max`` [rad/s] bounds the governor, ``u_max`` [V]."""
+    """Model of the plant and all else the tick needs; ``omega_max`` [rad/s] bounds the governor, ``u_max`` [V].
+
+    The model's friction is smoothed (``plant.dynamics.smoothed``): of bristles the law knows nothing.
+    """
 
     gains: Gains
     model: Dynamics
@@ -114,6 +117,8 @@ def _corrected(pole: float, x: PlantState, m: Measurement) -> PlantState:
         x.theta_B + angle * e_B,
         x.omega_B + speed * e_B,
         x.tau_B,
+        x.z_A,
+        x.z_B,
     )
 
 
@@ -141,7 +146,7 @@ def _voltage(motor: Motor, acceleration: float, omega: float, omega_d: float, lo
 
     Friction is compensated at the speed that is wanted: at the estimated speed it would excite what it should damp.
     """
-    friction = friction_torque(motor.friction, omega_d, load)
+    friction = friction_torque(motor.friction, omega_d, load, 0.0)
     return (motor.J_m * acceleration + motor.B_m * omega + load + friction) / motor.K_t
 
 
@@ -214,7 +219,7 @@ def take_over(tuning: Tuning, u_A: float, u_B: float, m: Measurement) -> State:
         governor.State(m.q, S),
         Smooth(m.q, 0.0, 0.0, 0.0),
         Smooth(S, 0.0, 0.0, 0.0),
-        PlantState(m.q, 0.0, m.theta_A, 0.0, torque_A, m.theta_B, 0.0, torque_B),
+        PlantState(m.q, 0.0, m.theta_A, 0.0, torque_A, m.theta_B, 0.0, torque_B, 0.0, 0.0),
         0.0,
         0.0,
     )

@@ -243,4 +243,4 @@ def _driving_voltage(parameters: PlantParameters, side: Side) -> float:
     """Voltage [V] that is sure to turn a motor under any tension."""
     motor = parameters.motor_of(side)
     load = parameters.geometry.r_m * parameters.safety.F_max
-    return (load * (1.0 + motor.c1) + motor.c0) / motor.K_t + VOLTAGE_MARGIN
+    return (load * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN

@@ -9,6 +9,7 @@ from backend.controllers.decoupler import decoupler_for, stiffness_slope
 from backend.controllers.limits import bounds_for
 from backend.tuning.formulas import motor_gains
 from backend.tuning.models import S_NOMINAL_20_N, Lambdas, motor_model
+from plant.dynamics import smoothed
 from plant.parameters import PlantParameters
 
 ERROR_POLE, OBSERVER_POLE = 60.0, 20.0
@@ -33,9 +34,12 @@ def single_loop_tuning(parameters: PlantParameters, lambdas: Lambdas) -> single_
 
 
 def feedback_linearization_tuning(parameters: PlantParameters, lambdas: Lambdas) -> feedback_linearization.Tuning:
-    """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all."""
+    """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all.
+
+    Friction that sticks is smoothed: how far its bristles are bent no sensor tells, and the law would have to know.
+    """
     gains = feedback_linearization.Gains(lambdas.lam_q / 2.0, lambdas.lam_S, ERROR_POLE, ERROR_POLE, OBSERVER_POLE)
     bounds = bounds_for(parameters)
     return feedback_linearization.Tuning(
-        gains, parameters.dynamics(), decoupler_for(parameters), bounds.omega_max, bounds.u_max
+        gains, smoothed(parameters.dynamics()), decoupler_for(parameters), bounds.omega_max, bounds.u_max
     )

@@ -144,7 +144,7 @@ def rest_state(rig: Rig, theta_A: float, theta_B: float) -> tuple[PlantState, fl
         low, high = (q, high) if F_A > F_B else (low, q)
     F_A, F_B = forces(q)
     load_A, load_B = r_m * F_A, r_m * F_B
-    x = PlantState(q, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B)
+    x = PlantState(q, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B, z_A=0.0, z_B=0.0)
     return x, load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     import control
 
 _STEP = 1e-6
+_STATES = 8
+"""Of a plant without friction: the bristles, which come last in ``PlantState``, are none of its states."""
 
 
 def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) -> "control.StateSpace":
@@ -53,14 +55,14 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "contr
     theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
     load_A = d.r_m * tension(plant.spring_A, d.r_m * theta_A)
     load_B = d.r_m * tension(plant.spring_B, d.r_m * theta_B)
-    at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))
+    at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
     u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
     def rate(x: NDArray[np.float64], u_A: float, u_B: float) -> NDArray[np.float64]:
-        return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0, NO_LOAD))
+        return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0, NO_LOAD))[:_STATES]
 
     A = np.column_stack(
-        [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(8)]
+        [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(_STATES)]
     )
     B = np.column_stack(
         [
@@ -68,7 +70,7 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "contr
             (rate(at, u_A, u_B + _STEP) - rate(at, u_A, u_B - _STEP)) / (2.0 * _STEP),
         ]
     )
-    C = np.zeros((3, 8))
+    C = np.zeros((3, _STATES))
     C[0, 0] = C[1, 2] = C[2, 5] = 1.0
     return control.ss(
         A, B, C, np.zeros((3, 2)), inputs=["u_A", "u_B"], outputs=["q", "theta_A", "theta_B"], name="plant"

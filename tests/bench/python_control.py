@@ -26,9 +26,9 @@ def closed_loop(rig: Rig, tuning: cascade.Tuning) -> control.InterconnectedSyste
 
 
 def initial_state(x: PlantState, controller: cascade.State) -> Array:
-    """State of ``closed_loop`` from the states of the offline loop."""
+    """State of ``closed_loop`` from the states of the offline loop; its friction has no bristles."""
     outer = [controller.position.integral, controller.stiffness.integral]
-    return np.array([*x, *outer, *controller.motors.A, *controller.motors.B])
+    return np.array([*x[:8], *outer, *controller.motors.A, *controller.motors.B])
 
 
 def response(system: control.InterconnectedSystem, t: Array, references: Array, start: Array) -> Array:

@@ -23,7 +23,7 @@ typedef struct { double c0, c1, omega_smooth; } Friction;
 typedef struct { double J_m, B_m, K_t, tau_e; Friction friction; } Motor;
 typedef struct { double k[3], x_slack, x_solid, F_solid, k_solid; } Spring;
 typedef struct { Joint joint; Motor motor_A, motor_B; Spring spring_A, spring_B; } Dynamics;
-typedef struct { double q, q_dot, theta_A, omega_A, tau_A, theta_B, omega_B, tau_B; } PlantState;
+typedef struct { double q, q_dot, theta_A, omega_A, tau_A, theta_B, omega_B, tau_B; } PlantState; /* no bristles: friction is smoothed */
 typedef struct { double joint_step, motor_step, force_step, voltage_step; int64_t delay_ticks; } SensorModel;
 typedef struct { double F_max, q_max; } SafetyBounds;
 typedef struct { Dynamics plant; SensorModel sensors; SafetyBounds bounds; double u_max; } Rig;

@@ -52,7 +52,7 @@ def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tup
     _, p_q, i_q, r_q, p_S, i_S, r_S = tuning.schedule.entries[0]
     p, i, d_gain, t_f = tuning.motors.A
     start, controller = at_rest(rig, tuning, q_ref[0], S_ref[0])
-    x, (qg, Sg) = np.array(start), controller.governor
+    x, (qg, Sg) = np.array(start[:8]), controller.governor
     I_q, I_S = controller.position.integral, controller.stiffness.integral
     inner = [list(controller.motors.A), list(controller.motors.B)]
     a = math.exp(-T / t_f)

@@ -16,7 +16,8 @@ from tests.closed_loop.quality import HIGH, STEPS, assess, references
 
 
 @pytest.mark.parametrize(
-    ("name", "overshoot", "stiffness", "tension"), [("ideal", 1.0, 0.1, 5.0), ("lab", 2.0, 0.3, 4.0)]
+    ("name", "overshoot", "stiffness", "tension"),
+    [("ideal", 1.0, 0.1, 5.0), ("lab", 2.0, 0.3, 4.0), ("lab-stick", 2.0, 0.3, 4.0)],
 )
 @pytest.mark.parametrize("lambdas", [Lambdas(lam_q=0.5, lam_S=0.5), Lambdas()])
 def test_tracking(name: str, lambdas: Lambdas, overshoot: float, stiffness: float, tension: float) -> None:

@@ -29,6 +29,7 @@ states = st.builds(
     q=st.floats(-0.6, 0.6), q_dot=speeds,
     theta_A=angles, omega_A=speeds, tau_A=st.just(0.0),
     theta_B=angles, omega_B=speeds, tau_B=st.just(0.0),
+    z_A=st.just(0.0), z_B=st.just(0.0),
 )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def test_motor_without_load_answers_as_the_transfer_function() -> None:
 def own_rate(p: PlantParameters, u_A: float, u_B: float, tau_ext: float, t: float, x: np.ndarray) -> list[float]:
     """Equations 1-16 of the method page, written anew from the numbers of the parameter file."""
     g, m, s, a = p.geometry, p.motor, p.spring, p.asymmetry
-    q, dq, th_A, om_A, ta_A, th_B, om_B, ta_B = x
+    q, dq, th_A, om_A, ta_A, th_B, om_B, ta_B, *bristles = x
 
     def F(elongated: float, factor: float) -> float:
         curve = np.polynomial.Polynomial(s.k)
@@ -70,7 +71,7 @@ def own_rate(p: PlantParameters, u_A: float, u_B: float, tau_ext: float, t: floa
     dom_A, dta_A = motor(om_A, ta_A, u_A, F_A, a.motor_A)
     dom_B, dta_B = motor(om_B, ta_B, u_B, F_B, a.motor_B)
     ddq = (g.r_j * (F_A - F_B) - g.B_j * dq + tau_ext) / g.J_j
-    return [dq, ddq, om_A, dom_A, dta_A, om_B, dom_B, dta_B]
+    return [dq, ddq, om_A, dom_A, dta_A, om_B, dom_B, dta_B, *np.zeros_like(bristles)]
 
 
 @pytest.mark.parametrize("parameters", [IDEAL, LAB], ids=["ideal", "lab"])

@@ -7,7 +7,7 @@ import pytest
 
 import plant.parameters
 from plant.parameter_sections import SECTIONS
-from plant.parameters import ParameterError, load_parameters
+from plant.parameters import SHIPPED, ParameterError, load_parameters
 
 TEXT = (Path(plant.parameters.__file__).parent / "parameters" / "lab.toml").read_text(encoding="utf-8")
 POINTS = "[[0.0065, 0.0], [0.02, 7.0], [0.035, 19.0], [0.05, 35.0], [0.0625, 51.5]]"
@@ -25,7 +25,7 @@ def edited(pattern: str, replacement: str) -> str:
     return text
 
 
-@pytest.mark.parametrize("name", ["ideal", "lab"])
+@pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_sets_give_every_number_a_unit_and_a_source(name: str) -> None:
     document = load_parameters(name).document()
     assert list(document) == list(SECTIONS)
@@ -36,7 +36,7 @@ def test_shipped_sets_give_every_number_a_unit_and_a_source(name: str) -> None:
 
 
 def test_shipped_sets_know_the_papers_identified_constants() -> None:
-    for name in ("ideal", "lab"):
+    for name in SHIPPED:
         known = load_parameters(name).identified
         assert (known.K_m, known.T_m, known.k) == (2.86, 0.22, (-2.498, 331.49, 8543.8))
 
@@ -67,7 +67,7 @@ def test_a_bad_entry_is_refused_by_name_bound_and_unit(
 
 
 def test_a_file_that_is_missing_or_no_toml_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="use one of ideal, lab or a TOML file"):
+    with pytest.raises(ParameterError, match="use one of ideal, lab, lab-stick or a TOML file"):
         load_parameters(tmp_path / "absent.toml")
     with pytest.raises(ParameterError, match=r"bench\.toml is not a TOML file"):
         load(tmp_path, "[geometry")

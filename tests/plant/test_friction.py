@@ -1,0 +1,177 @@
+"""Friction that sticks (LuGre): closed forms, an integration of the test's own, and what a stuck motor must do."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from plant.dynamics import SUBSTEPS, Dynamics, PlantState, advance
+from plant.friction import Friction, LuGre, bristle_after, bristle_rate, friction_torque
+from plant.interface import ShaftLoad, T_s
+from plant.parameters import PlantParameters, load_parameters
+
+STICK = load_parameters("lab-stick")
+SIGMA_0, SIGMA_1, RATIO, OMEGA_S = 40.0, 0.6, 1.4, 0.05
+FRICTION = Friction(0.02, 0.35, 0.02, LuGre(SIGMA_0, SIGMA_1, RATIO, OMEGA_S))
+LOAD_NM = 0.2
+F_C = FRICTION.c0 + FRICTION.c1 * LOAD_NM
+F_S = RATIO * F_C
+SLACK = PlantState(0.0, 0.0, -200.0, 0.0, LOAD_NM, -200.0, 0.0, 0.0)
+
+
+def pulled(torques: np.ndarray, parameters: PlantParameters = STICK) -> np.ndarray:
+    """Turn [rad] of motor A, tick by tick, under torques [N·m] besides the one that bears its load; tendons slack."""
+    plant, x, turned = parameters.dynamics(), SLACK, []
+    for torque in torques:
+        u = (LOAD_NM + torque) / plant.motor_A.K_t
+        x = advance(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
+        turned.append(x.theta_A - SLACK.theta_A)
+    return np.array(turned)
+
+
+def ramp(*corners: tuple[float, float]) -> np.ndarray:
+    """Torques [N·m] tick by tick through corners (s, N·m), the first at 0 s."""
+    at, torques = np.array(corners).T
+    return np.asarray(np.interp(np.arange(round(at[-1] / T_s)) * T_s, at, torques))
+
+
+def test_the_shipped_set_is_the_lab_with_the_friction_of_the_design() -> None:
+    lab = load_parameters("lab")
+    A, B = STICK.dynamics().motor_A, STICK.dynamics().motor_B
+    assert A.friction == B.friction == FRICTION
+    own = {"sigma_0", "sigma_1", "stiction_ratio", "omega_s"}
+    ours, theirs = STICK.document(), lab.document()
+    assert own <= set(ours["motor"])
+    for section, entries in theirs.items():
+        for name, number in entries.items():
+            assert ours[section][name]["value"] == number["value"], f"{section}.{name}"
+        assert set(ours[section]) - set(entries) == (own if section == "motor" else set())
+
+
+@pytest.mark.parametrize("omega", [1e-3, 0.02, 0.05, 0.08, 0.3, -0.05, -20.0])
+@pytest.mark.parametrize("load", [0.0, 0.15, 0.375])
+def test_at_constant_speed_it_is_stribecks_curve(omega: float, load: float) -> None:
+    F_c, z = 0.02 + 0.35 * load, 0.0
+    for _ in range(2000):
+        z = bristle_after(FRICTION, z, omega * 0.1, 0.1, load, load)
+    curve = math.copysign(F_c * (1.0 + 0.4 * math.exp(-((omega / OMEGA_S) ** 2))), omega)
+    assert friction_torque(FRICTION, omega, load, z) == pytest.approx(curve, rel=1e-9)
+
+
+@pytest.mark.parametrize("u", [1.0, -2.0, 8.0])
+def test_a_motor_turns_steadily_where_its_torque_meets_stribecks_curve(u: float) -> None:
+    plant, x = STICK.dynamics(), SLACK._replace(tau_A=0.0)
+    for _ in range(6000):
+        x = advance(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS)
+    B_m, torque = plant.motor_A.B_m, plant.motor_A.K_t * u
+    assert abs(x.omega_A) > 1.0
+    assert torque == pytest.approx(B_m * x.omega_A + math.copysign(0.02, u), rel=1e-9)
+
+
+@given(
+    bent=st.floats(-1.0, 1.0), omega=st.floats(0.01, 25.0), way=st.sampled_from([-1.0, 1.0]), load=st.floats(0.0, 0.4)
+)
+def test_bristles_go_as_their_equation_says_at_constant_speed(
+    bent: float, omega: float, way: float, load: float
+) -> None:
+    """A linear equation there: one exponential, whose rate is written down anew."""
+    F_c = 0.02 + 0.35 * load
+    level = F_c * (1.0 + 0.4 * math.exp(-((omega / OMEGA_S) ** 2)))
+    z, end, h = bent * RATIO * F_c / SIGMA_0, way * level / SIGMA_0, 2.5e-4
+    expected = end + (z - end) * math.exp(-SIGMA_0 * omega * h / level)
+    assert bristle_after(FRICTION, z, way * omega * h, h, load, load) == pytest.approx(expected, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("change", [-0.15, 0.15])
+def test_bristles_follow_a_load_that_changes(way: float, change: float) -> None:
+    """Fast against their own rate, where to hold the load would leave no z' at all."""
+    omega, span, steps = 15.0 * way, 0.02, 160
+
+    def load(t: float) -> float:
+        return 0.35 + change * t / span
+
+    def rate(t: float, z: np.ndarray) -> list[float]:
+        level = (0.02 + 0.35 * load(t)) * (1.0 + 0.4 * math.exp(-((omega / OMEGA_S) ** 2)))
+        return [omega - SIGMA_0 * abs(omega) * float(z[0]) / level]
+
+    own = float(solve_ivp(rate, (0.0, span), np.zeros(1), method="Radau", rtol=1e-10, atol=1e-14).y[0, -1])
+    z, h = 0.0, span / steps
+    for k in range(steps):
+        z = bristle_after(FRICTION, z, omega * h, h, load(k * h), load((k + 1) * h))
+    assert z == pytest.approx(own, rel=2e-5)
+    ours, owns = (bristle_rate(FRICTION, omega, load(span), at) for at in (z, own))
+    assert ours == pytest.approx(owns, rel=0.05)
+    assert owns * way * change > 0.0
+
+
+@pytest.mark.parametrize("share", [-0.8, -0.5, 0.05, 0.5])
+def test_below_break_away_it_stays_stuck_and_what_bent_comes_back(share: float) -> None:
+    """Pulled slowly, z' = θ' (1 ∓ σ_0 z/F_s): θ = −(F_s/σ_0) ln(1 − T/F_s) out, ln(1 + T/F_s) of it back."""
+    torque, F_s = share * F_S, math.copysign(F_S, share)
+    turned = pulled(ramp((0.0, 0.0), (8.0, torque), (28.0, torque), (36.0, 0.0), (37.0, 0.0)))
+    out, back = -F_s / SIGMA_0 * math.log(1.0 - abs(share)), -F_s / SIGMA_0 * math.log(1.0 + abs(share))
+    assert turned[9000] == pytest.approx(out, rel=0.015)
+    assert np.ptp(turned[12000:27999]) < 1e-9, "it must not creep"
+    assert turned[-1] == pytest.approx(out + back, rel=0.02, abs=0.01 * abs(out))
+    if abs(share) < 0.1:  # elastic: a spring of σ_0, all of which comes back
+        assert turned[9000] == pytest.approx(torque / SIGMA_0, rel=0.04)
+        assert abs(turned[-1]) < 0.06 * abs(turned[9000])
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_it_breaks_away_at_the_static_friction(way: float) -> None:
+    """Pulled by 5 % of it more per second; away once it has turned by ten times what the bristles can bend."""
+    torques = ramp((0.0, 0.0), (24.0, way * 1.2 * F_S))
+    away = np.abs(pulled(torques)) > 10.0 * F_S / SIGMA_0
+    assert abs(torques[int(np.argmax(away))]) == pytest.approx(F_S, rel=0.03)
+
+
+def test_smoothed_friction_creeps_where_this_one_sticks() -> None:
+    torques = np.full(5000, 0.5 * F_C)
+    creeps, stuck = pulled(torques, load_parameters("lab")), pulled(torques)
+    assert creeps[-1] - creeps[1000] > 0.02
+    assert abs(stuck[-1] - stuck[1000]) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_it_never_gives_back_more_than_it_was_given(seed: int) -> None:
+    """Random motion from relaxed bristles: at rest, creeping, fast and to and fro, under loads that come and go."""
+    random, h = np.random.default_rng(seed), 1e-5
+    knots = np.arange(0, 60_001, 2000)
+    speeds = random.choice([0.0, 0.02, 0.2, 3.0], knots.size) * random.uniform(-1.0, 1.0, knots.size)
+    loads = random.uniform(0.0, 0.4, knots.size)
+    omega, load = (np.interp(np.arange(60_001), knots, given) for given in (speeds, loads))
+    z, work, least = 0.0, 0.0, 0.0
+    for k in range(60_000):
+        mean, mean_load = 0.5 * (omega[k] + omega[k + 1]), 0.5 * (load[k] + load[k + 1])
+        after = bristle_after(FRICTION, z, mean * h, h, load[k], load[k + 1])
+        work += h * mean * friction_torque(FRICTION, mean, mean_load, 0.5 * (z + after))
+        z, least = after, min(least, work - 0.5 * SIGMA_0 * after**2)
+    assert work > 1e-3, "it has to rub for this to mean anything"
+    assert least > -1e-6 * work
+
+
+def test_bristles_that_a_load_lets_go_of_hold_no_more_than_is_left_to_hold() -> None:
+    bent = F_S / SIGMA_0
+    assert bristle_after(FRICTION, bent, 0.0, T_s, LOAD_NM, LOAD_NM) == bent
+    assert bristle_after(FRICTION, bent, 0.0, T_s, LOAD_NM, 0.0) == RATIO * FRICTION.c0 / SIGMA_0
+    assert bristle_after(FRICTION, -bent, 0.0, T_s, LOAD_NM, 0.0) == -RATIO * FRICTION.c0 / SIGMA_0
+
+
+def mirrored(x: PlantState) -> PlantState:
+    sides = (x.theta_B, x.omega_B, x.tau_B, x.theta_A, x.omega_A, x.tau_A, x.z_B, x.z_A)
+    return PlantState(-x.q, -x.q_dot, *sides)
+
+
+@given(u_A=st.floats(-10.0, 10.0), u_B=st.floats(-10.0, 10.0), tau_ext=st.floats(-2.0, 2.0), z=st.floats(-2e-3, 2e-3))
+def test_swapping_A_and_B_mirrors_the_motion(u_A: float, u_B: float, tau_ext: float, z: float) -> None:
+    plant = STICK.dynamics()
+    swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
+    x = PlantState(0.1, 0.5, 5.0, 0.2, 0.0, 4.0, -0.1, 0.0, z, -0.5 * z)
+    straight = advance(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
+    reverse = advance(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
+    assert mirrored(reverse) == straight
