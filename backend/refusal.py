@@ -22,6 +22,7 @@ WORDS = {
     "lam_q": "λ_q",
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
+    "u_plan": "budget of the plan",
     "tension_N": "tension",
     "duration_s": "time",
     "period_s": "period",

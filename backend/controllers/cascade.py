@@ -1,23 +1,46 @@
-"""The cascade of figure 6: governor, outer I-P loops, envelope, decoupler, inner I-PD loops."""
+"""The cascade of figure 6: outer I-P loops, envelope, decoupler, inner I-PD loops, and what they are to follow.
+
+As in the paper the loops are given the references, slowed down by the governor. With a plan they are given what is left
+between actuator and model, and the model's voltages go to the motors directly: the loops are the same, so are λ, M_s
+and margins, but their lags are no longer on the way (docs/decisions/0046).
+"""
 
 from typing import NamedTuple
 
-from backend.controllers import decoupler, envelope, governor, i_p, motors, scheduling
+from backend.controllers import decoupler, envelope, governor, i_p, i_pd, motors, plan, scheduling
 from backend.controllers.decoupler import Decoupler
 from backend.controllers.envelope import Envelope
 from backend.controllers.scheduling import Schedule
 from plant.compiled import compiled
-from plant.interface import Measurement
+from plant.interface import Measurement, T_s
 
 TRACKING_TIME_S = 0.1
 """Time constant with which the outer integrators are bled of what the envelope held back, and of clipped voltage mapped
 back through the decoupler."""
 
+PATIENCE_S = 0.1
+"""Voltage clipped for so long [s] says that the budget is more than the motors have: the rest is planned with less."""
+
+LESS = 0.9
+"""What is left of the budget then."""
+
+
+class Following(NamedTuple):
+    """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
+
+    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone.
+    """
+
+    budget: float
+    model: plan.Model
+    unseen_q: float
+    unseen_S: float
+
 
 class Tuning(NamedTuple):
     """All gains and bounds the tick needs, replaced as a whole.
 
-    ``omega_max`` [rad/s] bounds the motor references, ``u_max`` [V] the voltages.
+    ``omega_max`` [rad/s] bounds the governor's motor references, ``u_max`` [V] the voltages.
     """
 
     motors: motors.Gains
@@ -26,10 +49,16 @@ class Tuning(NamedTuple):
     envelope: Envelope
     omega_max: float
     u_max: float
+    following: Following
 
 
 class State(NamedTuple):
-    """Everything the cascade remembers from tick to tick."""
+    """Everything the cascade remembers from tick to tick.
+
+    With a plan (``follows``) the loops count from the model: ``position`` and ``stiffness`` give what is added to its
+    equilibrium. ``clipped_s`` [s]: for how long voltage has been clipped; ``reserve``: share of the budget in use.
+    ``alone``: the motor loops as they are for who takes them over, without a model.
+    """
 
     governor: governor.State
     position: i_p.State
@@ -42,6 +71,11 @@ class State(NamedTuple):
     active: float
     correction_q: float
     correction_S: float
+    plan: plan.State
+    follows: bool
+    clipped_s: float
+    reserve: float
+    alone: motors.State
 
 
 class Output(NamedTuple):
@@ -63,6 +97,31 @@ class Output(NamedTuple):
     at_range: bool
 
 
+class Followed(NamedTuple):
+    """What the loops of this tick work on.
+
+    ``reference`` and the place that position, stiffness and both motors count from; what is added to the outer loops'
+    sum, ``q_e`` and ``S_e``; the model's voltages [V]; whether the references are still on their way.
+    """
+
+    reference: governor.State
+    q: float
+    S: float
+    theta_A: float
+    theta_B: float
+    q_e: float
+    S_e: float
+    u_A: float
+    u_B: float
+    moving: bool
+
+
+@compiled
+def _at(p: plan.Now, by: plan.Driven) -> Followed:
+    reference = governor.State(p.q, p.S)
+    return Followed(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
+
+
 @compiled
 def step(
     tuning: Tuning, state: State, q_ref: float, S_ref: float, position_loop: bool, m: Measurement
@@ -73,21 +132,46 @@ def step(
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
-    reference, governed = governor.step(d, tuning.omega_max, state.governor, q_ref, S_ref)
+    follows = tuning.following.budget > 0.0
+    if follows != state.follows:
+        state = _changed(tuning, state, S, m)
+    is_at = plan.now(d, state.plan)
+    if follows:
+        budget = tuning.following.budget * state.reserve
+        by, way = plan.step(d, tuning.following.model, budget, state.plan, is_at, q_ref, S_ref)
+        at = _at(is_at, by)
+    else:
+        reference, governed = governor.step(d, tuning.omega_max, state.governor, q_ref, S_ref)
+        way = state.plan
+        at = Followed(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, governed)
+    r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S
+    y_q, y_S = m.q - at.q, S - at.S
+    y_A, y_B = m.theta_A - at.theta_A, m.theta_B - at.theta_B
 
-    active = scheduling.select(tuning.schedule, state.active, reference.S_ref)
+    active = scheduling.select(tuning.schedule, state.active, at.reference.S_ref)
     gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
-    position = i_p.bumpless(state.position_gains, gains_q, state.position, reference.q_ref, m.q)
-    stiffness = i_p.bumpless(state.stiffness_gains, gains_S, state.stiffness, reference.S_ref, S)
-    inner = motors.bumpless(state.motor_gains, tuning.motors, state.motors, m.theta_A, m.theta_B)
+    position = i_p.bumpless(state.position_gains, gains_q, state.position, r_q, y_q)
+    stiffness = i_p.bumpless(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
+    inner = motors.bumpless(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
-    q_c, position = i_p.step(gains_q, position, reference.q_ref, m.q, state.correction_q)
-    S_c, stiffness = i_p.step(gains_S, stiffness, reference.S_ref, S, state.correction_S)
+    more_q, position = i_p.step(gains_q, position, r_q, y_q, state.correction_q, tuning.following.unseen_q)
+    more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, tuning.following.unseen_S)
+    q_c, S_c = at.q_e + more_q, at.S_e + more_S
     if not position_loop:
-        q_c = reference.q_ref
+        q_c = at.q_e if follows else at.reference.q_ref
     allowed, within = envelope.step(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
-    motor, inner = motors.step(tuning.motors, inner, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
+    motor, inner = motors.step(
+        tuning.motors,
+        inner,
+        theta_A_ref - at.theta_A,
+        theta_B_ref - at.theta_B,
+        y_A,
+        y_B,
+        tuning.u_max,
+        at.u_A,
+        at.u_B,
+    )
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
     back_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
@@ -96,24 +180,33 @@ def step(
     correction_q = clipped_q + (allowed.q_c - q_c) / TRACKING_TIME_S
     correction_S = clipped_S + (allowed.S_c - S_c) / TRACKING_TIME_S
 
+    alone = inner
+    if follows:
+        alone = _absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m)
+    clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
+    clipped_s = state.clipped_s + T_s if clipped and at.moving else 0.0
+    reserve = state.reserve if at.moving else 1.0
+    if clipped_s > PATIENCE_S:
+        clipped_s, reserve = 0.0, reserve * LESS
+
     output = Output(
         motor.u_A,
         motor.u_B,
         theta_A_ref,
         theta_B_ref,
         S,
-        reference.q_ref,
-        reference.S_ref,
+        at.reference.q_ref,
+        at.reference.S_ref,
         active,
         motor.excess_A != 0.0,
         motor.excess_B != 0.0,
-        governed,
+        at.moving,
         allowed.at_floor,
         allowed.at_ceiling,
         allowed.at_range,
     )
     return output, State(
-        reference,
+        at.reference,
         position,
         stiffness,
         within,
@@ -124,6 +217,87 @@ def step(
         active,
         correction_q,
         correction_S,
+        way,
+        follows,
+        clipped_s,
+        reserve,
+        alone,
+    )
+
+
+@compiled
+def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
+    """State that goes on by the other of plan and governor, with the same voltages and motor references."""
+    d, q, S_loop = tuning.decoupler, state.position_gains, state.stiffness_gains
+    if state.follows:
+        at = plan.now(d, state.plan)
+        u_A, u_B = plan.voltages(d, tuning.following.model, state.plan, at)
+        return _with(
+            state,
+            governor.State(at.q, at.S),
+            i_p.at_rest(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
+            i_p.at_rest(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
+            _absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
+            state.plan,
+            False,
+        )
+    A, B = state.motor_gains.A, state.motor_gains.B
+    omega_A, omega_B = (m.theta_A - state.motors.A.y_f) / A.t_f, (m.theta_B - state.motors.B.y_f) / B.t_f
+    way = plan.begin(d, tuning.following.model, m.q, m.theta_A, m.theta_B, omega_A, omega_B)
+    at, model = plan.now(d, way), tuning.following.model
+    # The loops' references were ahead of motors that moved; from here on the model's voltages move them.
+    return _with(
+        state,
+        state.governor,
+        i_p.at_rest(q, 0.0, 0.0, 0.0),
+        i_p.at_rest(S_loop, 0.0, 0.0, 0.0),
+        motors.State(
+            i_pd.carried(A, state.motors.A, m.theta_A, -at.theta_A, -omega_A, -omega_A / model.K_A),
+            i_pd.carried(B, state.motors.B, m.theta_B, -at.theta_B, -omega_B, -omega_B / model.K_B),
+        ),
+        way,
+        True,
+    )
+
+
+@compiled
+def _absolute(
+    gains: motors.Gains, inner: motors.State, at: plan.Now, u_A: float, u_B: float, m: Measurement
+) -> motors.State:
+    """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
+    return motors.State(
+        i_pd.carried(gains.A, inner.A, m.theta_A - at.theta_A, at.theta_A, at.omega_A, u_A),
+        i_pd.carried(gains.B, inner.B, m.theta_B - at.theta_B, at.theta_B, at.omega_B, u_B),
+    )
+
+
+@compiled
+def _with(
+    state: State,
+    reference: governor.State,
+    position: i_p.State,
+    stiffness: i_p.State,
+    inner: motors.State,
+    way: plan.State,
+    follows: bool,
+) -> State:
+    return State(
+        reference,
+        position,
+        stiffness,
+        state.envelope,
+        inner,
+        state.position_gains,
+        state.stiffness_gains,
+        state.motor_gains,
+        state.active,
+        state.correction_q,
+        state.correction_S,
+        way,
+        follows,
+        0.0,
+        1.0,
+        inner,
     )
 
 
@@ -156,4 +330,9 @@ def take_over(
         active,
         0.0,
         0.0,
+        plan.begin(d, tuning.following.model, m.q, m.theta_A, m.theta_B, 0.0, 0.0),
+        False,
+        0.0,
+        1.0,
+        inner,
     )

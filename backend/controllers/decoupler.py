@@ -77,6 +77,12 @@ def stiffness_under(d: Decoupler, F: float) -> float:
     return _stiffness_under(d, d.table, F)
 
 
+@compiled
+def tension_under(d: Decoupler, S: float) -> float:
+    """Tension [N] in both tendons at rest with stiffness S [N·m/rad]: ``stiffness_under`` inverted."""
+    return _tension_under(d, d.table, S)
+
+
 # Each function below is compiled for a table and for None; for None the compiler drops what the table would need.
 
 
@@ -95,6 +101,14 @@ def _stiffness_under(d: Decoupler, table: NDArray[np.float64] | None, F: float) 
         return 2.0 * d.r_j**2 * math.sqrt(max(d.k_1**2 + 4.0 * d.k_2 * (F - d.k_0), 0.0))
     low, share = _row_below(table, TENSION, F)
     return _between(table, low, share, STIFFNESS)
+
+
+@compiled
+def _tension_under(d: Decoupler, table: NDArray[np.float64] | None, S: float) -> float:
+    if table is None:
+        return d.k_0 + ((0.5 * S / d.r_j**2) ** 2 - d.k_1**2) / (4.0 * d.k_2)
+    low, share = _row_below(table, STIFFNESS, S)
+    return _between(table, low, share, TENSION)
 
 
 @compiled

@@ -21,14 +21,17 @@ class State(NamedTuple):
 
 
 @compiled
-def step(gains: Gains, state: State, r: float, y: float, correction: float) -> tuple[float, State]:
+def step(gains: Gains, state: State, r: float, y: float, correction: float, unseen: float = 0.0) -> tuple[float, State]:
     """One tick of u = k_i ∫(r − y) dt + k_r r − k_p y.
 
     ``correction`` [unit of u per s] is what the anti-windup adds to the integral. As in the inner loop the error of
-    this tick shows in u from the next one on.
+    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``unseen`` [unit of y]:
+    against stiction it would hunt for the rest forever.
     """
     u = state.integral + gains.k_r * r - gains.k_p * y
-    return u, State(state.integral + T_s * (gains.k_i * (r - y) + correction))
+    e = r - y
+    beyond = e - min(max(e, -unseen), unseen)
+    return u, State(state.integral + T_s * (gains.k_i * beyond + correction))
 
 
 @compiled

@@ -42,13 +42,17 @@ def _filtered(gains: Gains, state: State, y: float) -> tuple[float, float, float
 
 
 @compiled
-def step(gains: Gains, state: State, r: float, y: float, u_max: float) -> tuple[float, float, State]:
+def step(
+    gains: Gains, state: State, r: float, y: float, u_max: float, u_forward: float = 0.0
+) -> tuple[float, float, State]:
     """One tick. Returns u [V] within ±u_max, the excess that was clipped off [V], and the new state.
 
-    r, y: reference and measured motor position [rad]. The integral takes up this tick's error for the next tick, so
-    that u depends on the past of the error only and a change of gains cannot show in the tick it arrives.
+    r, y: reference and measured motor position [rad], as they are or both counted from where a model is, whose voltage
+    ``u_forward`` [V] comes on top. The integral takes up this tick's error for the next tick, so that u depends on the
+    past of the error only and a change of gains cannot show in the tick it arrives.
     """
     u, integral_f, y_f = _filtered(gains, state, y)
+    u += u_forward
     u_limited = min(max(u, -u_max), u_max)
     integral = state.integral + T_s * (gains.k_i * (r - y) + (u_limited - u) / TRACKING_TIME_S)
     return u_limited, u - u_limited, State(integral, integral_f, y_f)
@@ -67,6 +71,19 @@ def bumpless(before: Gains, after: Gains, state: State, y: float) -> State:
 def at_rest(gains: Gains, y: float, u: float) -> State:
     """State that holds the voltage u [V] at the standing position y [rad]."""
     return State(u + gains.k_p * y, u + gains.k_p * y, y)
+
+
+@compiled
+def carried(gains: Gains, state: State, y: float, offset: float, rate: float, u_more: float) -> State:
+    """State after y was counted anew: ``offset`` [rad] comes on top of it, ``rate`` [rad/s] on top of its speed.
+
+    With it this tick's voltage is the one from before and ``u_more`` [V].
+    """
+    u, _, _ = _filtered(gains, state, y)
+    y_f = state.y_f + offset - gains.t_f * rate
+    after, _, _ = _filtered(gains, State(state.integral, state.integral_f, y_f), y + offset)
+    more = u + u_more - after
+    return State(state.integral + more, state.integral_f + more, y_f)
 
 
 @compiled

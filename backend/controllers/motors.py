@@ -31,11 +31,22 @@ class Output(NamedTuple):
 
 @compiled
 def step(
-    gains: Gains, state: State, theta_A_ref: float, theta_B_ref: float, theta_A: float, theta_B: float, u_max: float
+    gains: Gains,
+    state: State,
+    theta_A_ref: float,
+    theta_B_ref: float,
+    theta_A: float,
+    theta_B: float,
+    u_max: float,
+    forward_A: float = 0.0,
+    forward_B: float = 0.0,
 ) -> tuple[Output, State]:
-    """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max."""
-    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max)
-    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max)
+    """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
+
+    ``forward_A``, ``forward_B`` [V] come on top of what the loops give.
+    """
+    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A)
+    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B)
     return Output(u_A, u_B, excess_A, excess_B), State(state_A, state_B)
 
 

@@ -150,7 +150,7 @@ class Load:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Tuning:
-    """Change λ, b, the bank or how its entries are used, from the next motion on; what is not named stays."""
+    """Change parts of the tuning, its bank or the plan's budget, from the next motion on; what is not named stays."""
 
     do: Literal["tuning"]
     lam_q: Number | None = None
@@ -159,6 +159,7 @@ class Tuning:
     b: Number | None = None
     bank: Number | None = None
     interpolate: bool | None = None
+    u_plan: Number | None = None
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

@@ -27,6 +27,7 @@ class KeptLoop:
     b: float | None = field(default=None, metadata=ABSENT)
     bank: int | None = field(default=None, metadata=ABSENT)
     interpolate: bool | None = field(default=None, metadata=ABSENT)
+    u_plan: float | None = field(default=None, metadata=ABSENT)
     seed: int | None = field(default=None, metadata=ABSENT)
 
     def known(self) -> dict[str, Value]:

@@ -7,8 +7,6 @@ from typing import assert_never
 
 import numpy as np
 
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
 from backend.faults import Fault
 from backend.loop import bring_up
 from backend.loop.checks import Checks
@@ -42,6 +40,7 @@ from backend.sample import FIELDS
 from backend.tick.batch import DECIDED, Stretch
 from backend.tick.decision import AT_REST
 from backend.tick.desk import DONE, FOUND, PUSHES, QUIET, TUNES
+from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
 from plant.interface import ZERO_VOLTS, MotorCommand, Plant, PlantError
@@ -55,11 +54,11 @@ class Loop:
     """Control of one plant. ``finished`` tells that a Shutdown has been asked for."""
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
-        self.bounds = bounds_for(parameters)
         self.finished = False
         self._plant = plant
         self._ring = ring
-        self._decoupler = decoupler_for(parameters)
+        self._known = known = knowledge(parameters)
+        self.bounds = known.bounds
         self._checks = Checks(parameters)
         self._plant_watch = PlantWatch()
         self._row = np.zeros(len(FIELDS))
@@ -68,7 +67,7 @@ class Loop:
         self._changed = True  # whether the desk may not know yet what has become of the machine
         self._hand = HandPush(plant)
         self._events: list[Event] = []
-        gains = tuning_of(tuning, self._decoupler, self.bounds)
+        gains = tuning_of(tuning, self._known)
         try:
             plant.open()
             self._desk = TickDesk(parameters, plant.unattended_max_s, gains, plant.read())
@@ -132,7 +131,7 @@ class Loop:
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
-                gains = tuning_of(command, self._decoupler, self.bounds)
+                gains = tuning_of(command, self._known)
                 self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
             case RunProgram():
                 self._machine.run_program(command, Now(self._newest_tick, self._desk.m))

@@ -5,8 +5,6 @@ from collections.abc import Callable
 
 from backend.controllers import motors
 from backend.controllers.cascade import Tuning
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
 from backend.faults import Fault
 from backend.loop.causes import Cause, Why
 from backend.loop.commands import (
@@ -44,6 +42,7 @@ from backend.loop.tunings import Tunings, tunings_of
 from backend.loop.zeros import Zeros
 from backend.tick.decision import NO_REFERENCE, Carry, Target
 from backend.tick.winding import PRETENSION_N
+from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement, Plant, Proven
 from plant.parameters import PlantParameters
@@ -75,7 +74,8 @@ class ModeMachine:
         self.motion = None
         self.run = 0
         self.tunings = Tunings(desk, events, tuning, lambdas)
-        self.bounds = bounds_for(parameters)
+        self._known = knowledge(parameters)
+        self.bounds = self._known.bounds
         self.zeros = Zeros()
         self.drives_off = False
         self._pending_stop: PendingStop | None = None
@@ -83,7 +83,7 @@ class ModeMachine:
         self._plant = plant
         self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._programs = ProgramMotions(plant, parameters)
-        self._geometry = decoupler_for(parameters)
+        self._geometry = self._known.decoupler
         self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
         self._program: Program | None = None
         self.push = ProgramPush(plant)
@@ -157,7 +157,7 @@ class ModeMachine:
         if not starts_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise RefusedError(reason, LEGAL[self.mode])
-        tunings, own = self.tunings, tunings_of(program, self._geometry, self.bounds)
+        tunings, own = self.tunings, tunings_of(program, self._known)
         motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
         self._enter(now, mode, motion, Cause.PROGRAM, command.run)
         self._program = program

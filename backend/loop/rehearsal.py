@@ -1,7 +1,5 @@
 """Go through every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline."""
 
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
 from backend.loop.homing import Homing
 from backend.loop.loop import Loop
@@ -11,6 +9,7 @@ from backend.loop.program import Excitation, Law, Program, Segment, TensionLeg, 
 from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_of
 from backend.tick.decision import NO_REFERENCE
+from backend.tuning.gains import knowledge
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 
@@ -57,7 +56,7 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
 def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
     plant = Simulator(parameters)
-    gains = tuning_of(tuning, decoupler_for(parameters), bounds_for(parameters))
+    gains = tuning_of(tuning, knowledge(parameters))
     homing = Homing(Rest(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
     homing.step(gains, plant.read())
 

@@ -31,7 +31,8 @@ class SetTuning:
     """Replace all gains at once, bumpless: the motor voltages do not jump.
 
     The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
-    scheduling and switching with hysteresis when there is more than one entry.
+    scheduling and switching with hysteresis when there is more than one entry. ``u_plan`` [V] is the budget of the plan
+    that the references are followed by, 0 for the governor of the paper.
     """
 
     lam_q: float
@@ -40,3 +41,4 @@ class SetTuning:
     motor_B: MotorGains
     entries: tuple[EntryGains, ...]
     interpolate: bool
+    u_plan: float = 0.0

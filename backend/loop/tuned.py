@@ -6,11 +6,9 @@ from dataclasses import astuple
 import numpy as np
 
 from backend.controllers import cascade, i_pd, motors
-from backend.controllers.decoupler import Decoupler
-from backend.controllers.limits import Bounds
-from backend.controllers.scheduling import Schedule
 from backend.loop.commands import EntryGains, MotorGains, SetTuning
-from backend.tuning.gains import cascade_tuning
+from backend.refusal import require_within
+from backend.tuning.gains import Knowledge, cascade_tuning, tuning_with
 from backend.tuning.models import Lambdas, MotorModel, PointModel
 from plant.parameters import PlantParameters
 
@@ -21,6 +19,7 @@ def tuning_for(
     points: Sequence[PointModel] = (),
     motor: MotorModel | None = None,
     interpolate: bool = False,
+    u_plan: float = 0.0,
 ) -> SetTuning:
     """Command with the gains of ``backend.tuning.gains.cascade_tuning``. Raises TuningError."""
     tuning = cascade_tuning(parameters, lambdas, points, motor, interpolate)
@@ -31,10 +30,11 @@ def tuning_for(
         motor_B=MotorGains(*tuning.motors.B),
         entries=tuple(EntryGains(*map(float, row)) for row in tuning.schedule.entries),
         interpolate=interpolate,
+        u_plan=u_plan,
     )
 
 
-def tuning_of(command: SetTuning, decoupler: Decoupler, bounds: Bounds) -> cascade.Tuning:
+def tuning_of(command: SetTuning, known: Knowledge) -> cascade.Tuning:
     """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
@@ -43,5 +43,5 @@ def tuning_of(command: SetTuning, decoupler: Decoupler, bounds: Bounds) -> casca
     inner = motors.Gains(*(i_pd.Gains(*map(float, astuple(motor))) for motor in (command.motor_A, command.motor_B)))
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
-    schedule = Schedule(table, command.interpolate)
-    return cascade.Tuning(inner, schedule, decoupler, bounds.envelope, bounds.omega_max, bounds.u_max)
+    require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
+    return tuning_with(known, inner, table, command.interpolate, command.u_plan)

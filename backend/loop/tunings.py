@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from backend.controllers.cascade import Tuning
-from backend.controllers.decoupler import Decoupler
-from backend.controllers.limits import Bounds
 from backend.loop.commands import Event, TuningChanged
 from backend.loop.mode import RefusedError
 from backend.loop.motion import BASELINES
@@ -13,6 +11,7 @@ from backend.loop.program import IDENTIFYING, MAX_TUNINGS, Program
 from backend.loop.tick_desk import TickDesk
 from backend.loop.tuned import tuning_of
 from backend.refusal import require_within
+from backend.tuning.gains import Knowledge
 from backend.tuning.models import Lambdas
 
 
@@ -60,7 +59,7 @@ class Tunings:
         self._desk.retune(tuning.gains)
 
 
-def tunings_of(program: Program, decoupler: Decoupler, bounds: Bounds) -> tuple[InForce, ...]:
+def tunings_of(program: Program, known: Knowledge) -> tuple[InForce, ...]:
     """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
     require_within("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
@@ -69,6 +68,5 @@ def tunings_of(program: Program, decoupler: Decoupler, bounds: Bounds) -> tuple[
         if not 0 <= segment.tuning <= len(program.tunings):
             raise RefusedError(f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}")
     return tuple(
-        InForce(tuning_of(command, decoupler, bounds), Lambdas(command.lam_q, command.lam_S))
-        for command in program.tunings
+        InForce(tuning_of(command, known), Lambdas(command.lam_q, command.lam_S)) for command in program.tunings
     )

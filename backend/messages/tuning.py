@@ -23,6 +23,7 @@ class TuningParts(Schema):
     lam_motor: float = quantity("s", "tuning parameter of the motor loops")
     b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
     interpolate: bool = Field(description="gain scheduling between entries instead of switching")
+    u_plan: float = quantity("V", "budget of the plan that references are followed by; 0: the paper's governor")
 
 
 class ChosenTuning(TuningParts):
@@ -40,6 +41,9 @@ class TuningView(ChosenTuning):
     lam_S_max: float = quantity("s", "largest λ_S offered")
     lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
     lam_motor_max: float = quantity("s", "largest λ_motor offered")
+    u_plan_min: float = quantity("V", "smallest budget of a plan offered beside 0, which is the paper's governor")
+    u_plan_max: float = quantity("V", "largest budget of a plan offered: what is left is for load, friction, feedback")
+    u_plan_usual: float = quantity("V", "budget that is proposed where there was no plan")
     entry: float = Field(description="active entry of the bank, fractional while interpolating")
     entry_name: str = Field(description="what that entry is called, by its tension; empty without a bank")
 
@@ -52,6 +56,7 @@ class TuningRequest(Schema):
     lam_motor: float | None = quantity("s", "tuning parameter of the motor loops", default=None, **ANY_SIZE)
     b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
+    u_plan: float | None = quantity("V", "budget of the plan, 0 for the paper's governor", default=None, **ANY_SIZE)
 
 
 class TrialRequest(TuningRequest):
@@ -132,3 +137,4 @@ class TuningPreview(Schema):
     stiffness: LoopPreview
     u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")
     F_min_N: float = quantity("N", "least tendon tension of that step")
+    rise_s: float | None = quantity("s", "when q has gone 90 % of that step; null where it does not get there")

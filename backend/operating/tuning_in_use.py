@@ -27,6 +27,7 @@ from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX, Lambdas
+from backend.tuning.plan_budget import require_budget, usual_budget
 from backend.tuning.preview import Previewer
 from backend.tuning.robustness import Robustness
 from plant.parameters import PlantParameters
@@ -84,6 +85,7 @@ class TuningInUse(Chosen):
         """Return what the page shows; ``entry`` is the active entry of the bank."""
         lam_q_min, lam_S_min = self.previewer.safe_range()
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
+        u_plan_min, u_plan_max = self.previewer.plan_range()
         return TuningView(
             **parts_of(self.choice),
             lam_q_min=lam_q_min,
@@ -92,20 +94,26 @@ class TuningInUse(Chosen):
             lam_S_max=LAM_MAX,
             lam_motor_min=lam_motor_min,
             lam_motor_max=lam_motor_max,
+            u_plan_min=u_plan_min,
+            u_plan_max=u_plan_max,
+            u_plan_usual=usual_budget(self.parameters),
             bank=_reference(self.bank),
             entry=entry,
             entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
         )
 
-    def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
-        """Predict what both outer loops would do at these λ."""
-        predicted = self.previewer.preview(replace(self.lambdas, lam_q=lam_q, lam_S=lam_S), entry)
+    def preview(self, lam_q: float, lam_S: float, u_plan: float | None, entry: int) -> TuningPreview:
+        """Predict what both outer loops would do at these λ, and a step with this budget of the plan."""
+        u_plan = self.choice.u_plan if u_plan is None else u_plan
+        require_budget(self.parameters, u_plan)
+        predicted = self.previewer.preview(replace(self.lambdas, lam_q=lam_q, lam_S=lam_S), entry, u_plan)
         return TuningPreview(
             motor=_motor(predicted.motor),
             position=_loop(lam_q, predicted.position),
             stiffness=_loop(lam_S, predicted.stiffness),
-            u_peak_V=predicted.peak_voltage,
-            F_min_N=predicted.least_tension,
+            u_peak_V=predicted.step.peak_voltage,
+            F_min_N=predicted.step.least_tension,
+            rise_s=_finite(predicted.step.rise_s),
         )
 
     def motor(self, lam_motor: float) -> MotorPreview:
@@ -176,7 +184,7 @@ def _checked(
         previewer = before.previewer
     else:
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
-    previewer.require_safe(choice.lambdas)
+    previewer.require_safe(choice.lambdas, choice.u_plan)
     return TuningInUse(choice, bank, parameters, previewer)
 
 

@@ -62,6 +62,8 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
         controller = f"{law}, for comparison; the cascade's gains were not in use"
     if bank is not None and len(bank.entries) > 1 and law == "cascade":
         controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
+    if law == "cascade":
+        controller += f"; references followed by a plan of {exact(loop.u_plan)} V" if loop.u_plan else ""
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))

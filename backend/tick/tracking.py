@@ -33,7 +33,7 @@ def step(
     if state.plays:
         done, target, player = play(player, target)
     y, law = cascade.step(tuning, state.law, target.q_ref, target.S_ref, state.position_loop, m)
-    carry = Carry(law.motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
+    carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
     return decided(y, target, state.plays, done), carry, State(law, state.position_loop, state.plays, player)
 
 

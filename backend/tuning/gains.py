@@ -1,16 +1,47 @@
 """All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from backend.controllers import cascade, i_p, motors
-from backend.controllers.decoupler import decoupler_for, stiffness_slope
-from backend.controllers.limits import bounds_for
+from backend.controllers import cascade, i_p, motors, plan
+from backend.controllers.decoupler import Decoupler, decoupler_for, stiffness_slope
+from backend.controllers.limits import Bounds, bounds_for
 from backend.controllers.scheduling import Schedule
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
 from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
 from plant.parameters import PlantParameters
+
+UNSEEN_S = 0.01
+"""Error of the stiffness that its integrator leaves alone [N·m/rad]: a thousandth of it, some counts of the motors."""
+
+
+class Knowledge(NamedTuple):
+    """What the cascade knows of a plant beside its gains."""
+
+    decoupler: Decoupler
+    bounds: Bounds
+    model: plan.Model
+    q_count: float
+
+
+def knowledge(parameters: PlantParameters) -> Knowledge:
+    """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
+    known = parameters.identified_dynamics()
+    A, B = parameters.identified_of("A"), parameters.identified_of("B")
+    model = plan.Model(
+        A.K_m, A.T_m, B.K_m, B.T_m, known.motor_A.K_t, known.motor_B.K_t, known.joint.J_j, known.joint.B_j
+    )
+    return Knowledge(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
+
+
+def following(known: Knowledge, u_plan: float) -> cascade.Following:
+    """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper."""
+    if u_plan == 0.0:
+        return cascade.Following(0.0, known.model, 0.0, 0.0)
+    return cascade.Following(u_plan, known.model, known.q_count, UNSEEN_S)
 
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
@@ -46,22 +77,26 @@ def cascade_tuning(
     points: Sequence[PointModel] = (),
     motor: MotorModel | None = None,
     interpolate: bool = False,
+    u_plan: float = 0.0,
 ) -> cascade.Tuning:
     """Gains for every point; without points the 20 N point from geometry, without a motor the parameter set's.
 
-    Raises TuningError.
+    ``u_plan`` [V]: budget of the plan, 0 for the paper's governor. Raises TuningError.
     """
     points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
     rows = []
     for point in points:
         q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
-    bounds = bounds_for(parameters)
+    known = knowledge(parameters)
+    return tuning_with(known, motor_loops(parameters, lambdas.lam_motor, motor), np.array(rows), interpolate, u_plan)
+
+
+def tuning_with(
+    known: Knowledge, inner: motors.Gains, entries: NDArray[np.float64], interpolate: bool, u_plan: float
+) -> cascade.Tuning:
+    """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
+    bounds, schedule = known.bounds, Schedule(entries, interpolate)
     return cascade.Tuning(
-        motor_loops(parameters, lambdas.lam_motor, motor),
-        Schedule(np.array(rows), interpolate),
-        decoupler_for(parameters),
-        bounds.envelope,
-        bounds.omega_max,
-        bounds.u_max,
+        inner, schedule, known.decoupler, bounds.envelope, bounds.omega_max, bounds.u_max, following(known, u_plan)
     )

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from backend.tuning.gains import (
 from backend.tuning.linear_model import decoupled_model
 from backend.tuning.models import LAM_MAX, Lambdas, MotorModel, PointModel, designed_point, motor_model
 from backend.tuning.motor_loop import common_range, motor_lambda, motor_robustness
+from backend.tuning.plan_budget import plan_range, require_budget
 from backend.tuning.remembered import remembered
 from backend.tuning.robustness import M_S_MAX, OuterProcess, Robustness, safe_lambda
 from plant.interface import T_s
@@ -56,18 +58,22 @@ class LoopPreview:
     printed_y: NDArray[np.float64]
 
 
+class SimulatedStep(NamedTuple):
+    """``peak_voltage`` [V] and ``least_tension`` [N] of a step; when q is 90 % there [s], nan where it never is."""
+
+    peak_voltage: float
+    least_tension: float
+    rise_s: float
+
+
 @dataclass(frozen=True)
 class Preview:
-    """All loops at one bank point; ``peak_voltage`` [V] and ``least_tension`` [N] of a step of STEP_Q at its S.
-
-    ``motor`` is the less robust of the two motor loops.
-    """
+    """All loops at one bank point, and a ``step`` of STEP_Q at its S; ``motor`` is the less robust of the two loops."""
 
     motor: Robustness
     position: LoopPreview
     stiffness: LoopPreview
-    peak_voltage: float
-    least_tension: float
+    step: SimulatedStep
 
 
 class Previewer:
@@ -125,15 +131,23 @@ class Previewer:
         loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
         return max(loops, key=lambda loop: loop.M_s)
 
-    def require_safe(self, lambdas: Lambdas) -> None:
-        """Raise OutOfRangeError unless both λ lie in the offered range."""
+    def plan_range(self) -> tuple[float, float]:
+        """Smallest and largest budget of a plan [V] that are offered beside 0."""
+        return plan_range(self._parameters)
+
+    def require_safe(self, lambdas: Lambdas, u_plan: float = 0.0) -> None:
+        """Raise OutOfRangeError unless both λ and the budget of the plan [V] lie in the offered range."""
+        require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
         remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
         require_within("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
         require_within("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
 
-    def preview(self, lambdas: Lambdas, entry: int = 0) -> Preview:
-        """Preview at one point of the bank. Raises TuningError for a λ that has no gains."""
+    def preview(self, lambdas: Lambdas, entry: int = 0, u_plan: float = 0.0) -> Preview:
+        """Preview at one point of the bank, with a plan of ``u_plan`` [V] or by the governor.
+
+        Raises TuningError for a λ that has no gains.
+        """
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         point = self.points[entry]
         process_q, process_S = self._processes[entry]
@@ -141,13 +155,12 @@ class Previewer:
         q = position_gains(self._parameters, point, lambdas)
         S = stiffness_gains(self._parameters, point, lambdas)
         held = (point.S_nominal, point.S_nominal)
-        peak_voltage, least_tension = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q)
+        step = self._simulated(lambdas, point, (0.0, STEP_Q), held, lambdas.lam_q, u_plan)
         return Preview(
             self._motor_robustness,
             _loop_preview(process_q, q, position_process(self._parameters, point), lambdas.lam_q, lam_q_min),
             _loop_preview(process_S, S, stiffness_process(self._parameters, point), lambdas.lam_S, lam_S_min),
-            peak_voltage,
-            least_tension,
+            step,
         )
 
     def sensitivity(self, lambdas: Lambdas) -> tuple[float, float]:
@@ -189,10 +202,10 @@ class Previewer:
         S, u_max = point.S_nominal, self._parameters.motor.u_max
 
         def voltage_q(lam: float) -> float:
-            return self._simulated(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam)[0]
+            return self._simulated(self._lambdas(lam_q=lam), point, (-STEP_Q, STEP_Q), (S, S), lam).peak_voltage
 
         def voltage_S(lam: float) -> float:
-            return self._simulated(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam)[0]
+            return self._simulated(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam).peak_voltage
 
         return (
             _unsaturated(self._robust_q(entry), voltage_q, u_max),
@@ -221,13 +234,17 @@ class Previewer:
         q_step: tuple[float, float],
         S_step: tuple[float, float],
         lam: float,
-    ) -> tuple[float, float]:
-        """Peak voltage [V] and least tension [N] of steps from the first to the second reference, for 6 λ and more."""
-        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor)
+        u_plan: float = 0.0,
+    ) -> SimulatedStep:
+        """Simulate steps from the first to the second reference, for 6 λ and more."""
+        tuning = cascade_tuning(self._parameters, lambdas, [point], self._motor, u_plan=u_plan)
         ticks = 100, round((0.9 + 6.0 * lam) / T_s)
         trajectory = run(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
         voltage = np.nanmax(np.abs([trajectory.u_A, trajectory.u_B]))
-        return float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B]))
+        far = q_step[1] - q_step[0]
+        there = np.sign(far) * (trajectory.q[ticks[0] :] - q_step[0]) >= 0.9 * abs(far)
+        rise_s = float(np.argmax(there)) * T_s if far and there.any() else np.nan
+        return SimulatedStep(float(voltage), float(np.nanmin([trajectory.F_A, trajectory.F_B])), rise_s)
 
 
 def _found(search: Callable[[], float]) -> float | TuningError:

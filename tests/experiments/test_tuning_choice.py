@@ -21,7 +21,15 @@ from backend.tuning.models import Lambdas
 from backend.tuning.preview import STEP_Q, Previewer
 from plant.parameters import load_parameters
 
-OTHER: dict[str, Any] = {"lam_q": 0.6, "lam_S": 0.5, "lam_motor": 0.09, "b": 1.0, "bank": 3, "interpolate": True}
+OTHER: dict[str, Any] = {
+    "lam_q": 0.6,
+    "lam_S": 0.5,
+    "lam_motor": 0.09,
+    "b": 1.0,
+    "bank": 3,
+    "interpolate": True,
+    "u_plan": 8.5,
+}
 """Each part of a tuning at another value than its default."""
 
 
@@ -76,9 +84,9 @@ def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
     lam_q, _ = previewer.safe_range()
     lambdas, point = Lambdas(lam_q=lam_q, lam_motor=lam_motor, b=1.0), previewer.points[0]
     held = (point.S_nominal, point.S_nominal)
-    peak_V, _ = previewer._simulated(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q)
+    peak_V = previewer._simulated(lambdas, point, (-STEP_Q, STEP_Q), held, lam_q).peak_voltage
     assert peak_V < lab.motor.u_max
-    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).peak_voltage
+    assert peak_V > Previewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step.peak_voltage
     assert np.isfinite(peak_V)
 
 
@@ -91,4 +99,4 @@ def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) ->
     database.close()
     assert kept is not None
     assert kept.choice == TuningChoice(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
-    assert kept.lacks == ("b",)
+    assert kept.lacks == ("b", "u_plan")

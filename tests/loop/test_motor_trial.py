@@ -6,8 +6,6 @@ import math
 import pytest
 
 from backend.controllers import motors
-from backend.controllers.decoupler import decoupler_for
-from backend.controllers.limits import bounds_for
 from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.faults import Fault
@@ -19,6 +17,7 @@ from backend.loop.motor_trial import MotorTrial
 from backend.loop.tuned import tuning_of
 from backend.sample import INDEX
 from backend.tick.decision import NO_REFERENCE, Carry
+from backend.tuning.gains import knowledge
 from plant.catalog import make_plant
 from plant.choice import PlantChoice, PlantKind
 from plant.interface import Measurement
@@ -87,9 +86,7 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
 @pytest.mark.parametrize("silent", ["q", "theta_A", "theta_B", "F_A", "F_B"])
 def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
-    gains = tuning_of(
-        tuning_command(PARAMETERS, LoopSettings(), None), decoupler_for(PARAMETERS), bounds_for(PARAMETERS)
-    )
+    gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
     carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = MotorTrial(carry, NO_REFERENCE, m, "A")
     rising = [trial.step(gains, m).u_A for _ in range(50)]
@@ -101,9 +98,7 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
 @pytest.mark.parametrize("silent", ["F_A", "F_B"])
 def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
-    gains = tuning_of(
-        tuning_command(PARAMETERS, LoopSettings(), None), decoupler_for(PARAMETERS), bounds_for(PARAMETERS)
-    )
+    gains = tuning_of(tuning_command(PARAMETERS, LoopSettings(), None), knowledge(PARAMETERS))
     carry = Carry(motors.at_rest(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = ModuleTrial(carry, NO_REFERENCE, m)
     trial.step(gains, m)

@@ -55,7 +55,7 @@ RETUNED = (
     Segment(0.3, 0.1, 10.0),
     Segment(0.3, 0.0, 10.0, tuning=2),
 )
-RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9)))
+RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9), u_plan=8.5))
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
 PROGRAMS = {

@@ -35,8 +35,8 @@ def test_predicted_step_is_what_the_simulated_loop_does(previewer: Previewer) ->
 def test_preview_shows_less_robustness_for_a_faster_loop(previewer: Previewer) -> None:
     slow, fast = previewer.preview(Lambdas(lam_q=0.8)), previewer.preview(Lambdas(lam_q=0.36))
     assert slow.position.robustness.M_s < 1.3 < fast.position.robustness.M_s < 1.7
-    assert fast.peak_voltage > slow.peak_voltage
-    assert fast.least_tension > 5.0
+    assert fast.step.peak_voltage > slow.step.peak_voltage
+    assert fast.step.least_tension > 5.0
 
 
 def test_lambda_outside_the_safe_range_is_refused(previewer: Previewer) -> None:

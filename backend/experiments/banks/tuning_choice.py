@@ -32,6 +32,9 @@ class TuningChoice:
     b: float = number(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
     bank: int = integer(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
     interpolate: bool = boolean(False, "interpolate", "gain scheduling between bank entries instead of switching")
+    u_plan: float = number(
+        0.0, 0.0, 10.0, "V", "U_plan", "budget of the plan that references are followed by, 0 for the paper's governor"
+    )
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
@@ -67,6 +70,8 @@ class TuningChoice:
             + ("" if setting.unit == "1" else f" {setting.unit}")
             for setting in DECLARED
         }
+        if self.u_plan == 0.0:
+            words["u_plan"] = "references slowed down by the governor"
         words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
         words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
         return words

@@ -2,7 +2,15 @@
 
 import type { ExperimentKind, State } from "../wire/types";
 
-export const TUNING = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false, bank: null };
+export const TUNING = {
+  lam_q: 0.5,
+  lam_S: 0.42,
+  lam_motor: 0.0854,
+  b: 0,
+  interpolate: false,
+  u_plan: 0,
+  bank: null,
+};
 export const STATE = {
   mode: "run",
   legal_modes: ["experiment", "identify"],

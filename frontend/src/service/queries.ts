@@ -107,8 +107,8 @@ export function predictionQuery(body: IdentificationRequest | null, from: string
 /** The tuning in force as a word: gains, M_s and previews are asked for again when any part of it changes. */
 export function tuningKey(tuning: Tuning | undefined): string {
   if (tuning === undefined) return "";
-  const { lam_q, lam_S, lam_motor, b, interpolate, bank, entry } = tuning;
-  return [lam_q, lam_S, lam_motor, b, interpolate, bank?.id, Math.round(entry)].join(" ");
+  const { lam_q, lam_S, lam_motor, b, interpolate, u_plan, bank, entry } = tuning;
+  return [lam_q, lam_S, lam_motor, b, interpolate, u_plan, bank?.id, Math.round(entry)].join(" ");
 }
 
 /** What identifying one point again would change about the models in use. */

@@ -15,6 +15,7 @@ export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks
     settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
     bankInWords(settings.bank, banks),
     settings.interpolate === true ? "interpolating between entries" : "",
+    planInWords(settings.u_plan),
   ];
   return parts.filter((part) => part !== "").join(", ");
 }
@@ -24,6 +25,11 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
   if (id === 0) return "gains from geometry";
   const bank = banks.find((one) => one.id === id);
   return bank === undefined ? `bank ${id}` : `bank ${bank.name} v${bank.version}`;
+}
+
+/** What the references are followed by; nothing for the governor of the paper, and for runs from before there was a plan. */
+export function planInWords(u_plan: unknown): string {
+  return typeof u_plan === "number" && u_plan > 0 ? `plan of ${u_plan} V` : "";
 }
 
 function partOf(value: unknown, symbol: string, unit: string): string {

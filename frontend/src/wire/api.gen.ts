@@ -2483,6 +2483,11 @@ export interface components {
              * @description gain scheduling between entries instead of switching
              */
             interpolate: boolean;
+            /**
+             * U Plan
+             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             */
+            u_plan: number;
             /** @description bank in use; None while the gains come from geometry */
             bank: components["schemas"]["BankReference"] | null;
         };
@@ -4652,6 +4657,11 @@ export interface components {
              * @description gain scheduling between entries instead of switching
              */
             interpolate: boolean;
+            /**
+             * U Plan
+             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             */
+            u_plan: number;
             /** Who */
             who: string | null;
             /** At */
@@ -5492,6 +5502,11 @@ export interface components {
              */
             interpolate?: boolean | null;
             /**
+             * U Plan
+             * @description budget of the plan, 0 for the paper's governor [V]
+             */
+            u_plan?: number | null;
+            /**
              * Duration S
              * @description how long it stays in force [s]
              */
@@ -5528,6 +5543,11 @@ export interface components {
              */
             interpolate: boolean;
             /**
+             * U Plan
+             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             */
+            u_plan: number;
+            /**
              * Remaining S
              * @description time until the earlier tuning is put back [s]
              */
@@ -5556,6 +5576,11 @@ export interface components {
              * @description least tendon tension of that step [N]
              */
             F_min_N: number;
+            /**
+             * Rise S
+             * @description when q has gone 90 % of that step; null where it does not get there [s]
+             */
+            rise_s: number | null;
         };
         /**
          * TuningRequest
@@ -5587,6 +5612,11 @@ export interface components {
              * @description gain scheduling instead of switching
              */
             interpolate?: boolean | null;
+            /**
+             * U Plan
+             * @description budget of the plan, 0 for the paper's governor [V]
+             */
+            u_plan?: number | null;
         };
         /**
          * TuningView
@@ -5618,6 +5648,11 @@ export interface components {
              * @description gain scheduling between entries instead of switching
              */
             interpolate: boolean;
+            /**
+             * U Plan
+             * @description budget of the plan that references are followed by; 0: the paper's governor [V]
+             */
+            u_plan: number;
             /** @description bank in use; None while the gains come from geometry */
             bank: components["schemas"]["BankReference"] | null;
             /**
@@ -5650,6 +5685,21 @@ export interface components {
              * @description largest λ_motor offered [s]
              */
             lam_motor_max: number;
+            /**
+             * U Plan Min
+             * @description smallest budget of a plan offered beside 0, which is the paper's governor [V]
+             */
+            u_plan_min: number;
+            /**
+             * U Plan Max
+             * @description largest budget of a plan offered: what is left is for load, friction, feedback [V]
+             */
+            u_plan_max: number;
+            /**
+             * U Plan Usual
+             * @description budget that is proposed where there was no plan [V]
+             */
+            u_plan_usual: number;
             /**
              * Entry
              * @description active entry of the bank, fractional while interpolating
@@ -9647,6 +9697,8 @@ export interface operations {
                 lam_q: number;
                 /** @description λ of the stiffness loop [s] */
                 lam_S: number;
+                /** @description budget of the plan [V]; what is in force if left out */
+                u_plan?: number | null;
             };
             header?: never;
             path?: never;

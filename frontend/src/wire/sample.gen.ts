@@ -29,7 +29,7 @@ export const FIELDS = [
     "name": "q_ref_gov",
     "symbol": "q_ref,gov",
     "unit": "rad",
-    "meaning": "joint position reference after the reference governor"
+    "meaning": "joint position reference after the governor, or of the plan"
   },
   {
     "name": "q_dot",
@@ -53,7 +53,7 @@ export const FIELDS = [
     "name": "S_ref_gov",
     "symbol": "S_ref,gov",
     "unit": "N·m/rad",
-    "meaning": "joint stiffness reference after the reference governor"
+    "meaning": "joint stiffness reference after the governor, or of the plan"
   },
   {
     "name": "S_true",

@@ -18,9 +18,25 @@ import type { ExperimentKind, State } from "../../wire/types";
 import { ExperimentForm } from "./ExperimentForm";
 
 const BANK = { id: 7, name: "lab", version: 2 };
-const GEOMETRY = { lam_q: 0.5, lam_S: 0.42, lam_motor: 0.0854, b: 0, interpolate: false, bank: null };
-const CHOSEN = { lam_q: 0.8, lam_S: 0.6, lam_motor: 0.09, b: 0.25, interpolate: true, bank: BANK };
-const LENT = { lam_q: 1.5, lam_S: 1.2, lam_motor: 0.0854, b: 1, interpolate: false, bank: null };
+const GEOMETRY = {
+  lam_q: 0.5,
+  lam_S: 0.42,
+  lam_motor: 0.0854,
+  b: 0,
+  interpolate: false,
+  u_plan: 0,
+  bank: null,
+};
+const CHOSEN = {
+  lam_q: 0.8,
+  lam_S: 0.6,
+  lam_motor: 0.09,
+  b: 0.25,
+  interpolate: true,
+  u_plan: 8.5,
+  bank: BANK,
+};
+const LENT = { lam_q: 1.5, lam_S: 1.2, lam_motor: 0.0854, b: 1, interpolate: false, u_plan: 0, bank: null };
 
 type Tuned = typeof GEOMETRY | typeof CHOSEN;
 
@@ -45,6 +61,7 @@ const KIND: ExperimentKind = {
     setting("b", 0),
     setting("bank", 0),
     setting("interpolate", false),
+    setting("u_plan", 0, "V"),
     setting("seed", 0),
   ],
 };
@@ -109,6 +126,7 @@ function standing(): Record<string, unknown> {
     b: number("What b is"),
     bank: number("Models that the gains come from"),
     interpolate: (screen.getByRole("switch", { name: /^What interpolate is/ }) as HTMLInputElement).checked,
+    u_plan: number("What u_plan is [V]"),
     seed: number("What seed is"),
   };
 }

@@ -18,6 +18,7 @@ import { HUES } from "../../theme/signals";
 import type { Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
+import { PlanControl } from "./PlanControl";
 import { TuningChanges } from "./TuningChanges";
 
 const PREVIEW_AFTER_MS = 60;
@@ -70,6 +71,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           }}
         />
       ))}
+      <PlanControl tuning={tuning} onCommit={(u_plan) => setTuning.mutateAsync({ u_plan })} />
       <StepForecast preview={preview.data} missing={missing} u_max={u_max} />
       <MotorMargins className={styles.margins} lam_motor={tuning.lam_motor} bank={tuning.bank?.id ?? null} />
       <Checkbox
@@ -104,7 +106,11 @@ function StepForecast({ preview, missing, u_max }: StepForecastProps) {
       <Shown value={preview?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
       </Shown>{" "}
-      N
+      N, 90 % after{" "}
+      <Shown value={preview?.rise_s ?? undefined} why={preview ? "it does not get there" : missing}>
+        {(rise) => fixed(rise, 2)}
+      </Shown>{" "}
+      s
     </output>
   );
 }

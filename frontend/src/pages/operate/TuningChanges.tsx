@@ -25,6 +25,7 @@ const PARTS = [
   ["lam_motor", "λ_motor"],
   ["b", "b"],
   ["interpolate", "entries"],
+  ["u_plan", "U_plan"],
 ] as const;
 const DECIMALS = 3;
 const DECIMALS_OF_MOTOR = 4;
@@ -208,5 +209,6 @@ function isStaged(name: Part): name is LambdaName {
 
 function inWords(name: Part, value: number | boolean): string {
   if (typeof value === "boolean") return value ? "interpolating" : "switching";
+  if (name === "u_plan") return value === 0 ? "governor" : `${fixed(value, 1)} V`;
   return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
 }

@@ -25,6 +25,8 @@ export function ViewOnly() {
         <dd>
           {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
         </dd>
+        <dt>References followed by</dt>
+        <dd>{tuning.u_plan > 0 ? `a plan of ${fixed(tuning.u_plan, 1)} V` : "the governor alone"}</dd>
         <dt>Gains</dt>
         <dd>{tuning.bank === null ? "from geometry" : `bank ${tuning.bank.name} v${tuning.bank.version}`}</dd>
       </dl>

@@ -1,0 +1,347 @@
+"""Where motors and joint are to be in each tick: as fast as a budget of voltage allows, for the loops to hold on to.
+
+Two axes move an exact model of the motors: the difference of the motor angles, which turns the joint, and their common
+part, which makes it stiff. Each brakes along the curve from which full reverse voltage just stops it at the target, so
+that a step takes the shortest time there is, and whatever moves in each tick is followed as long as the budget lasts.
+The voltages that the model needed go straight to the motors (model following: the paper's loops act on the rest).
+"""
+
+import math
+from typing import NamedTuple
+
+from backend.controllers import decoupler
+from backend.controllers.decoupler import Decoupler
+from plant.compiled import compiled
+from plant.interface import T_s
+
+SMOOTHED = 10
+"""Ticks over which the voltages are averaged: the end point and the bound stay, a full reversal takes 10 ms."""
+
+LANDING_S = 0.010
+"""Time constant with which an axis comes to rest at its target, where the braking curve has no finite slope."""
+
+BRAKING = 0.98
+"""Share of the budget that braking counts on: what is left keeps an axis on its curve."""
+
+NEAR = 0.05
+"""An axis so near its target [rad] leaves the voltage that it does not use to the other one."""
+
+STANDING = 1e-3
+"""An axis so near its target [rad] has arrived."""
+
+LEAST_V = 1e-3
+"""An axis that has nothing left of the budget [V] is planned with this."""
+
+_HALVINGS = 24
+
+
+class Model(NamedTuple):
+    """What the plan knows of the actuator: motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13)."""
+
+    K_A: float
+    T_A: float
+    K_B: float
+    T_B: float
+    K_t_A: float
+    K_t_B: float
+    J_j: float
+    B_j: float
+
+
+class Axis(NamedTuple):
+    """Angle [rad] and speed [rad/s] of one axis of the model."""
+
+    theta: float
+    omega: float
+
+
+class Goal(NamedTuple):
+    """Where an axis is sent [rad], and how fast that moves [rad/s]; 0 where it has jumped."""
+
+    theta: float
+    rate: float
+
+
+Window = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Voltages of the last SMOOTHED ticks [V], the newest first."""
+
+
+class State(NamedTuple):
+    """The model and its way.
+
+    ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it, where the motors of
+    the model are. ``share`` of the budget is the difference axis's. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model.
+    ``F_held`` [N]: tension that the integrators of the motor loops carry already.
+    """
+
+    goal_d: Goal
+    goal_c: Goal
+    d: Axis
+    c: Axis
+    window_d: Window
+    window_c: Window
+    smooth_d: Axis
+    smooth_c: Axis
+    share: float
+    q: float
+    q_dot: float
+    F_held_A: float
+    F_held_B: float
+
+
+class Now(NamedTuple):
+    """The model now: motor angles [rad], their speeds [rad/s], joint and its equilibrium [rad], stiffness [N·m/rad]."""
+
+    theta_A: float
+    theta_B: float
+    omega_A: float
+    omega_B: float
+    q: float
+    q_e: float
+    S: float
+
+
+class Driven(NamedTuple):
+    """Voltages [V] that move the model in a tick, and whether it is still on its way."""
+
+    u_A: float
+    u_B: float
+    moving: bool
+
+
+@compiled
+def begin(
+    d: Decoupler, model: Model, q: float, theta_A: float, theta_B: float, omega_A: float, omega_B: float
+) -> State:
+    """Return a model that stands where the actuator is [rad], moves as it does [rad/s], and is sent nowhere else."""
+    difference = Axis(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
+    common = Axis(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
+    q_dot = d.r_m / d.r_j * difference.omega
+    F_A, F_B = _tensions(d, decoupler.equilibrium(d, theta_A, theta_B), decoupler.stiffness(d, theta_A, theta_B), q)
+    K = min(model.K_A, model.K_B)
+    return State(
+        Goal(difference.theta, 0.0),
+        Goal(common.theta, 0.0),
+        difference,
+        common,
+        _filled(difference.omega / K),
+        _filled(common.omega / K),
+        difference,
+        common,
+        0.5,
+        q,
+        q_dot,
+        F_A,
+        F_B,
+    )
+
+
+@compiled
+def now(d: Decoupler, state: State) -> Now:
+    """Return where the model is."""
+    A, B = _motors(state.smooth_d, state.smooth_c)
+    q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
+    return Now(A.theta, B.theta, A.omega, B.omega, state.q, q_e, S)
+
+
+@compiled
+def step(
+    d: Decoupler, model: Model, budget: float, state: State, at: Now, q_ref: float, S_ref: float
+) -> tuple[Driven, State]:
+    """One tick towards (q_ref [rad], S_ref [N·m/rad]) from ``at``, within ``budget`` [V] for both axes together."""
+    K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
+    theta_A, theta_B = decoupler.motor_positions(d, q_ref, S_ref)
+    goal_d = _goal(state.goal_d, 0.5 * (theta_A - theta_B), K * budget)
+    goal_c = _goal(state.goal_c, 0.5 * (theta_A + theta_B), K * budget)
+    share = state.share
+    if _jumps(state.goal_d, goal_d) or _jumps(state.goal_c, goal_c):
+        share = shared(K, T, budget, state.d, goal_d, state.c, goal_c)
+    held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
+    free = max(budget - held_d - held_c, 0.0)
+    most_d = held_d + share * free
+    if abs(goal_c.theta - state.c.theta) < NEAR:  # what the common axis has no use for now
+        most_d = max(most_d, budget - abs(state.window_c[0]))
+    most_d = min(most_d, budget)
+    u_d = _toward(K, T, most_d, state.d, goal_d)
+    u_c = _toward(K, T, budget - abs(u_d), state.c, goal_c)
+    window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
+    mean_d, mean_c = _mean(window_d), _mean(window_c)
+    smooth_d, smooth_c = _turned(K, T, state.smooth_d, mean_d), _turned(K, T, state.smooth_c, mean_c)
+
+    A, B = _motors(smooth_d, smooth_c)
+    q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
+    q, q_dot = _swung(model, state.q, state.q_dot, at.q_e, at.S, q_e, S)
+
+    forward = State(
+        goal_d, goal_c, state.d, state.c, window_d, window_c, state.smooth_d, state.smooth_c, share,
+        state.q, state.q_dot, state.F_held_A, state.F_held_B,
+    )  # fmt: skip
+    u_A, u_B = voltages(d, model, forward, at)
+    distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
+    driven = Driven(u_A, u_B, distance > STANDING)
+    return driven, State(
+        goal_d,
+        goal_c,
+        _turned(K, T, state.d, u_d),
+        _turned(K, T, state.c, u_c),
+        window_d,
+        window_c,
+        smooth_d,
+        smooth_c,
+        share,
+        q,
+        q_dot,
+        state.F_held_A,
+        state.F_held_B,
+    )
+
+
+@compiled
+def voltages(d: Decoupler, model: Model, state: State, at: Now) -> tuple[float, float]:
+    """Voltages [V] of the two motors for what the axes' windows say, and for the tension that has come since ``begin``.
+
+    The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion.
+    """
+    K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
+    turning_d = (K * _mean(state.window_d) - state.smooth_d.omega) / T
+    turning_c = (K * _mean(state.window_c) - state.smooth_c.omega) / T
+    F_A, F_B = _tensions(d, at.q_e, at.S, at.q)
+    return (
+        (model.T_A * (turning_c + turning_d) + at.omega_A) / model.K_A + d.r_m * (F_A - state.F_held_A) / model.K_t_A,
+        (model.T_B * (turning_c - turning_d) + at.omega_B) / model.K_B + d.r_m * (F_B - state.F_held_B) / model.K_t_B,
+    )
+
+
+@compiled
+def braking_distance(V: float, T: float, omega: float) -> float:
+    """How far [rad] an axis goes while −V/K volts stop it from ``omega`` ≥ 0 [rad/s]: T ω − V T ln(1 + ω/V)."""
+    return T * omega - V * T * math.log1p(omega / V)
+
+
+@compiled
+def braking_speed(V: float, T: float, distance: float) -> float:
+    """Speed [rad/s] from which −V/K volts stop an axis within ``distance`` ≥ 0 [rad]: ``braking_distance`` inverted."""
+    E = max(distance, 0.0) / (V * T)
+    y = math.sqrt(2.0 * E) + E / 1.5
+    for _ in range(3):  # of y − ln(1 + y) = E; the start is right for small E, Newton's steps for any
+        y -= (y - math.log1p(y) - E) * (1.0 + y) / max(y, 1e-12)
+    return V * y
+
+
+@compiled
+def duration(V: float, T: float, distance: float, omega: float) -> float:
+    """Least time [s] from speed ``omega`` [rad/s] to rest ``distance`` [rad] away, with at most V/K volts.
+
+    Full voltage one way, then the other (T θ'' + θ' = K u, |K u| ≤ V).
+    """
+    brake = math.copysign(braking_distance(V, T, abs(omega)), omega)
+    s = 1.0 if distance >= brake else -1.0
+    e, w = s * distance, s * omega
+    if V <= 0.0:
+        return math.inf if e != 0.0 else 0.0
+    a = 1.0 - w / V
+    E = math.exp(min((e - T * w) / (V * T), 700.0))
+    x = E + math.sqrt(max(E * E - a * E, 0.0))
+    forward = T * math.log(max(x, 1.0))
+    peak = V - (V - w) / max(x, 1.0)
+    return forward + T * math.log1p(max(peak, 0.0) / V)
+
+
+@compiled
+def shared(K: float, T: float, budget: float, d: Axis, goal_d: Goal, c: Axis, goal_c: Goal) -> float:
+    """Share of the budget for the difference axis with which both axes arrive together."""
+    far_d, far_c = goal_d.theta - d.theta, goal_c.theta - c.theta
+    w_d, w_c = d.omega - goal_d.rate, c.omega - goal_c.rate
+    free = max(K * budget - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        share = 0.5 * (low + high)
+        if duration(share * free, T, far_d, w_d) > duration((1.0 - share) * free, T, far_c, w_c):
+            low = share
+        else:
+            high = share
+    return 0.5 * (low + high)
+
+
+@compiled
+def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal."""
+    U = max(U, LEAST_V)
+    e, w = goal.theta - axis.theta, axis.omega - goal.rate
+    e -= T_s * w  # as it will be when this voltage has acted
+    s = 1.0 if e >= 0.0 else -1.0
+    V = max(K * BRAKING * U + s * goal.rate, 0.05 * K * U)
+    a = V / T
+    landing = a * LANDING_S**2
+    wanted = abs(e) / LANDING_S if abs(e) <= landing else braking_speed(V, T, abs(e) - 0.5 * landing)
+    g = math.exp(-T_s / T)
+    u = (goal.rate + s * wanted - g * axis.omega) / (K * (1.0 - g))
+    return min(max(u, -U), U)
+
+
+@compiled
+def _goal(before: Goal, theta: float, V: float) -> Goal:
+    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped."""
+    moved = theta - before.theta
+    return Goal(theta, moved / T_s if abs(moved) <= V * T_s else 0.0)
+
+
+@compiled
+def _jumps(before: Goal, goal: Goal) -> bool:
+    return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
+
+
+@compiled
+def _turned(K: float, T: float, axis: Axis, u: float) -> Axis:
+    """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
+    g = math.exp(-T_s / T)
+    over = axis.omega - K * u
+    return Axis(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
+
+
+@compiled
+def _motors(d: Axis, c: Axis) -> tuple[Axis, Axis]:
+    """Motors A and B of the two axes."""
+    return Axis(c.theta + d.theta, c.omega + d.omega), Axis(c.theta - d.theta, c.omega - d.omega)
+
+
+@compiled
+def _swung(
+    model: Model, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
+) -> tuple[float, float]:
+    """Joint one tick later: J_j q'' = S (q_e − q) − B_j q', a Runge-Kutta step with q_e and S in between."""
+    h, J, B = T_s, model.J_j, model.B_j
+    q_e_half, S_half = 0.5 * (q_e + q_e_next), 0.5 * (S + S_next)
+    v1, a1 = q_dot, (S * (q_e - q) - B * q_dot) / J
+    q2, v2 = q + 0.5 * h * v1, q_dot + 0.5 * h * a1
+    a2 = (S_half * (q_e_half - q2) - B * v2) / J
+    q3, v3 = q + 0.5 * h * v2, q_dot + 0.5 * h * a2
+    a3 = (S_half * (q_e_half - q3) - B * v3) / J
+    q4, v4 = q + h * v3, q_dot + h * a3
+    a4 = (S_next * (q_e_next - q4) - B * v4) / J
+    return q + h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4), q_dot + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@compiled
+def _tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
+    """Tensions [N] with the joint q_e − q [rad] off rest: half of S (q_e − q)/r_j on top of one, off the other."""
+    F, pull = decoupler.tension_under(d, S), 0.5 * S * (q_e - q) / d.r_j
+    return F + pull, F - pull
+
+
+@compiled
+def _filled(u: float) -> Window:
+    return (u, u, u, u, u, u, u, u, u, u)
+
+
+@compiled
+def _pushed(window: Window, u: float) -> Window:
+    return (u, *window[:-1])
+
+
+@compiled
+def _mean(window: Window) -> float:
+    total = 0.0
+    for u in window:
+        total += u
+    return total / SMOOTHED

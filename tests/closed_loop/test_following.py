@@ -1,0 +1,257 @@
+"""References followed by a plan: as fast as asked, as robust as asked, without a bump to and from the paper's law."""
+
+import itertools
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from backend.controllers import cascade, decoupler, plan
+from backend.controllers.limits import bounds_for
+from backend.tuning import closed_loop
+from backend.tuning.closed_loop import Array, Trajectory, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas, PointModel, designed_point
+from backend.tuning.plan_budget import plan_range, usual_budget
+from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.quality import HIGH
+
+SETS = ("ideal", "lab")
+LAMBDAS = Lambdas(lam_q=0.355, lam_S=0.345)
+COUNT = 2.0 * math.pi / 4000.0
+AT = 1000
+
+
+class Reached(NamedTuple):
+    to_90_percent_s: float
+    settling_s: float
+    overshoot_percent: float
+
+
+def stepped(
+    plant: PlantParameters, q: tuple[float, float], S: tuple[float, float], budget: float, known: PlantParameters
+) -> Trajectory:
+    tuning = cascade_tuning(known, LAMBDAS, u_plan=budget)
+    ticks = AT, 4000
+    return run(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks))
+
+
+def reached(y: Array, start: float, end: float) -> Reached:
+    way = (y[AT:] - start) / (end - start)
+    outside = np.flatnonzero(np.abs(way - 1.0) > 0.02)
+    return Reached(int(np.argmax(way >= 0.9)) / 1000, (int(outside[-1]) + 1) / 1000, 100.0 * (float(way.max()) - 1.0))
+
+
+def clipped(trajectory: Trajectory, u_max: float) -> int:
+    return int(np.sum(np.maximum(np.abs(trajectory.u_A), np.abs(trajectory.u_B)) >= u_max))
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_largest_step_of_the_paper_is_as_fast_as_the_motors_nearly_allow(name: str) -> None:
+    plant = load_parameters(name)
+    trajectory = stepped(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(plant), plant)
+    q = reached(trajectory.q, -HIGH, HIGH)
+    assert q.to_90_percent_s <= 1.05
+    assert q.settling_s <= 1.15
+    assert q.overshoot_percent <= 0.5
+    assert np.max(np.abs(trajectory.S[AT:] - 10.0)) <= 0.05
+    assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 15.0
+    assert clipped(trajectory, plant.motor.u_max) == 0
+    paper = reached(stepped(plant, (-HIGH, HIGH), (10.0, 10.0), 0.0, plant).q, -HIGH, HIGH)
+    assert q.to_90_percent_s < 0.6 * paper.to_90_percent_s
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_stiffness_alone_and_both_at_once(name: str) -> None:
+    plant = load_parameters(name)
+    S = stepped(plant, (0.0, 0.0), (8.0, 14.0), usual_budget(plant), plant).S
+    assert reached(S, 8.0, 14.0).to_90_percent_s <= 0.40
+    both = stepped(plant, (-HIGH, HIGH), (8.0, 14.0), usual_budget(plant), plant)
+    assert reached(both.q, -HIGH, HIGH).to_90_percent_s <= 1.30
+    assert min(both.F_A.min(), both.F_B.min()) > 8.0
+
+
+def off_by(
+    K_m: float = 1.0, T_m: float = 1.0, spring: float = 1.0, K_t: float = 1.0, friction: float = 1.0
+) -> PlantParameters:
+    lab = load_parameters("lab")
+    m, a = lab.motor, lab.asymmetry
+    return replace(
+        lab,
+        motor=replace(m, K_m=K_m * m.K_m, T_m=T_m * m.T_m, K_t=K_t * m.K_t, c0=friction * m.c0, c1=friction * m.c1),
+        asymmetry=replace(a, spring_A=spring * a.spring_A, spring_B=spring * a.spring_B),
+    )
+
+
+ALONE = [
+    *({name: factor} for name in ("K_m", "spring", "K_t") for factor in (0.9, 1.1)),
+    *({name: factor} for name in ("T_m", "friction") for factor in (0.8, 1.2)),
+]
+
+
+@pytest.mark.parametrize("wrong", ALONE, ids=str)
+def test_a_model_that_is_wrong_in_one_number(wrong: dict[str, float]) -> None:
+    lab = load_parameters("lab")
+    trajectory = stepped(off_by(**wrong), (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
+    assert trajectory.tripped_at == -1
+    assert reached(trajectory.q, -HIGH, HIGH).overshoot_percent <= 1.0
+
+
+def test_a_model_that_is_wrong_in_all_of_them() -> None:
+    lab = load_parameters("lab")
+    for K_m, T_m, spring, K_t, friction in itertools.product(
+        (0.9, 1.1), (0.8, 1.2), (0.9, 1.1), (0.9, 1.1), (0.8, 1.2)
+    ):
+        plant = off_by(K_m, T_m, spring, K_t, friction)
+        trajectory = stepped(plant, (-HIGH, HIGH), (10.0, 10.0), usual_budget(lab), lab)
+        assert trajectory.tripped_at == -1
+        assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 8.0
+        assert reached(trajectory.q, -HIGH, HIGH).overshoot_percent <= 3.0, (K_m, T_m, spring, K_t, friction)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_sine_is_followed(name: str) -> None:
+    plant = load_parameters(name)
+    t = np.arange(12_000) / 1000
+    q_ref = 0.5 * np.sin(2.0 * np.pi * 0.3 * np.maximum(t - 1.0, 0.0))
+    errors = {}
+    for budget in (0.0, usual_budget(plant)):
+        found = run(plant, cascade_tuning(plant, LAMBDAS, u_plan=budget), q_ref, np.full(t.size, 10.0))
+        errors[budget > 0.0] = float(np.sqrt(np.mean((found.q - q_ref)[AT:] ** 2)))
+    assert errors[True] <= 0.01
+    assert errors[False] > 0.3  # the paper's law lags
+
+
+def test_at_rest_nothing_hunts() -> None:
+    """Twenty seconds after a move, on friction, counts and noise."""
+    lab = load_parameters("lab")
+    swing = {}
+    for budget in (0.0, usual_budget(lab)):
+        tuning = cascade_tuning(lab, LAMBDAS, u_plan=budget)
+        ticks = AT, 25_000
+        found = run(lab, tuning, np.repeat([-0.7, 0.3], ticks), np.repeat([12.0, 10.0], ticks))
+        rest = slice(AT + 5000, None)
+        swing[budget > 0.0] = float(np.ptp(found.u_A[rest])), float(np.ptp(found.S[rest]))
+        assert np.max(np.abs(found.q[rest] - 0.3)) <= COUNT if budget else True
+    assert swing[True][0] <= 0.15
+    assert swing[True][1] <= 0.005
+    assert swing[True][0] < 0.5 * swing[False][0]
+
+
+def without_and_with(
+    before: cascade.Tuning, after: cascade.Tuning, at: int
+) -> tuple[Array, Array, cascade.State, cascade.State, cascade.State]:
+    """Voltages (2,) in the tick ``at`` without and with the change; the law before it, and after it either way."""
+    ideal = load_parameters("ideal")
+    rig = closed_loop.rig_of(ideal)
+    q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
+    q_ref[:200], S_ref[:200] = -HIGH, 9.0
+    x, law = closed_loop.at_rest(rig, before, -HIGH, 9.0)
+    line, out = closed_loop.empty_arrays(at)
+    x, law, _ = closed_loop.simulate(
+        rig, before, x, law, closed_loop.inputs_of(ideal, q_ref[:at], S_ref[:at]), line, out
+    )
+    voltages, laws = [], []
+    for tuning in (before, after):
+        line, row = closed_loop.empty_arrays(1)
+        last = closed_loop.inputs_of(ideal, q_ref[at:], S_ref[at:])
+        laws.append(closed_loop.simulate(rig, tuning, x, law, last, line, row)[1])
+        voltages.append(row[0, [closed_loop.COLUMNS.index(name) for name in ("u_A", "u_B")]])
+    return voltages[0], voltages[1], law, laws[0], laws[1]
+
+
+def mean_voltages(way: plan.State) -> Array:
+    """Voltages of motors A and B that the model is driven by."""
+    d, c = np.mean(way.window_d), np.mean(way.window_c)
+    return np.array([c + d, c - d])
+
+
+TICKS = [150, 230, 700, 1500, 6000]
+"""At rest before the step, just after it, at full speed, on arrival and at rest again."""
+
+
+@pytest.mark.parametrize("at", TICKS)
+def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
+    ideal = load_parameters("ideal")
+    without, with_plan, _, _, after = without_and_with(
+        cascade_tuning(ideal, LAMBDAS), cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
+    )
+    d, c = after.plan.window_d, after.plan.window_c
+    own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / plan.SMOOTHED
+    assert np.max(np.abs(with_plan - without - own)) < 1e-3
+    assert np.max(np.abs(own)) < 2.0
+
+
+@pytest.mark.parametrize("at", TICKS)
+def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
+    ideal = load_parameters("ideal")
+    without, by_governor, before, planned, _ = without_and_with(
+        cascade_tuning(ideal, LAMBDAS, u_plan=8.5), cascade_tuning(ideal, LAMBDAS), at
+    )
+    own = mean_voltages(planned.plan) - mean_voltages(before.plan)
+    assert np.max(np.abs(without - by_governor - own)) < 1e-3
+
+
+@pytest.mark.parametrize("at", TICKS)
+@pytest.mark.parametrize(
+    "changed", [{"lam_q": 1.2}, {"lam_S": 0.9}, {"lam_motor": 0.1}, {"b": 1.0}], ids=lambda changed: next(iter(changed))
+)
+def test_no_change_of_gains_shows_under_a_plan(changed: dict[str, float], at: int) -> None:
+    ideal = load_parameters("ideal")
+    without, with_change, *_ = without_and_with(
+        cascade_tuning(ideal, Lambdas(), u_plan=8.5), cascade_tuning(ideal, Lambdas(**changed), u_plan=8.5), at
+    )
+    assert np.max(np.abs(with_change - without)) < 1e-3
+
+
+class Played(NamedTuple):
+    least: float
+    most: float
+    tripped: bool
+
+
+def random_program(plant: PlantParameters, seed: int) -> Played:
+    """Targets changed in mid-move, λ, bank and law on the way, pushes as far as the tendons leave room for them."""
+    random = np.random.default_rng(seed)
+    rig, bounds = closed_loop.rig_of(plant), bounds_for(plant)
+    points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
+
+    def tuning() -> cascade.Tuning:
+        lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
+        bank: list[PointModel] = points if random.random() < 0.5 else []
+        budget = random.uniform(*plan_range(plant)) if random.random() < 0.8 else 0.0
+        return cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)
+
+    q_ref, S_ref, F_push, chosen = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0), 0.0, tuning()
+    x, law = closed_loop.at_rest(rig, chosen, q_ref, S_ref)
+    least, most = math.inf, 0.0
+    for leg in range(10):
+        ticks = int(random.uniform(100, 1500))
+        q_ref = random.uniform(bounds.q_min, bounds.q_max) if random.random() < 0.7 else q_ref
+        S_ref = random.uniform(bounds.S_min, bounds.S_max) if random.random() < 0.5 else S_ref
+        chosen = tuning() if random.random() < 0.5 else chosen
+        here = decoupler.tension_under(chosen.decoupler, decoupler.stiffness(chosen.decoupler, x.theta_A, x.theta_B))
+        room = min(here - 4.0, 46.0 - here, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
+        F_push = random.uniform(-1.0, 1.0) * min(10.0, max(room, 0.0)) if random.random() < 0.5 else 0.0
+        line, out = closed_loop.empty_arrays(ticks)
+        inputs = closed_loop.inputs_of(
+            plant, np.full(ticks, q_ref), np.full(ticks, S_ref), np.full(ticks, F_push), 100 * seed + leg
+        )
+        x, law, tripped = closed_loop.simulate(rig, chosen, x, law, inputs, line, out)
+        F = out[: tripped if tripped >= 0 else None, 5:7]
+        least, most = min(least, float(F.min())), max(most, float(F.max()))
+        if tripped >= 0:
+            return Played(least, most, True)
+    return Played(least, most, False)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_random_programs_stay_taut_and_do_not_trip(name: str) -> None:
+    plant = load_parameters(name)
+    for seed in range(60):
+        played = random_program(plant, seed)
+        assert not played.tripped, seed
+        assert played.least > 1.0, seed
+        assert played.most < 50.0, seed

@@ -1,0 +1,154 @@
+"""The plan against integrations of its own: least time, exact model, budget, and nothing that is no number."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from backend.controllers import decoupler, plan
+from backend.controllers.decoupler import decoupler_for
+from backend.tuning.gains import knowledge
+from plant.interface import T_s
+from plant.parameters import load_parameters
+
+LAB = load_parameters("lab")
+D, MODEL = decoupler_for(LAB), knowledge(LAB).model
+K, T = MODEL.K_A, MODEL.T_A
+BUDGET = 8.5
+Q, S = st.floats(-1.4, 1.4), st.floats(8.0, 15.0)
+
+
+def turned(state: tuple[float, float], u: float, seconds: float) -> tuple[float, float]:
+    """Motor T θ'' + θ' = K u, integrated by somebody else."""
+    path = solve_ivp(
+        lambda _, x: (x[1], (K * u - x[1]) / T), (0.0, seconds), state, rtol=1e-11, atol=1e-12, method="DOP853"
+    )
+    return float(path.y[0, -1]), float(path.y[1, -1])
+
+
+def least_time(far: float, omega: float, U: float) -> float:
+    """Least time to rest at ``far``, found by trying when to turn from one voltage to the other."""
+    best = math.inf
+    for u in (U, -U):
+        low, high = 0.0, 10.0
+        for _ in range(80):
+            at, speed = turned((0.0, omega), u, middle := 0.5 * (low + high)) if high > 0.0 else (0.0, omega)
+            V = K * U
+            stop_s = T * math.log1p(abs(speed) / V)
+            gone, left = turned((at, speed), math.copysign(U, -speed), stop_s)
+            assert abs(left) < 1e-6
+            low, high = (middle, high) if (gone - far) * math.copysign(1.0, u) < 0.0 else (low, middle)
+        if abs(gone - far) < 1e-6:
+            best = min(best, middle + stop_s)
+    return best
+
+
+@pytest.mark.parametrize(
+    ("far", "omega"), [(20.94, 0.0), (4.16, 0.0), (0.5, 0.0), (10.0, 6.0), (3.0, 15.0), (-5.0, 8.0), (1.0, -12.0)]
+)
+def test_the_duration_is_the_least_there_is(far: float, omega: float) -> None:
+    assert plan.duration(K * BUDGET, T, far, omega) == pytest.approx(least_time(far, omega, BUDGET), abs=1e-6)
+
+
+@given(st.floats(0.5, 40.0), st.floats(0.05, 1.0), st.floats(0.0, 60.0))
+def test_the_braking_speed_inverts_the_distance(V: float, lag: float, omega: float) -> None:
+    distance = plan.braking_distance(V, lag, omega)
+    assert plan.braking_speed(V, lag, distance) == pytest.approx(omega, rel=1e-6, abs=1e-5)
+    assert distance >= -1e-12
+
+
+def standing(q: float, stiffness: float) -> plan.State:
+    theta_A, theta_B = decoupler.motor_positions(D, q, stiffness)
+    return plan.begin(D, MODEL, q, theta_A, theta_B, 0.0, 0.0)
+
+
+def step(state: plan.State, q_ref: float, S_ref: float, budget: float = BUDGET) -> tuple[plan.Driven, plan.State]:
+    return plan.step(D, MODEL, budget, state, plan.now(D, state), q_ref, S_ref)
+
+
+@pytest.mark.parametrize(("q", "stiffness"), [(1.0, 10.0), (0.0, 14.0), (-0.8, 13.0), (0.02, 10.0)])
+def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: float, stiffness: float) -> None:
+    state = standing(0.0, 10.0)
+    goal = np.array(decoupler.motor_positions(D, q, stiffness))
+    start = np.array([plan.now(D, state).theta_A, plan.now(D, state).theta_B])
+    far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
+    share = plan.shared(
+        K, T, BUDGET, state.d, plan.Goal(state.d.theta + far[0], 0.0), state.c, plan.Goal(state.c.theta + far[1], 0.0)
+    )
+    least = max(
+        plan.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
+        for part, way in ((share, far[0]), (1.0 - share, far[1]))
+    )
+    path = []
+    for _ in range(round(least / T_s) + 120):
+        _, state = step(state, q, stiffness)
+        at = plan.now(D, state)
+        path.append((at.theta_A, at.theta_B))
+    left = np.abs(np.array(path) - goal).max(axis=1)
+    assert left[-1] < 1e-4
+    assert left[round(least / T_s) + 60] < 0.02 * np.abs(goal - start).max()
+    beyond = (np.array(path) - goal) * np.sign(goal - start)
+    assert beyond.max() < 2e-3
+
+
+@given(st.lists(st.tuples(Q, S, st.integers(1, 300)), min_size=1, max_size=6), st.floats(2.0, 9.0))
+def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int]], budget: float) -> None:
+    state = standing(0.3, 9.0)
+    for q, stiffness, ticks in ways:
+        for _ in range(ticks):
+            driven, state = step(state, q, stiffness, budget)
+            assert math.isfinite(driven.u_A + driven.u_B)
+            assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * plan.LEAST_V
+            assert math.isfinite(state.q + state.q_dot)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(0.0, 3.0))
+def test_a_target_that_moves_in_each_tick_keeps_the_budget(
+    start: float, rate: float, period: float, S_rate: float
+) -> None:
+    state = standing(start, 10.0)
+    for k in range(400):
+        q = start + rate * period * math.sin(k * T_s / period)
+        driven, state = step(state, min(max(q, -1.4), 1.4), min(10.0 + S_rate * k * T_s, 15.0))
+        assert math.isfinite(driven.u_A + driven.u_B)
+        assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * plan.LEAST_V
+
+
+def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
+    """Motors and joint, integrated by another method under the voltages that the plan gives them, end where it is."""
+    state = standing(-0.6, 9.0)
+    first = plan.now(D, state)
+    x = np.array([first.theta_A, 0.0, first.theta_B, 0.0, first.q, 0.0])
+    held = [D.r_m * F / K_t for F, K_t in ((state.F_held_A, MODEL.K_t_A), (state.F_held_B, MODEL.K_t_B))]
+
+    def rate(_: float, x: np.ndarray, u_A: float, u_B: float) -> list[float]:
+        theta_A, omega_A, theta_B, omega_B, q, q_dot = x
+        elongation = D.r_m * theta_A - D.r_j * q, D.r_m * theta_B + D.r_j * q
+        F_A, F_B = (D.k_0 + D.k_1 * e + D.k_2 * e**2 for e in elongation)
+        loads = D.r_m * F_A / MODEL.K_t_A - held[0], D.r_m * F_B / MODEL.K_t_B - held[1]
+        return [
+            omega_A,
+            (MODEL.K_A * (u_A - loads[0]) - omega_A) / MODEL.T_A,
+            omega_B,
+            (MODEL.K_B * (u_B - loads[1]) - omega_B) / MODEL.T_B,
+            q_dot,
+            (D.r_j * (F_A - F_B) - MODEL.B_j * q_dot) / MODEL.J_j,
+        ]
+
+    for _ in range(700):
+        driven, state = step(state, 0.5, 13.0)
+        path = solve_ivp(rate, (0.0, T_s), x, args=(driven.u_A, driven.u_B), rtol=1e-9, atol=1e-12, method="DOP853")
+        x = path.y[:, -1]
+    at = plan.now(D, state)
+    np.testing.assert_allclose([x[0], x[2]], [at.theta_A, at.theta_B], atol=0.02)
+    assert x[4] == pytest.approx(at.q, abs=0.002)
+
+
+@given(S)
+def test_tension_and_stiffness_at_rest_invert_each_other(stiffness: float) -> None:
+    F = decoupler.tension_under(D, stiffness)
+    assert decoupler.stiffness_under(D, F) == pytest.approx(stiffness, rel=1e-12)
+    assert 8.0 < F < 47.0
