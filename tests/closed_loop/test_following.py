@@ -18,7 +18,7 @@ from backend.tuning.plan_budget import plan_range, usual_budget
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH
 
-SETS = ("ideal", "lab")
+SETS = ("ideal", "lab", "lab-stick")
 LAMBDAS = Lambdas(lam_q=0.355, lam_S=0.345)
 COUNT = 2.0 * math.pi / 4000.0
 AT = 1000
