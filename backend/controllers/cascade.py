@@ -7,7 +7,7 @@ and margins, but their lags are no longer on the way (docs/decisions/0046).
 
 from typing import NamedTuple
 
-from backend.controllers import decoupler, envelope, governor, i_p, i_pd, motors, plan, scheduling
+from backend.controllers import decoupler, envelope, following, governor, i_p, i_pd, motors, plan, scheduling
 from backend.controllers.decoupler import Decoupler
 from backend.controllers.envelope import Envelope
 from backend.controllers.scheduling import Schedule
@@ -25,18 +25,6 @@ LESS = 0.9
 """What is left of the budget then."""
 
 
-class Following(NamedTuple):
-    """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
-
-    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone.
-    """
-
-    budget: float
-    model: plan.Model
-    unseen_q: float
-    unseen_S: float
-
-
 class Tuning(NamedTuple):
     """All gains and bounds the tick needs, replaced as a whole.
 
@@ -49,7 +37,7 @@ class Tuning(NamedTuple):
     envelope: Envelope
     omega_max: float
     u_max: float
-    following: Following
+    following: following.Following
 
 
 class State(NamedTuple):
@@ -97,31 +85,6 @@ class Output(NamedTuple):
     at_range: bool
 
 
-class Followed(NamedTuple):
-    """What the loops of this tick work on.
-
-    ``reference`` and the place that position, stiffness and both motors count from; what is added to the outer loops'
-    sum, ``q_e`` and ``S_e``; the model's voltages [V]; whether the references are still on their way.
-    """
-
-    reference: governor.State
-    q: float
-    S: float
-    theta_A: float
-    theta_B: float
-    q_e: float
-    S_e: float
-    u_A: float
-    u_B: float
-    moving: bool
-
-
-@compiled
-def _at(p: plan.Now, by: plan.Driven) -> Followed:
-    reference = governor.State(p.q, p.S)
-    return Followed(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
-
-
 @compiled
 def step(
     tuning: Tuning, state: State, q_ref: float, S_ref: float, position_loop: bool, m: Measurement
@@ -139,11 +102,11 @@ def step(
     if follows:
         budget = tuning.following.budget * state.reserve
         by, way = plan.step(d, tuning.following.model, budget, state.plan, is_at, q_ref, S_ref)
-        at = _at(is_at, by)
+        at = following.planned(is_at, by)
     else:
         reference, governed = governor.step(d, tuning.omega_max, state.governor, q_ref, S_ref)
         way = state.plan
-        at = Followed(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, governed)
+        at = following.governed(reference, governed)
     r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S
     y_q, y_S = m.q - at.q, S - at.S
     y_A, y_B = m.theta_A - at.theta_A, m.theta_B - at.theta_B
@@ -182,7 +145,7 @@ def step(
 
     alone = inner
     if follows:
-        alone = _absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m)
+        alone = following.absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m)
     clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
     clipped_s = state.clipped_s + T_s if clipped and at.moving else 0.0
     reserve = state.reserve if at.moving else 1.0
@@ -237,7 +200,7 @@ def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
             governor.State(at.q, at.S),
             i_p.at_rest(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
             i_p.at_rest(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
-            _absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
+            following.absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
             state.plan,
             False,
         )
@@ -257,17 +220,6 @@ def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
         ),
         way,
         True,
-    )
-
-
-@compiled
-def _absolute(
-    gains: motors.Gains, inner: motors.State, at: plan.Now, u_A: float, u_B: float, m: Measurement
-) -> motors.State:
-    """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
-    return motors.State(
-        i_pd.carried(gains.A, inner.A, m.theta_A - at.theta_A, at.theta_A, at.omega_A, u_A),
-        i_pd.carried(gains.B, inner.B, m.theta_B - at.theta_B, at.theta_B, at.omega_B, u_B),
     )
 
 

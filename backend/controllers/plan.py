@@ -6,10 +6,10 @@ that a step takes the shortest time there is, and whatever moves in each tick is
 The voltages that the model needed go straight to the motors (model following: the paper's loops act on the rest).
 """
 
-import math
 from typing import NamedTuple
 
 from backend.controllers import decoupler
+from backend.controllers.axis import Axis, Goal, duration, toward, turned
 from backend.controllers.decoupler import Decoupler
 from plant.compiled import compiled
 from plant.interface import T_s
@@ -17,20 +17,11 @@ from plant.interface import T_s
 SMOOTHED = 10
 """Ticks over which the voltages are averaged: the end point and the bound stay, a full reversal takes 10 ms."""
 
-LANDING_S = 0.010
-"""Time constant with which an axis comes to rest at its target, where the braking curve has no finite slope."""
-
-BRAKING = 0.98
-"""Share of the budget that braking counts on: what is left keeps an axis on its curve."""
-
 NEAR = 0.05
 """An axis so near its target [rad] leaves the voltage that it does not use to the other one."""
 
 STANDING = 1e-3
 """An axis so near its target [rad] has arrived."""
-
-LEAST_V = 1e-3
-"""An axis that has nothing left of the budget [V] is planned with this."""
 
 _HALVINGS = 24
 
@@ -46,20 +37,6 @@ class Model(NamedTuple):
     K_t_B: float
     J_j: float
     B_j: float
-
-
-class Axis(NamedTuple):
-    """Angle [rad] and speed [rad/s] of one axis of the model."""
-
-    theta: float
-    omega: float
-
-
-class Goal(NamedTuple):
-    """Where an axis is sent [rad], and how fast that moves [rad/s]; 0 where it has jumped."""
-
-    theta: float
-    rate: float
 
 
 Window = tuple[float, float, float, float, float, float, float, float, float, float]
@@ -162,11 +139,11 @@ def step(
     if abs(goal_c.theta - state.c.theta) < NEAR:  # what the common axis has no use for now
         most_d = max(most_d, budget - abs(state.window_c[0]))
     most_d = min(most_d, budget)
-    u_d = _toward(K, T, most_d, state.d, goal_d)
-    u_c = _toward(K, T, budget - abs(u_d), state.c, goal_c)
+    u_d = toward(K, T, most_d, state.d, goal_d)
+    u_c = toward(K, T, budget - abs(u_d), state.c, goal_c)
     window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
     mean_d, mean_c = _mean(window_d), _mean(window_c)
-    smooth_d, smooth_c = _turned(K, T, state.smooth_d, mean_d), _turned(K, T, state.smooth_c, mean_c)
+    smooth_d, smooth_c = turned(K, T, state.smooth_d, mean_d), turned(K, T, state.smooth_c, mean_c)
 
     A, B = _motors(smooth_d, smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
@@ -182,8 +159,8 @@ def step(
     return driven, State(
         goal_d,
         goal_c,
-        _turned(K, T, state.d, u_d),
-        _turned(K, T, state.c, u_c),
+        turned(K, T, state.d, u_d),
+        turned(K, T, state.c, u_c),
         window_d,
         window_c,
         smooth_d,
@@ -213,41 +190,6 @@ def voltages(d: Decoupler, model: Model, state: State, at: Now) -> tuple[float, 
 
 
 @compiled
-def braking_distance(V: float, T: float, omega: float) -> float:
-    """How far [rad] an axis goes while −V/K volts stop it from ``omega`` ≥ 0 [rad/s]: T ω − V T ln(1 + ω/V)."""
-    return T * omega - V * T * math.log1p(omega / V)
-
-
-@compiled
-def braking_speed(V: float, T: float, distance: float) -> float:
-    """Speed [rad/s] from which −V/K volts stop an axis within ``distance`` ≥ 0 [rad]: ``braking_distance`` inverted."""
-    E = max(distance, 0.0) / (V * T)
-    y = math.sqrt(2.0 * E) + E / 1.5
-    for _ in range(3):  # of y − ln(1 + y) = E; the start is right for small E, Newton's steps for any
-        y -= (y - math.log1p(y) - E) * (1.0 + y) / max(y, 1e-12)
-    return V * y
-
-
-@compiled
-def duration(V: float, T: float, distance: float, omega: float) -> float:
-    """Least time [s] from speed ``omega`` [rad/s] to rest ``distance`` [rad] away, with at most V/K volts.
-
-    Full voltage one way, then the other (T θ'' + θ' = K u, |K u| ≤ V).
-    """
-    brake = math.copysign(braking_distance(V, T, abs(omega)), omega)
-    s = 1.0 if distance >= brake else -1.0
-    e, w = s * distance, s * omega
-    if V <= 0.0:
-        return math.inf if e != 0.0 else 0.0
-    a = 1.0 - w / V
-    E = math.exp(min((e - T * w) / (V * T), 700.0))
-    x = E + math.sqrt(max(E * E - a * E, 0.0))
-    forward = T * math.log(max(x, 1.0))
-    peak = V - (V - w) / max(x, 1.0)
-    return forward + T * math.log1p(max(peak, 0.0) / V)
-
-
-@compiled
 def shared(K: float, T: float, budget: float, d: Axis, goal_d: Goal, c: Axis, goal_c: Goal) -> float:
     """Share of the budget for the difference axis with which both axes arrive together."""
     far_d, far_c = goal_d.theta - d.theta, goal_c.theta - c.theta
@@ -264,22 +206,6 @@ def shared(K: float, T: float, budget: float, d: Axis, goal_d: Goal, c: Axis, go
 
 
 @compiled
-def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
-    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal."""
-    U = max(U, LEAST_V)
-    e, w = goal.theta - axis.theta, axis.omega - goal.rate
-    e -= T_s * w  # as it will be when this voltage has acted
-    s = 1.0 if e >= 0.0 else -1.0
-    V = max(K * BRAKING * U + s * goal.rate, 0.05 * K * U)
-    a = V / T
-    landing = a * LANDING_S**2
-    wanted = abs(e) / LANDING_S if abs(e) <= landing else braking_speed(V, T, abs(e) - 0.5 * landing)
-    g = math.exp(-T_s / T)
-    u = (goal.rate + s * wanted - g * axis.omega) / (K * (1.0 - g))
-    return min(max(u, -U), U)
-
-
-@compiled
 def _goal(before: Goal, theta: float, V: float) -> Goal:
     """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped."""
     moved = theta - before.theta
@@ -289,14 +215,6 @@ def _goal(before: Goal, theta: float, V: float) -> Goal:
 @compiled
 def _jumps(before: Goal, goal: Goal) -> bool:
     return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
-
-
-@compiled
-def _turned(K: float, T: float, axis: Axis, u: float) -> Axis:
-    """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
-    g = math.exp(-T_s / T)
-    over = axis.omega - K * u
-    return Axis(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
 
 
 @compiled

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from backend.controllers import cascade, i_p, motors, plan
 from backend.controllers.decoupler import Decoupler, decoupler_for, stiffness_slope
+from backend.controllers.following import Following
 from backend.controllers.limits import Bounds, bounds_for
 from backend.controllers.scheduling import Schedule
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
@@ -37,11 +38,11 @@ def knowledge(parameters: PlantParameters) -> Knowledge:
     return Knowledge(decoupler_for(parameters), bounds_for(parameters), model, parameters.sensors.joint_step)
 
 
-def following(known: Knowledge, u_plan: float) -> cascade.Following:
+def following(known: Knowledge, u_plan: float) -> Following:
     """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper."""
     if u_plan == 0.0:
-        return cascade.Following(0.0, known.model, 0.0, 0.0)
-    return cascade.Following(u_plan, known.model, known.q_count, UNSEEN_S)
+        return Following(0.0, known.model, 0.0, 0.0)
+    return Following(u_plan, known.model, known.q_count, UNSEEN_S)
 
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:

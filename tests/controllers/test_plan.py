@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from backend.controllers import decoupler, plan
+from backend.controllers import axis, decoupler, plan
 from backend.controllers.decoupler import decoupler_for
 from backend.tuning.gains import knowledge
 from plant.interface import T_s
@@ -50,13 +50,13 @@ def least_time(far: float, omega: float, U: float) -> float:
     ("far", "omega"), [(20.94, 0.0), (4.16, 0.0), (0.5, 0.0), (10.0, 6.0), (3.0, 15.0), (-5.0, 8.0), (1.0, -12.0)]
 )
 def test_the_duration_is_the_least_there_is(far: float, omega: float) -> None:
-    assert plan.duration(K * BUDGET, T, far, omega) == pytest.approx(least_time(far, omega, BUDGET), abs=1e-6)
+    assert axis.duration(K * BUDGET, T, far, omega) == pytest.approx(least_time(far, omega, BUDGET), abs=1e-6)
 
 
 @given(st.floats(0.5, 40.0), st.floats(0.05, 1.0), st.floats(0.0, 60.0))
 def test_the_braking_speed_inverts_the_distance(V: float, lag: float, omega: float) -> None:
-    distance = plan.braking_distance(V, lag, omega)
-    assert plan.braking_speed(V, lag, distance) == pytest.approx(omega, rel=1e-6, abs=1e-5)
+    distance = axis.braking_distance(V, lag, omega)
+    assert axis.braking_speed(V, lag, distance) == pytest.approx(omega, rel=1e-6, abs=1e-5)
     assert distance >= -1e-12
 
 
@@ -76,10 +76,10 @@ def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: 
     start = np.array([plan.now(D, state).theta_A, plan.now(D, state).theta_B])
     far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
     share = plan.shared(
-        K, T, BUDGET, state.d, plan.Goal(state.d.theta + far[0], 0.0), state.c, plan.Goal(state.c.theta + far[1], 0.0)
+        K, T, BUDGET, state.d, axis.Goal(state.d.theta + far[0], 0.0), state.c, axis.Goal(state.c.theta + far[1], 0.0)
     )
     least = max(
-        plan.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
+        axis.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
         for part, way in ((share, far[0]), (1.0 - share, far[1]))
     )
     path = []
@@ -101,7 +101,7 @@ def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int
         for _ in range(ticks):
             driven, state = step(state, q, stiffness, budget)
             assert math.isfinite(driven.u_A + driven.u_B)
-            assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * plan.LEAST_V
+            assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * axis.LEAST_V
             assert math.isfinite(state.q + state.q_dot)
 
 
@@ -114,7 +114,7 @@ def test_a_target_that_moves_in_each_tick_keeps_the_budget(
         q = start + rate * period * math.sin(k * T_s / period)
         driven, state = step(state, min(max(q, -1.4), 1.4), min(10.0 + S_rate * k * T_s, 15.0))
         assert math.isfinite(driven.u_A + driven.u_B)
-        assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * plan.LEAST_V
+        assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * axis.LEAST_V
 
 
 def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:

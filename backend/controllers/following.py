@@ -1,0 +1,62 @@
+"""What the loops of the cascade follow: references as they are, or a model that a plan moves and what is left of it."""
+
+from typing import NamedTuple
+
+from backend.controllers import governor, i_pd, motors, plan
+from plant.compiled import compiled
+from plant.interface import Measurement
+
+
+class Following(NamedTuple):
+    """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
+
+    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone.
+    """
+
+    budget: float
+    model: plan.Model
+    unseen_q: float
+    unseen_S: float
+
+
+class Followed(NamedTuple):
+    """What the loops of this tick work on.
+
+    ``reference`` and the place that position, stiffness and both motors count from; what is added to the outer loops'
+    sum, ``q_e`` and ``S_e``; the model's voltages [V]; whether the references are still on their way.
+    """
+
+    reference: governor.State
+    q: float
+    S: float
+    theta_A: float
+    theta_B: float
+    q_e: float
+    S_e: float
+    u_A: float
+    u_B: float
+    moving: bool
+
+
+@compiled
+def governed(reference: governor.State, moving: bool) -> Followed:
+    """Return references as the governor leaves them: the loops count from zero."""
+    return Followed(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, moving)
+
+
+@compiled
+def planned(p: plan.Now, by: plan.Driven) -> Followed:
+    """Return the model of a plan: the loops count from it."""
+    reference = governor.State(p.q, p.S)
+    return Followed(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
+
+
+@compiled
+def absolute(
+    gains: motors.Gains, inner: motors.State, at: plan.Now, u_A: float, u_B: float, m: Measurement
+) -> motors.State:
+    """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
+    return motors.State(
+        i_pd.carried(gains.A, inner.A, m.theta_A - at.theta_A, at.theta_A, at.omega_A, u_A),
+        i_pd.carried(gains.B, inner.B, m.theta_B - at.theta_B, at.theta_B, at.omega_B, u_B),
+    )
