@@ -5,7 +5,9 @@ import pytest
 from backend.reports.page_comparison import where_they_differ
 
 
-@pytest.mark.parametrize(("one", "other"), [("usable", "usable with caution"), ("<b>q</b>", "<b >q</b>"), ("", "0")])
+@pytest.mark.parametrize(
+    ("one", "other"), [("usable " * 9, "usable " * 9 + "not"), ("<b>q</b>", "<b >q</b>"), ("", "0")]
+)
 def test_what_is_told_of_a_difference_is_never_the_same_twice(one: str, other: str) -> None:
     said, found = where_they_differ(one, other)
     assert said != found

@@ -9697,8 +9697,6 @@ export interface operations {
                 lam_q: number;
                 /** @description λ of the stiffness loop [s] */
                 lam_S: number;
-                /** @description budget of the plan [V]; what is in force if left out */
-                u_plan?: number | null;
             };
             header?: never;
             path?: never;
