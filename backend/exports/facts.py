@@ -18,7 +18,7 @@ from backend.sample import FIELDS, STORED_NAMES
 FORMAT = 1
 SEAL = "facts_sha256"
 NOTATION = (
-    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after the reference governor, "
+    "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after governor or plan, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. Equations: docs/notation.md."
 )
 

@@ -26,8 +26,8 @@ from plant.interface import T_s
 
 LOG_TOPIC = "/log"
 NOTATION = (
-    "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after the reference "
-    "governor, _dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
+    "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after governor or plan, "
+    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
     "Equations: docs/notation.md."
 )
 BACKLOG = 4096

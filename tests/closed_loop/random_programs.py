@@ -1,0 +1,58 @@
+"""Programs drawn by chance: targets changed in mid-move, λ, bank and law on the way, pushes as tendons have room."""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from backend.controllers import cascade, decoupler
+from backend.controllers.limits import bounds_for
+from backend.tuning import closed_loop
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas, PointModel, designed_point
+from backend.tuning.plan_budget import plan_range
+from plant.parameters import PlantParameters
+
+
+class Played(NamedTuple):
+    """Least and largest tension [N] of a program, and whether it tripped."""
+
+    least: float
+    most: float
+    tripped: bool
+
+
+def random_program(plant: PlantParameters, seed: int) -> Played:
+    """Play ten legs from rest; the same seed gives the same program."""
+    random = np.random.default_rng(seed)
+    rig, bounds = closed_loop.rig_of(plant), bounds_for(plant)
+    points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
+
+    def tuning() -> cascade.Tuning:
+        lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
+        bank: list[PointModel] = points if random.random() < 0.5 else []
+        budget = random.uniform(*plan_range(plant)) if random.random() < 0.8 else 0.0
+        return cascade_tuning(plant, lambdas, bank, interpolate=bool(random.random() < 0.5), u_plan=budget)
+
+    q_ref, S_ref, F_push, chosen = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0), 0.0, tuning()
+    x, law = closed_loop.at_rest(rig, chosen, q_ref, S_ref)
+    least, most = math.inf, 0.0
+    for leg in range(10):
+        ticks = int(random.uniform(100, 1500))
+        q_ref = random.uniform(bounds.q_min, bounds.q_max) if random.random() < 0.7 else q_ref
+        S_ref = random.uniform(bounds.S_min, bounds.S_max) if random.random() < 0.5 else S_ref
+        chosen = tuning() if random.random() < 0.5 else chosen
+        here = decoupler.tension_under(chosen.decoupler, decoupler.stiffness(chosen.decoupler, x.theta_A, x.theta_B))
+        room = min(here - 4.0, 46.0 - here, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
+        F_push = random.uniform(-1.0, 1.0) * min(10.0, max(room, 0.0)) if random.random() < 0.5 else 0.0
+        line, out = closed_loop.empty_arrays(ticks)
+        inputs = closed_loop.inputs_of(
+            plant, np.full(ticks, q_ref), np.full(ticks, S_ref), np.full(ticks, F_push), 100 * seed + leg
+        )
+        x, law, tripped = closed_loop.simulate(rig, chosen, x, law, inputs, line, out)
+        F = out[: tripped if tripped >= 0 else None, 5:7]
+        least, most = min(least, float(F.min())), max(most, float(F.max()))
+        if tripped >= 0:
+            return Played(least, most, True)
+    return Played(least, most, False)
