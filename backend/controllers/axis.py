@@ -12,6 +12,9 @@ LANDING_S = 0.010
 BRAKING = 0.98
 """Share of the budget that braking counts on: what is left keeps an axis on its curve."""
 
+HALVINGS = 24
+"""Steps of a bisection."""
+
 LEAST_V = 1e-3
 """An axis that has nothing left of the budget [V] is planned with this."""
 
@@ -44,6 +47,24 @@ def braking_speed(V: float, T: float, distance: float) -> float:
     for _ in range(3):  # of y − ln(1 + y) = E; the start is right for small E, Newton's steps for any
         y -= (y - math.log1p(y) - E) * (1.0 + y) / max(y, 1e-12)
     return V * y
+
+
+@compiled
+def least_voltage(K: float, T: float, omega: float, distance: float, most: float) -> float:
+    """Least voltage [V], ``most`` where that is not enough, that stops an axis within ``distance`` [rad] ahead of it.
+
+    ``omega`` [rad/s] is the speed in that direction: nothing is needed by an axis that stands or goes the other way.
+    """
+    if omega <= 0.0:
+        return 0.0
+    low, high = 0.0, most
+    for _ in range(HALVINGS):
+        U = 0.5 * (low + high)
+        if braking_distance(BRAKING * K * U, T, omega) > distance:
+            low = U
+        else:
+            high = U
+    return high
 
 
 @compiled

@@ -9,7 +9,7 @@ The voltages that the model needed go straight to the motors (model following: t
 from typing import NamedTuple
 
 from backend.controllers import decoupler
-from backend.controllers.axis import Axis, Goal, duration, toward, turned
+from backend.controllers.axis import HALVINGS, Axis, Goal, duration, least_voltage, toward, turned
 from backend.controllers.decoupler import Decoupler
 from plant.compiled import compiled
 from plant.interface import T_s
@@ -22,8 +22,6 @@ NEAR = 0.05
 
 STANDING = 1e-3
 """An axis so near its target [rad] has arrived."""
-
-_HALVINGS = 24
 
 
 class Model(NamedTuple):
@@ -47,8 +45,9 @@ class State(NamedTuple):
     """The model and its way.
 
     ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it, where the motors of
-    the model are. ``share`` of the budget is the difference axis's. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model.
-    ``F_held`` [N]: tension that the integrators of the motor loops carry already.
+    the model are. ``share`` of the budget is the difference axis's; ``asked`` [V] of it is what the tuning has,
+    ``allowed`` [V] what is in use: more where axes that move could not be stopped in time with less. ``q`` [rad],
+    ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops' integrators carry already.
     """
 
     goal_d: Goal
@@ -60,6 +59,8 @@ class State(NamedTuple):
     smooth_d: Axis
     smooth_c: Axis
     share: float
+    asked: float
+    allowed: float
     q: float
     q_dot: float
     F_held_A: float
@@ -106,6 +107,8 @@ def begin(
         difference,
         common,
         0.5,
+        -1.0,
+        (abs(difference.omega) + abs(common.omega)) / K,
         q,
         q_dot,
         F_A,
@@ -130,17 +133,20 @@ def step(
     theta_A, theta_B = decoupler.motor_positions(d, q_ref, S_ref)
     goal_d = _goal(state.goal_d, 0.5 * (theta_A - theta_B), K * budget)
     goal_c = _goal(state.goal_c, 0.5 * (theta_A + theta_B), K * budget)
-    share = state.share
-    if _jumps(state.goal_d, goal_d) or _jumps(state.goal_c, goal_c):
-        share = shared(K, T, budget, state.d, goal_d, state.c, goal_c)
+    share, allowed = state.share, state.allowed
+    distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
+    if budget != state.asked or _jumps(state.goal_d, goal_d) or _jumps(state.goal_c, goal_c):
+        share, allowed = shared(K, T, budget, state, goal_d, goal_c)
+    elif distance < STANDING:
+        allowed = budget
     held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
-    free = max(budget - held_d - held_c, 0.0)
+    free = max(allowed - held_d - held_c, 0.0)
     most_d = held_d + share * free
     if abs(goal_c.theta - state.c.theta) < NEAR:  # what the common axis has no use for now
-        most_d = max(most_d, budget - abs(state.window_c[0]))
-    most_d = min(most_d, budget)
+        most_d = max(most_d, allowed - abs(state.window_c[0]))
+    most_d = min(most_d, allowed)
     u_d = toward(K, T, most_d, state.d, goal_d)
-    u_c = toward(K, T, budget - abs(u_d), state.c, goal_c)
+    u_c = toward(K, T, allowed - abs(u_d), state.c, goal_c)
     window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
     mean_d, mean_c = _mean(window_d), _mean(window_c)
     smooth_d, smooth_c = turned(K, T, state.smooth_d, mean_d), turned(K, T, state.smooth_c, mean_c)
@@ -150,11 +156,10 @@ def step(
     q, q_dot = _swung(model, state.q, state.q_dot, at.q_e, at.S, q_e, S)
 
     forward = State(
-        goal_d, goal_c, state.d, state.c, window_d, window_c, state.smooth_d, state.smooth_c, share,
+        goal_d, goal_c, state.d, state.c, window_d, window_c, state.smooth_d, state.smooth_c, share, budget, allowed,
         state.q, state.q_dot, state.F_held_A, state.F_held_B,
     )  # fmt: skip
     u_A, u_B = voltages(d, model, forward, at)
-    distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
     driven = Driven(u_A, u_B, distance > STANDING)
     return driven, State(
         goal_d,
@@ -166,6 +171,8 @@ def step(
         smooth_d,
         smooth_c,
         share,
+        budget,
+        allowed,
         q,
         q_dot,
         state.F_held_A,
@@ -190,19 +197,36 @@ def voltages(d: Decoupler, model: Model, state: State, at: Now) -> tuple[float, 
 
 
 @compiled
-def shared(K: float, T: float, budget: float, d: Axis, goal_d: Goal, c: Axis, goal_c: Goal) -> float:
-    """Share of the budget for the difference axis with which both axes arrive together."""
-    far_d, far_c = goal_d.theta - d.theta, goal_c.theta - c.theta
-    w_d, w_c = d.omega - goal_d.rate, c.omega - goal_c.rate
-    free = max(K * budget - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+def shared(K: float, T: float, budget: float, state: State, goal_d: Goal, goal_c: Goal) -> tuple[float, float]:
+    """Share of the budget for the difference axis with which both axes arrive together, and what is allowed [V].
+
+    Each keeps what it takes to stop where it was or is sent, whichever is farther, the common axis first: beyond lie
+    solid springs. So more than a budget that has just become less may be allowed for a while.
+    """
+    most = max(budget, state.allowed)
+    needs_c = _needed(K, T, state.c, state.goal_c, goal_c, most)
+    needs_d = _needed(K, T, state.d, state.goal_d, goal_d, most - needs_c)
+    allowed = max(budget, needs_c + needs_d)
+    low, high = needs_d / allowed, 1.0 - needs_c / allowed
+    far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta
+    w_d, w_c = state.d.omega - goal_d.rate, state.c.omega - goal_c.rate
+    free = max(K * allowed - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
+    for _ in range(HALVINGS):
         share = 0.5 * (low + high)
         if duration(share * free, T, far_d, w_d) > duration((1.0 - share) * free, T, far_c, w_c):
             low = share
         else:
             high = share
-    return 0.5 * (low + high)
+    return 0.5 * (low + high), allowed
+
+
+@compiled
+def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: float) -> float:
+    """Least voltage [V] that still stops an axis where it was or is sent, whichever is farther on its way."""
+    w = axis.omega - goal.rate
+    s = 1.0 if w >= 0.0 else -1.0
+    ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
+    return least_voltage(K, T, s * w, ahead, most)
 
 
 @compiled

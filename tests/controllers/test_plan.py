@@ -1,5 +1,6 @@
 """The plan against integrations of its own: least time, exact model, budget, and nothing that is no number."""
 
+import itertools
 import math
 
 import numpy as np
@@ -75,9 +76,9 @@ def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: 
     goal = np.array(decoupler.motor_positions(D, q, stiffness))
     start = np.array([plan.now(D, state).theta_A, plan.now(D, state).theta_B])
     far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
-    share = plan.shared(
-        K, T, BUDGET, state.d, axis.Goal(state.d.theta + far[0], 0.0), state.c, axis.Goal(state.c.theta + far[1], 0.0)
-    )
+    goals = axis.Goal(state.d.theta + far[0], 0.0), axis.Goal(state.c.theta + far[1], 0.0)
+    share, allowed = plan.shared(K, T, BUDGET, state, *goals)
+    assert allowed == BUDGET
     least = max(
         axis.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
         for part, way in ((share, far[0]), (1.0 - share, far[1]))
@@ -103,6 +104,18 @@ def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int
             assert math.isfinite(driven.u_A + driven.u_B)
             assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * axis.LEAST_V
             assert math.isfinite(state.q + state.q_dot)
+
+
+def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
+    """A far target of q, or a budget that becomes small, while the stiffness is on its way to its end."""
+    for ticks, q, budget in itertools.product((60, 120, 180, 230), (0.31, 1.3), (2.0, 8.5)):
+        state, highest = standing(0.3, 9.0), 0.0
+        for k in range(6000):
+            _, state = step(state, 0.3 if k < ticks else q, 15.0, BUDGET if k < ticks else budget)
+            highest = max(highest, plan.now(D, state).S)
+        assert highest < 15.02, (ticks, q, budget)
+        assert state.allowed == budget
+        assert pytest.approx(15.0, abs=1e-3) == plan.now(D, state).S
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(0.0, 3.0))
