@@ -109,7 +109,7 @@ def test_the_time_of_a_message_is_that_of_its_sample(address: str) -> None:
         moved = np.abs(np.diff(began_ns))
         assert np.all((moved < 1e3) | (moved > 50e6)), moved.max()
         assert np.count_nonzero(moved < 1e3) > 400
-        assert 0 <= time.time_ns() - heard[-1].time_ns < PATIENCE_S * 1e9
+        assert abs(time.time_ns() - heard[-1].time_ns) < PATIENCE_S * 1e9
 
 
 def test_nothing_can_be_sent_and_each_signal_has_one_type_and_its_unit(address: str) -> None:
