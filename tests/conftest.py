@@ -23,6 +23,7 @@ ONLY_COMPUTES = {
     "docs",
     "documents",
     "experiments",
+    "exports",
     "identification",
     "loop",
     "migrations",

@@ -99,4 +99,4 @@ def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) ->
     database.close()
     assert kept is not None
     assert kept.choice == TuningChoice(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
-    assert kept.lacks == ("b", "u_plan")
+    assert kept.lacks == ("b",)

@@ -18,7 +18,8 @@ NAME = "tuning in force"
 class KeptChoice:
     """What was in force, who left it so, and whether that was with the same numbers of the plant.
 
-    ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults.
+    ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
+    without ``u_plan`` lacks nothing: there was the governor only.
     """
 
     choice: TuningChoice
@@ -44,7 +45,7 @@ def newest(database: Database, parameters: PlantParameters) -> KeptChoice | None
     if kept is None:
         return None
     tuning = _read(kept)
-    lacks = tuple(name for name in TuningChoice().document() if getattr(tuning, name) is None)
+    lacks = tuple(name for name in TuningChoice().document() if name != "u_plan" and getattr(tuning, name) is None)
     return KeptChoice(TuningChoice.of(tuning.known()), kept.who, tuning.parameters == digest(parameters), lacks)
 
 
