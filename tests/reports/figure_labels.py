@@ -5,6 +5,7 @@ import re
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter
 
 
 def as_read(label: str) -> float:
@@ -13,11 +14,14 @@ def as_read(label: str) -> float:
 
 
 def assert_labels_are_true(drawn: Figure) -> None:
-    """Each label of a linear axis tells its own line: as read, with nothing to be added to it."""
+    """Each label of a linear axis tells its own line: as read, with nothing to be added to it.
+
+    Of an axis whose places were named one by one, as a map's cells, the labels are words.
+    """
     drawn.draw_without_rendering()
     for panel in drawn.axes:
         for axis in (panel.xaxis, panel.yaxis):
-            if axis.get_scale() == "linear":
+            if axis.get_scale() == "linear" and not isinstance(axis.get_major_formatter(), FixedFormatter):
                 assert_true(axis)
 
 
