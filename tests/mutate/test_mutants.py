@@ -20,7 +20,7 @@ from plant.joint import Joint, elongation_A
 
 def test_torque():
     known = [path.name.split("-")[0] for path in pathlib.Path(numba.config.CACHE_DIR).glob("plant_*/*.nbc")]
-    torque = friction_torque(Friction(1.0, 0.5, 1e-9, None), 1.0, 4.0)
+    torque = friction_torque(Friction(1.0, 0.5, 1e-9, None), 1.0, 4.0, 0.0)
     print(torque, elongation_A(Joint(2.0, 1.0, 0.0, 0.0), 3.0, 1.0), known)
     assert torque == 3.0
 """
