@@ -33,7 +33,7 @@ BANK = {
         {"S_nominal": 12.43, "K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342, "tension_N": 30.0},
     ],
 }
-OWN: Values = {"lam_q": 0.62, "lam_S": 0.55, "lam_motor": 0.09, "b": 0.25, "interpolate": True}
+OWN: Values = {"lam_q": 0.62, "lam_S": 0.55, "lam_motor": 0.09, "b": 0.25, "interpolate": True, "u_plan": 7.5}
 """A tuning of which every part differs from its default."""
 
 CHANGED: Values = {
@@ -51,6 +51,7 @@ CHANGED: Values = {
     "b": 1.0,
     "bank": 0.0,
     "interpolate": False,
+    "u_plan": 0.0,
 }
 """Every field of a form at another value than what is in force or usual."""
 

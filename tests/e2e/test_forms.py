@@ -82,8 +82,9 @@ def words_of(tuning: Values) -> str:
     """A tuning as the form of an identification, which has no fields for it, tells it."""
     models = "gains from geometry" if tuning["bank"] == 0 else "bank forms v1"
     between = ", interpolating between entries" if tuning["interpolate"] else ""
+    plan = f", plan of {tuning['u_plan']:g} V" if tuning["u_plan"] else ""
     parts = (f"λ_{name} {tuning[f'lam_{name}']} s" for name in ("q", "S", "motor"))
-    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}"
+    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}{plan}"
 
 
 def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
