@@ -20,12 +20,12 @@ run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
 
 test: install-dev frontend
-	.ci/provide browser compose
+	.ci/provide browser compose postgres
 	$(NPM) test
 	$(BIN)/python -m tests.lanes $(ARGS)
 
 test-newest: install-newest
-	.ci/provide browser compose
+	.ci/provide browser compose postgres
 	.venv-newest/bin/python -m tests.lanes $(ARGS)
 
 fuzz: install-dev frontend

@@ -190,7 +190,7 @@ def step(
 
 @compiled
 def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
-    """State that goes on by the other of plan and governor, with the same voltages and motor references."""
+    """State that goes on by the other of plan and governor, with the same voltages."""
     d, q, S_loop = tuning.decoupler, state.position_gains, state.stiffness_gains
     if state.follows:
         at = plan.now(d, state.plan)
