@@ -11,7 +11,7 @@ from tests.reports.figure_labels import assert_labels_are_true
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="package", autouse=True)
 def figures_tell_the_truth() -> Iterator[None]:
     """Look at the labels of every figure that a report draws here, at the moment when it becomes a picture."""
     drawn = Figure.savefig
