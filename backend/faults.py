@@ -44,6 +44,7 @@ class Limit(IntFlag):
     TENSION_FLOOR = 8
     TENSION_CEILING = 16
     JOINT_RANGE = 32
+    CONTACT = 64
 
 
 class Explanation(NamedTuple):

@@ -61,10 +61,10 @@ def _switch_drives(machine: ModeMachine, plant: Plant, now: Now, *, on: bool) ->
         _require_off(machine, "drives are switched on")
     elif machine.mode not in (Mode.OFF, Mode.TRIPPED):
         machine.begin_stop(Stop(Fault.STOP_PRESSED, hard=True), "the drives were switched off", now)
-    machine.lock_drives()  # until the card has obeyed
+    machine.drives_off = True  # until the card has obeyed
     plant.switch_drives(on=on)
     if on:
-        machine.free_drives()
+        machine.drives_off = False
 
 
 def set_zero(zero: Zero, machine: ModeMachine, plant: Plant) -> None:

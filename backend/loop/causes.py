@@ -11,6 +11,7 @@ class Cause(StrEnum):
     ASKED_FOR = "asked for"
     PROGRAM = "program"
     PROGRAM_ENDED = "program ended"
+    CONTACT = "contact"
     STANDING = "standing"
     RESET = "reset"
     MOTOR_TRIAL = "motor trial"

@@ -42,6 +42,17 @@ class RunProgram:
 
 
 @dataclass(frozen=True)
+class SetTouch:
+    """What the estimate of the outside force has learned, and from what force on [N] a contact is reacted to, 0: never.
+
+    ``bias`` are points of S [N·m/rad], rising, and the force [N] that is estimated there with nothing outside.
+    """
+
+    bias: tuple[tuple[float, float], ...] = ()
+    contact_N: float = 0.0
+
+
+@dataclass(frozen=True)
 class Push:
     """Push the joint by an external force [N] for a time [s], where the plant can (the simulator); 0 N lets go."""
 
@@ -140,6 +151,7 @@ Command = (
     SetMode
     | SetReferences
     | SetTuning
+    | SetTouch
     | RunProgram
     | Push
     | Inject
@@ -190,6 +202,15 @@ class PretensionReached:
     """Both tendons hold the pretension: the moves towards motion are granted from here on."""
 
     tick: int
+
+
+@dataclass(frozen=True)
+class ContactFelt:
+    """An outside force estimated at ``F_ext_hat`` [N] was a contact, as ``contact_N`` [N] says: the joint gives way."""
+
+    tick: int
+    F_ext_hat: float
+    contact_N: float
 
 
 @dataclass(frozen=True)
@@ -265,6 +286,7 @@ Event = (
     | Refused
     | ModeChanged
     | PretensionReached
+    | ContactFelt
     | PushReleased
     | Stopped
     | RunEnded

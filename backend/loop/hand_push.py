@@ -43,13 +43,13 @@ class HandPush:
         self._plant.push(command.F_push)
         self._until = tick + round(command.duration_s / T_s) if command.F_push != 0.0 else None
 
-    def step(self, tick: int, mode: Mode) -> PushReleased | None:
+    def step(self, tick: int, mode: Mode) -> tuple[PushReleased, ...]:
         """At the start of a tick: let go when the time is over or the mode is another, and tell so."""
         if self._until is None or (mode in PUSHED_IN and tick < self._until):
-            return None
+            return ()
         self._until = None
         try:
             self._plant.push(0.0)
         except PlantError:  # whoever pushes the plant has let go of it with it
-            return None
-        return PushReleased(tick, "its time is over" if mode in PUSHED_IN else f"the mode is {mode}")
+            return ()
+        return (PushReleased(tick, "its time is over" if mode in PUSHED_IN else f"the mode is {mode}"),)

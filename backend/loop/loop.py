@@ -22,6 +22,7 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
+    SetTouch,
     SetTuning,
     Shutdown,
     Stop,
@@ -39,7 +40,7 @@ from backend.loop.tuned import tuning_of
 from backend.sample import FIELDS
 from backend.tick.batch import DECIDED, Stretch
 from backend.tick.decision import AT_REST
-from backend.tick.desk import DONE, FOUND, PUSHES, QUIET, TUNES
+from backend.tick.desk import DONE, FELT, FOUND, PUSHES, QUIET, TUNES
 from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.card import WatchdogDeadError, WatchdogExpiredError
@@ -55,12 +56,10 @@ class Loop:
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
         self.finished = False
-        self._plant = plant
-        self._ring = ring
+        self._plant, self._ring = plant, ring
         self._known = known = knowledge(parameters)
         self.bounds = known.bounds
-        self._checks = Checks(parameters)
-        self._plant_watch = PlantWatch()
+        self._checks, self._plant_watch = Checks(parameters), PlantWatch()
         self._row = np.zeros(len(FIELDS))
         self._tick = self._newest_tick = self._overruns = 0
         self._command = ZERO_VOLTS  # what was written last
@@ -71,8 +70,9 @@ class Loop:
         try:
             plant.open()
             self._desk = TickDesk(parameters, plant.unattended_max_s, gains, plant.read())
-            lambdas = Lambdas(tuning.lam_q, tuning.lam_S)
-            self._machine = ModeMachine(plant, parameters, self._desk, gains, lambdas, self._events)
+            self._machine = ModeMachine(
+                plant, parameters, self._desk, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events
+            )
         except BaseException:  # the drives may be on already, and nobody else has this plant to close
             self.close()
             raise
@@ -133,6 +133,8 @@ class Loop:
             case SetTuning():
                 gains = tuning_of(command, self._known)
                 self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
+            case SetTouch():
+                self._machine.contact.put(command)
             case RunProgram():
                 self._machine.run_program(command, Now(self._newest_tick, self._desk.m))
             case Push():
@@ -193,9 +195,7 @@ class Loop:
         machine, missed = self._machine, overruns - self._overruns
         self._newest_tick = self._tick
         self._plant_watch.begin()
-        released = self._hand.step(self._tick, machine.mode)
-        if released is not None:
-            self._events.append(released)
+        self._events += self._hand.step(self._tick, machine.mode)
         command = ZERO_VOLTS
         try:
             came, u_A, u_B = begun or self._begin_tick(missed)
@@ -221,7 +221,7 @@ class Loop:
         desk, raw = self._desk, self._plant.read()
         self._tell_desk()
         found = desk.look(raw, missed)
-        if found == FOUND or self._machine.interpreted is not None:
+        if found != QUIET or self._machine.interpreted is not None:
             return found, 0.0, 0.0
         return desk.decide()
 
@@ -235,12 +235,14 @@ class Loop:
         machine, desk = self._machine, self._desk
         if came & FOUND:
             self._react(missed)
-            desk.order(orders_of(machine))
+        elif came & FELT:
+            machine.give_way(Now(self._newest_tick, desk.m))
+        desk.order(orders_of(machine))
         if machine.interpreted is not None:
             decision = desk.decision = machine.interpreted.step(machine.tunings.gains, desk.m)
             came = DONE if machine.interpreted.done else QUIET
         else:
-            if came & FOUND:
+            if came & (FOUND | FELT):
                 came, _, _ = desk.decide()
             decision = desk.decision
         if came & PUSHES:

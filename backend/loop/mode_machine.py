@@ -18,6 +18,7 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
+from backend.loop.contact import Acting, Contact, giving_way
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import (
@@ -46,7 +47,6 @@ from backend.tuning.gains import knowledge
 from backend.tuning.models import Lambdas
 from plant.interface import Measurement, Plant, Proven
 from plant.parameters import PlantParameters
-from plant.spring import elongation
 
 _DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
@@ -81,12 +81,11 @@ class ModeMachine:
         self._pending_stop: PendingStop | None = None
         self._events = events
         self._plant = plant
-        self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._programs = ProgramMotions(plant, parameters)
-        self._geometry = self._known.decoupler
-        self.turns_per_joint = self._geometry.r_j / self._geometry.r_m
+        self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
         self.push = ProgramPush(plant)
+        self.contact = Contact(desk, events)
         self.reached_told = False
 
     @property
@@ -173,14 +172,6 @@ class ModeMachine:
             raise RefusedError("the safety module is tried once both tendons hold the pretension")
         self.motion = ModuleTrial(self.motion.carry(), NO_REFERENCE, now.m)
 
-    def lock_drives(self) -> None:
-        """Start nothing from now on: hands may be at the rig."""
-        self.drives_off = True
-
-    def free_drives(self) -> None:
-        """Let be started again what needs drives."""
-        self.drives_off = False
-
     def set_tuning(self, tuning: Tuning, lambdas: Lambdas) -> None:
         """Replace all gains of the cascade. Raises RefusedError while a law without them plays."""
         if isinstance(self.motion, Baseline):
@@ -189,10 +180,21 @@ class ModeMachine:
 
     def set_references(self, command: SetReferences) -> None:
         """Move the operator's references. Raises RefusedError or OutOfRangeError."""
+        self.contact.require_none(LEGAL[self.mode])
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise RefusedError(f"references are the operator's in run and compliance only; the mode is {self.mode}")
         self._programs.require_references(command.q_ref, command.S_ref)
         self.motion.aim(Target(float(command.q_ref), float(command.S_ref), 0.0))
+
+    def give_way(self, now: Now) -> None:
+        """React to a contact: the joint goes soft where it is, at once, and for good where no program's run goes on."""
+        playing, begins = self._program is not None, self.contact.feel(now.tick)
+        acting = Acting(self.push.F_push, self.push.load, self.tunings.number) if playing and begins else None
+        motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting)
+        if acting is not None:
+            self.motion = motion
+        else:
+            self._enter(now, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if playing else self.run)
 
     def reset(self, now: Now) -> None:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises RefusedError or PlantError."""
@@ -231,6 +233,8 @@ class ModeMachine:
             return self._take_zero(self.motion, now.m)
         if isinstance(self.motion, Trial):
             self._enter(now, Mode.OFF, None, self.motion.cause)
+        elif self.contact.felt and self.mode is Mode.EXPERIMENT:
+            self.give_way(now)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
             self._enter_pretension(now, Cause.PROGRAM_ENDED, completed=True)
         elif self.pretension_done and not self.reached_told:
@@ -270,7 +274,7 @@ class ModeMachine:
             self.tunings.end(now.tick)
         self._events.append(ModeChanged(now.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
-        self.reached_told = False
+        self.reached_told, self.contact.felt = False, cause is Cause.CONTACT
 
     def _enter_pretension(self, now: Now, cause: Why, *, completed: bool = False) -> None:
         carry, known, wound = self._carried(now.m), self.zeros.motors_known, self._programs.wound(PRETENSION_N)
@@ -279,10 +283,7 @@ class ModeMachine:
 
     def _take_zero(self, winding: Winding, m: Measurement) -> Measurement:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
-        r_m, r_j = self._geometry.r_m, self._geometry.r_j
-        F_A, F_B = winding.tensions
-        move_A = (elongation(self._spring_A, F_A) + r_j * m.q) / r_m - m.theta_A
-        move_B = (elongation(self._spring_B, F_B) - r_j * m.q) / r_m - m.theta_B
+        move_A, move_B = self._programs.off_by(winding.tensions, m)
         self.zeros.move(move_A, move_B)
         carry = winding.carry()
         state = motors.shift(carry.gains, carry.state, move_A, move_B)

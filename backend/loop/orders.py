@@ -1,6 +1,6 @@
 """What the compiled tick is told of the mode machine before it is made."""
 
-from backend.faults import FAULT_CODE
+from backend.faults import FAULT_CODE, Limit
 from backend.loop.mode import MODE_CODE
 from backend.loop.mode_machine import ModeMachine
 from backend.loop.module_trial import ModuleTrial
@@ -17,6 +17,7 @@ def orders_of(machine: ModeMachine) -> Orders:
         zeros.middle,
         zeros.motors_known,
         machine.keeps_taut,
+        machine.contact.felt_from(motion),
         trial,
         trial and motion is not None and motion.done,
         machine.reached_told,
@@ -28,4 +29,5 @@ def orders_of(machine: ModeMachine) -> Orders:
         lambdas.lam_q,
         lambdas.lam_S,
         FAULT_CODE[machine.fault],
+        Limit.CONTACT if machine.contact.felt else 0,
     )

@@ -45,6 +45,12 @@ class ProgramMotions:
             return Baseline(program, self._parameters, lambdas, tuning, carry, m, bounds)
         return Tracking(tuning, carry, m, bounds, program.law is Law.CASCADE, program)
 
+    def off_by(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
+        """How much less motors A and B read [rad] than they stand at, as the tensions [N] say."""
+        (F_A, F_B), r_m, turned = tensions, self._geometry.r_m, self._geometry.r_j * m.q
+        A, B = elongation(self._spring_A, F_A) + turned, elongation(self._spring_B, F_B) - turned
+        return A / r_m - m.theta_A, B / r_m - m.theta_B
+
     def wound(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._geometry.r_m

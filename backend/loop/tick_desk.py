@@ -1,12 +1,13 @@
 """The compiled tick as the loop calls it: its memory, and the machine code for what moves at the moment."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, plausibility
+from backend.controllers import cascade, plausibility, touch
 from backend.loop.motion import Motion
 from backend.sample import FIELDS
 from backend.tick import batch, checks, desk, velocity
@@ -51,6 +52,10 @@ class TickDesk:
                 raw,
                 ZERO_VOLTS,
                 AT_REST,
+                touch.observer_for(parameters),
+                touch.UNKNOWN,
+                np.zeros((0, 2)),
+                math.nan,
             )
         )
         self._tuning, self._orders_cell, self._m = cell.field("tuning"), cell.field("orders"), cell.field("m")
@@ -58,6 +63,7 @@ class TickDesk:
             cell.field("command"), cell.field("decision"), cell.field("velocity"),
         )  # fmt: skip
         self._found, self._checks = cell.field("found"), cell.field("checks")
+        self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("touch", "bias", "F_ext_hat"))
         self._orders = NO_ORDERS
         self._places: dict[type, tuple[Cell[Moving], _Decide]] = {}
         row = np.zeros(len(FIELDS))
@@ -136,6 +142,17 @@ class TickDesk:
         """Replace all gains of the cascade."""
         self._tuning.put(tuning)
 
+    @property
+    def F_ext_hat(self) -> float:
+        """Outside force as estimated [N]; nan where it is not known where the motors stand."""
+        F_ext_hat: float = self._F_ext_hat.get()
+        return F_ext_hat
+
+    def take_off(self, bias: NDArray[np.float64]) -> None:
+        """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force."""
+        self._bias.put(bias)
+
     def stands_at(self, q: float) -> None:
         """Say where the joint stands now [rad]: it has not moved there."""
+        self._touch.put(touch.UNKNOWN)
         self._velocity.put(self._velocity.get()._replace(q_before=q))

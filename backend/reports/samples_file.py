@@ -10,7 +10,7 @@ from backend.exports.facts import Batch, Facts
 from backend.exports.formats import DataFormat, read
 from backend.exports.taking_in import require_told
 from backend.recording.columns import Columns
-from backend.sample import STORED_NAMES
+from backend.sample import ADDED_LATER, STORED_NAMES
 
 SUFFIXES = tuple(f".{kind}" for kind in DataFormat)
 
@@ -29,10 +29,10 @@ def read_samples_file(file: Path) -> tuple[Columns, str]:
         parts = list(batches)
     except (ImportRefusedError, OSError) as error:
         raise SamplesFileError(f"{file} cannot be read: {error}") from None
-    missing = [name for name in STORED_NAMES if name not in facts.names]
+    missing = [name for name in STORED_NAMES if name not in facts.names and name not in ADDED_LATER]
     if missing:
         raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
-    names = ("t", *STORED_NAMES)
+    names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
     return columns, _problem(facts, parts)
 

@@ -4,13 +4,14 @@ What is rare stays with the interpreter, which gives its orders before the tick 
 found, a motion is done, its push has changed. Whoever steps the plant, a clock or a batch, calls the same functions.
 """
 
+import math
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, decoupler
+from backend.controllers import cascade, decoupler, touch
 from backend.sample import INDEX
 from backend.tick import (
     baselines,
@@ -29,18 +30,19 @@ from plant.cell import Cell, keep
 from plant.compiled import STRICT, compiled
 from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 
-QUIET, FOUND, DONE, PUSHES, TUNES = 0, 1, 2, 4, 16
+QUIET, FOUND, DONE, PUSHES, TUNES, FELT = 0, 1, 2, 4, 16, 32
 """What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
-load, or its tuning, is not the one in force."""
+load, or its tuning, is not the one in force; a contact was felt, before anything was decided."""
 
 
 class Orders(NamedTuple):
     """What the interpreter says of a tick.
 
     Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
-    be a fault; ``deaf``: the safety module's trip is not heard, ``tripped``: it is in any case; ``reached``: that the
-    motion is done is known. Push [N], loads [N·m] and number of the program's tuning in force. Mode, run, λ [s] and
-    fault as the row shows them.
+    be a fault; ``felt_from`` [N]: an outside force that is a contact, inf where none is; ``deaf``: the safety module's
+    trip is not heard, ``tripped``: it is in any case; ``reached``: that the motion is done is known. Push [N], loads
+    [N·m] and number of the program's tuning in force. Mode, run, λ [s] and fault as the row shows them, and ``limits``
+    that act beside the motion's.
     """
 
     offset_A: float
@@ -48,6 +50,7 @@ class Orders(NamedTuple):
     middle: float
     zeroed: bool
     taut_wanted: bool
+    felt_from: float
     deaf: bool
     tripped: bool
     reached: bool
@@ -59,14 +62,18 @@ class Orders(NamedTuple):
     lam_q: float
     lam_S: float
     fault: int
+    limits: int
 
 
-NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0.0, 0.0, 0)
+NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0.0, 0.0, 0, 0)
 """Those of a loop that is just being made."""
 
 
 class Desk(NamedTuple):
-    """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last."""
+    """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last.
+
+    ``F_ext_hat`` [N] comes of ``touch``, less the ``bias`` (n, 2) learned over S.
+    """
 
     tuning: cascade.Tuning
     watched: checks.Watched
@@ -77,6 +84,10 @@ class Desk(NamedTuple):
     m: Measurement
     command: MotorCommand
     decision: Decision
+    observer: touch.Observer
+    touch: touch.State
+    bias: NDArray[np.float64]
+    F_ext_hat: float
 
 
 class Moving(NamedTuple):
@@ -128,11 +139,15 @@ def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
 
 @compiled
 def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
-    """Take in what is measured; FOUND where something is wrong with it. ``missed`` deadlines since the last tick."""
+    """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
+
+    ``missed`` deadlines since the last tick.
+    """
     orders = desk.orders.value
     theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
     trip = raw.safety_trip
-    keep(desk.m, Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip))
+    m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip)
+    keep(desk.m, m)
     keep(desk.velocity, velocity.step(desk.velocity.value, raw.q))
     if orders.deaf:
         trip = 1.0 if orders.tripped else 0.0
@@ -150,7 +165,22 @@ def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
     )
     keep(desk.checks, after)
     keep(desk.found, found)
-    return QUIET if found.what == checks.NOTHING else FOUND
+    F_ext_hat = _feel(desk, m, orders.zeroed)
+    if found.what != checks.NOTHING:
+        return FOUND
+    return FELT if abs(F_ext_hat) > orders.felt_from else QUIET
+
+
+@compiled
+def _feel(desk: Cell[Desk], m: Measurement, zeroed: bool) -> float:
+    """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
+    observer, bias = desk.observer.value, desk.bias.value
+    state = touch.step(observer, desk.touch.value, m) if zeroed else touch.UNKNOWN
+    S = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    F_ext_hat = touch.force(observer, state, bias, S)
+    keep(desk.touch, state)
+    keep(desk.F_ext_hat, F_ext_hat)
+    return F_ext_hat
 
 
 @compiled
@@ -177,7 +207,8 @@ _S, _S_REF, _S_REF_GOV, _S_TRUE = (INDEX[name] for name in ("S", "S_ref", "S_ref
 _THETA_A, _THETA_A_REF, _THETA_B, _THETA_B_REF = (
     INDEX[name] for name in ("theta_A", "theta_A_ref", "theta_B", "theta_B_ref")
 )
-_F_A, _F_B, _U_A, _U_B, _F_PUSH = (INDEX[name] for name in ("F_A", "F_B", "u_A", "u_B", "F_push"))
+_F_A, _F_B, _U_A, _U_B = (INDEX[name] for name in ("F_A", "F_B", "u_A", "u_B"))
+_F_PUSH, _F_EXT_HAT = (INDEX[name] for name in ("F_push", "F_ext_hat"))
 _V_A, _V_B, _N_Q, _N_A, _N_B = (INDEX[name] for name in RawReading._fields)
 _LAM_Q, _LAM_S, _BANK_ENTRY = (INDEX[name] for name in ("lam_q", "lam_S", "bank_entry"))
 _LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fault", "lateness_s", "overruns"))
@@ -206,7 +237,10 @@ def write_row(
         m.theta_B,
         y.theta_B_ref,
     )
-    row[_F_A], row[_F_B], row[_U_A], row[_U_B], row[_F_PUSH] = m.F_A, m.F_B, put.u_A, put.u_B, m.F_push
+    row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, put.u_A, put.u_B
+    row[_F_PUSH], row[_F_EXT_HAT] = m.F_push, desk.F_ext_hat.value
     row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
     row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = orders.lam_q, orders.lam_S, y.bank_entry
-    row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = y.limits, orders.fault, lateness_s, overruns
+    row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = (
+        y.limits | orders.limits, orders.fault, lateness_s, overruns,
+    )  # fmt: skip

@@ -147,5 +147,7 @@ def test_a_fault_has_its_number_once_it_is_latched() -> None:
 
 def test_no_column_is_left_out_here() -> None:
     seen = "tick t mode run q q_ref q_ref_gov q_dot S S_ref S_ref_gov S_true theta_A theta_A_ref theta_B theta_B_ref"
-    seen += " F_A F_B u_A u_B F_push V_A V_B n_q n_A n_B lam_q lam_S bank_entry limits fault lateness_s overruns"
+    seen += (
+        " F_A F_B u_A u_B F_push F_ext_hat V_A V_B n_q n_A n_B lam_q lam_S bank_entry limits fault lateness_s overruns"
+    )
     assert tuple(seen.split()) == NAMES

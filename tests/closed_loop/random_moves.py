@@ -1,0 +1,26 @@
+"""Moves drawn by chance with nothing outside: targets of position and stiffness changed in mid-move and after it."""
+
+import numpy as np
+
+from backend.controllers.limits import bounds_for
+from backend.tuning.closed_loop import Trajectory, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from backend.tuning.plan_budget import plan_range
+from plant.parameters import PlantParameters
+
+
+def random_moves(parameters: PlantParameters, seed: int, moves: int) -> Trajectory:
+    """Play so many moves from rest by one tuning; the same seed gives the same ones."""
+    random = np.random.default_rng(seed)
+    bounds = bounds_for(parameters)
+    lambdas = Lambdas(lam_q=random.uniform(0.36, 1.0), lam_S=random.uniform(0.35, 0.8))
+    budget = random.uniform(*plan_range(parameters)) if random.random() < 0.8 else 0.0
+    q, S = random.uniform(-1.3, 1.3), random.uniform(8.0, 15.0)
+    legs = [(q, S, 1000)]
+    for _ in range(moves):
+        q = random.uniform(bounds.q_min, bounds.q_max) if random.random() < 0.7 else q
+        S = random.uniform(bounds.S_min, bounds.S_max) if random.random() < 0.5 else S
+        legs.append((q, S, int(random.uniform(100, 1500))))
+    q_ref, S_ref = (np.concatenate([np.full(leg[2], leg[at]) for leg in legs]) for at in (0, 1))
+    return run(parameters, cascade_tuning(parameters, lambdas, u_plan=budget), q_ref, S_ref, seed=seed)

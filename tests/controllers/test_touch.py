@@ -1,0 +1,149 @@
+"""The outside force without a sensor: what the observer says against the force that acts, and how late."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.controllers import touch
+from backend.tuning.closed_loop import Array, Trajectory, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from plant.compiled import compiled_run
+from plant.interface import NOT_MEASURED, Measurement
+from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.random_moves import random_moves
+
+T_S = 1e-3
+R_J = 0.075
+NO_BIAS = np.zeros((0, 2))
+WARM = 500
+STIFFNESSES = (8.0, 10.0, 12.0, 14.0, 15.0)
+
+
+def reading(q: float, theta_A: float, theta_B: float) -> Measurement:
+    return NOT_MEASURED._replace(q=q, theta_A=theta_A, theta_B=theta_B)
+
+
+@compiled_run
+def _each(
+    observer: touch.Observer,
+    q: Array,
+    theta_A: Array,
+    theta_B: Array,
+    S: Array,
+    bias: Array,
+    out: Array,
+) -> None:
+    state = touch.UNKNOWN
+    for k in range(q.size):
+        state = touch.step(observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0))
+        out[k] = touch.force(observer, state, bias, S[k])
+
+
+def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
+    """Outside force [N] by tick, as the tick computes it."""
+    out = np.empty(y.q.size)
+    columns = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
+    _each(touch.observer_for(parameters), *columns, bias, out)
+    return out
+
+
+def held(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
+    ticks = F_push.size
+    tuning = cascade_tuning(parameters, Lambdas(0.355, 0.345), u_plan=8.5)
+    return run(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
+
+
+def learned(parameters: PlantParameters, stiffnesses: tuple[float, ...]) -> Array:
+    """Bias over S, from a second at rest at each."""
+    at_rest = [felt(parameters, held(parameters, S, np.zeros(1500)))[WARM:] for S in stiffnesses]
+    return np.array([(S, force.mean()) for S, force in zip(stiffnesses, at_rest, strict=True)])
+
+
+@pytest.fixture(scope="module")
+def lab() -> PlantParameters:
+    return load_parameters("lab")
+
+
+@pytest.fixture(scope="module")
+def bias(lab: PlantParameters) -> Array:
+    return learned(lab, STIFFNESSES)
+
+
+@pytest.mark.parametrize("pole", [60.0, 300.0])
+def test_a_step_of_torque_comes_through_three_equal_lags(pole: float) -> None:
+    """A free joint under a constant torque: q in closed form; what is said of it is 1 − e^{−pt}(1 + pt + (pt)²/2)."""
+    parameters = load_parameters("ideal")
+    joint, tau = parameters.identified_dynamics().joint, 0.2
+    observer = touch.observer_for(parameters, pole)
+    b = joint.B_j / joint.J_j
+    state = touch.step(observer, touch.UNKNOWN, reading(0.0, -1.0, -1.0))  # slack: no tendon pulls
+    for tick in range(1, 201):
+        t = tick * T_S
+        q = tau / (joint.B_j) * (t + math.expm1(-b * t) / b)
+        state = touch.step(observer, state, reading(q, -9.0, -9.0))
+        x = pole * (t + 0.5 * T_S)  # a reading corrects at once, on average half a period early
+        wanted = tau * (1.0 - math.exp(-x) * (1.0 + x + 0.5 * x * x))
+        assert state.tau_ext == pytest.approx(wanted, abs=0.006 * tau)
+    assert state.tau_ext == pytest.approx(tau, rel=1e-3)
+    assert state.q_dot == pytest.approx(tau / joint.B_j * -math.expm1(-b * 0.2), rel=1e-3)
+
+
+def test_motors_that_wind_and_tendons_that_pull_are_no_outside_force() -> None:
+    """On the ideal plant, whose springs are the identified ones, a fast move shows an encoder's counts and no more."""
+    ideal = load_parameters("ideal")
+    ticks = 3000
+    q = np.where(np.arange(ticks) < 500, -math.pi / 3, math.pi / 3)
+    force = felt(ideal, held(ideal, 12.0, np.zeros(ticks), q))
+    assert np.max(np.abs(force)) < 0.3
+
+
+@pytest.mark.parametrize("S", [8.0, 10.0, 14.0])
+@pytest.mark.parametrize("F_push", [5.0, -5.0, 2.0])
+def test_a_push_is_seen_in_time_and_for_what_it_is(lab: PlantParameters, bias: Array, S: float, F_push: float) -> None:
+    push = np.zeros(3000)
+    push[1000:2500] = F_push
+    force = felt(lab, held(lab, S, push), bias)
+    threshold = 1.5 if abs(F_push) == 5.0 else 1.0
+    assert np.argmax(np.abs(force[1000:]) > threshold) <= 15
+    known = np.r_[WARM:1000, 1030:2500, 2530:3000]  # in the 30 ms after an edge nobody could know
+    assert np.sqrt(np.mean((force - push)[known] ** 2)) <= 0.15
+    assert np.max(force * math.copysign(1.0, F_push)) < 1.1 * abs(F_push)
+
+
+def test_moves_and_pushes_together_are_told_within_the_bound(lab: PlantParameters, bias: Array) -> None:
+    ticks = 6000
+    at = np.arange(ticks)
+    push = 4.0 * np.sin(2.0 * np.pi * at * T_S)
+    q = np.where(at % 2000 < 1000, -0.8, 0.8)
+    force = felt(lab, held(lab, 10.0, push, q), bias)
+    assert np.sqrt(np.mean((force - push)[WARM:] ** 2)) <= 0.3
+
+
+@pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
+def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
+    parameters = load_parameters(name)
+    bias = learned(parameters, STIFFNESSES)
+    felt_most = [
+        np.max(np.abs(felt(parameters, random_moves(parameters, seed, 100), bias)[WARM:])) for seed in range(5)
+    ]
+    assert max(felt_most) < 0.5
+
+
+def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_said(lab: PlantParameters) -> None:
+    observer = touch.observer_for(lab)
+    assert math.isnan(touch.force(observer, touch.UNKNOWN, NO_BIAS, 10.0))
+    state = touch.step(observer, touch.UNKNOWN, reading(0.0, 1.0, 1.0))
+    assert touch.step(observer, state, reading(math.nan, 1.0, 1.0)) == state
+    assert touch.step(observer, state, reading(0.0, math.nan, 1.0)) == state
+
+
+def test_between_what_was_learned_the_bias_is_a_straight_line_and_beyond_it_the_outermost(lab: PlantParameters) -> None:
+    observer = touch.observer_for(lab)
+    state = touch.State(0.0, 0.0, 2.0 * R_J, 0.0)
+    points = np.array([[8.0, 0.5], [10.0, 1.0], [14.0, -1.0]])
+    for S, off in ((6.0, 0.5), (8.0, 0.5), (9.0, 0.75), (10.0, 1.0), (12.0, 0.0), (14.0, -1.0), (20.0, -1.0)):
+        assert touch.force(observer, state, points, S) == pytest.approx(2.0 - off)
+    assert touch.force(observer, state, points[:1], 20.0) == pytest.approx(1.5)
+    assert touch.force(observer, state, NO_BIAS, 20.0) == pytest.approx(2.0)
