@@ -74,12 +74,12 @@ def step(observer: Observer, state: State, m: Measurement) -> State:
 @compiled
 def force(observer: Observer, state: State, bias: NDArray[np.float64], S: float) -> float:
     """F_ext_hat [N], tangential at r_j, with the bias (n, 2) of S [N·m/rad] and force [N] taken off; nan: not known."""
-    return state.tau_ext / observer.tendons.r_j - _at(bias, S)
+    return state.tau_ext / observer.tendons.r_j - bias_at(bias, S)
 
 
 @compiled
-def _at(bias: NDArray[np.float64], S: float) -> float:
-    """Straight lines between what was learned; the outermost beyond."""
+def bias_at(bias: NDArray[np.float64], S: float) -> float:
+    """Bias [N] at S [N·m/rad] by points (n, 2): straight lines between them, the outermost beyond, 0 for none."""
     last = bias.shape[0] - 1
     if last < 0:
         return 0.0

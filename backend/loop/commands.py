@@ -214,6 +214,13 @@ class ContactFelt:
 
 
 @dataclass(frozen=True)
+class TouchForgotten:
+    """The motors' zeros were found anew: what the outside force had learned is gone, and nothing is given way to."""
+
+    tick: int
+
+
+@dataclass(frozen=True)
 class PushReleased:
     """The loop has let go of a push that was ordered, by itself, and ``why``."""
 
@@ -287,6 +294,7 @@ Event = (
     | ModeChanged
     | PretensionReached
     | ContactFelt
+    | TouchForgotten
     | PushReleased
     | Stopped
     | RunEnded

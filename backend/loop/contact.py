@@ -12,7 +12,7 @@ import numpy as np
 
 from backend.controllers.cascade import Tuning
 from backend.controllers.limits import Bounds
-from backend.loop.commands import ContactFelt, Event, SetTouch
+from backend.loop.commands import ContactFelt, Event, SetTouch, TouchForgotten
 from backend.loop.mode import Mode, RefusedError
 from backend.loop.motion import Tracking
 from backend.loop.program import Law, Program, Segment
@@ -57,6 +57,13 @@ class Contact:
             require_within("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
         self._desk.take_off(bias)
         self._from_N = command.contact_N or math.inf
+
+    def forget(self, tick: int) -> None:
+        """Begin with nothing learned and give way to nothing: the zeros are others now."""
+        learned = self._desk.take_off(np.zeros((0, 2)))
+        if len(learned) or self._from_N != math.inf:
+            self._from_N = math.inf
+            self._events.append(TouchForgotten(tick))
 
     def felt_from(self, motion: object) -> float:
         """Force [N] from which on a contact counts now; inf where none does, or one is being reacted to."""

@@ -230,7 +230,7 @@ class ModeMachine:
     def end_motion(self, now: Now) -> Measurement:
         """Go on from a motion that has reached its end by itself; return what is measured, from zeros just found."""
         if isinstance(self.motion, Winding):
-            return self._take_zero(self.motion, now.m)
+            return self._take_zero(self.motion, now)
         if isinstance(self.motion, Trial):
             self._enter(now, Mode.OFF, None, self.motion.cause)
         elif self.contact.felt and self.mode is Mode.EXPERIMENT:
@@ -281,9 +281,11 @@ class ModeMachine:
         motion: Motion = Travel(carry, *wound) if known else Winding(carry)
         self._enter(now, Mode.PRETENSION, motion, cause, completed=completed)
 
-    def _take_zero(self, winding: Winding, m: Measurement) -> Measurement:
+    def _take_zero(self, winding: Winding, now: Now) -> Measurement:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
+        m = now.m
         move_A, move_B = self._programs.off_by(winding.tensions, m)
+        self.contact.forget(now.tick)
         self.zeros.move(move_A, move_B)
         carry = winding.carry()
         state = motors.shift(carry.gains, carry.state, move_A, move_B)

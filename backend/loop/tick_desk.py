@@ -148,9 +148,11 @@ class TickDesk:
         F_ext_hat: float = self._F_ext_hat.get()
         return F_ext_hat
 
-    def take_off(self, bias: NDArray[np.float64]) -> None:
-        """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force."""
+    def take_off(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""
+        before: NDArray[np.float64] = self._bias.get()
         self._bias.put(bias)
+        return before
 
     def stands_at(self, q: float) -> None:
         """Say where the joint stands now [rad]: it has not moved there."""

@@ -10,6 +10,7 @@ from backend.loop.mode import Mode
 from backend.messages.base import ANY_SIZE, Schema, quantity
 from backend.messages.control import HolderView
 from backend.messages.session import PersonView
+from backend.messages.touch import TouchView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
 from plant.choice import PlantKind
 
@@ -78,6 +79,8 @@ class LimitsView(Schema):
     F_min: float = quantity("N", "slack line: least tendon tension wanted")
     F_max: float = quantity("N", "tendon tension at which the spring is solid")
     F_push_max: float = quantity("N", "largest external push, either way; 0 where nothing can push")
+    F_contact_min: float = quantity("N", "least outside force that a joint may give way to as a contact")
+    F_contact_max: float = quantity("N", "largest such force")
     u_max: float = quantity("V", "largest motor voltage, either way")
     q_trip: float = quantity("rad", "joint position at which the joint trips, either way")
     tensions: list[TensionView] = Field(description="from slack to solid spring: where tension limits stiffness")
@@ -146,6 +149,7 @@ class State(Schema):
     references: ReferencesView
     tuning: TuningView
     limits: LimitsView
+    touch: TouchView
     fault: FaultView | None
     unready: str = Field(description="what has to come before pretension on what is driven; empty where nothing has")
     pretension_done: bool

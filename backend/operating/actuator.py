@@ -25,6 +25,7 @@ from backend.operating.kept_tuning import KeptTuning
 from backend.operating.present_state import F_PUSH_MAX, PresentState, proof_of
 from backend.operating.retuning import Retuning
 from backend.operating.session_runs import RECORDED, SessionRuns
+from backend.operating.touching import Touching
 from backend.reading import in_digits
 from backend.refusal import Because, RefusalError, require_within
 from backend.supervision import KeptTask, Part, Supervision
@@ -77,6 +78,8 @@ class Actuator:
         self.retuning = Retuning(
             supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
         )
+        self.touching = Touching(supervisor, journal, self._command, self.changed)
+        present.touch = self.touching.view
         supervisor.listen(self._hear)
 
     def on_change(self, changed: Callable[[], None]) -> None:
@@ -147,6 +150,7 @@ class Actuator:
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         await self._supervisor.restart()
+        self.touching.forget()
         self._on_new_ring(self._supervisor.ring)
         self.present.starts += 1
         self._journal.note(kind, text, 0, who)

@@ -6,6 +6,7 @@ from backend.faults import Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (
     Accepted,
+    ContactFelt,
     Event,
     ModeChanged,
     PlantAnswers,
@@ -16,6 +17,7 @@ from backend.loop.commands import (
     Refused,
     RunEnded,
     Stopped,
+    TouchForgotten,
     TuningChanged,
 )
 from backend.messages.live import MarkKind
@@ -36,6 +38,10 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.MODE, f"{before} → {after}", tick)
         case PretensionReached(tick):
             return Mark(MarkKind.MODE, "pretension reached", tick)
+        case ContactFelt(tick, F_ext_hat, contact_N):
+            return Mark(MarkKind.NOTE, f"contact: {F_ext_hat:.1f} N, from {contact_N:g} N on the joint gives way", tick)
+        case TouchForgotten(tick):
+            return Mark(MarkKind.NOTE, "zeros found anew: the outside force has to be learned again", tick)
         case PushReleased(tick, why):
             return Mark(MarkKind.NOTE, f"push let go: {why}", tick)
         case TuningChanged(tick, 0, lam_q, lam_S):

@@ -9,6 +9,7 @@ from backend.faults import EXPLAINED, Fault, explained
 from backend.loop.access import LoopDied
 from backend.loop.commands import (
     Accepted,
+    ContactFelt,
     Event,
     ModeChanged,
     PlantAnswers,
@@ -19,8 +20,10 @@ from backend.loop.commands import (
     Refused,
     RunEnded,
     Stopped,
+    TouchForgotten,
     TuningChanged,
 )
+from backend.loop.contact import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView
@@ -35,6 +38,7 @@ from backend.messages.state import (
     TensionView,
     TrialView,
 )
+from backend.messages.touch import TouchView
 from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
@@ -50,8 +54,8 @@ F_PUSH_MAX = 30.0
 class PresentState:
     """The present state.
 
-    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``holder``, ``people``; the rest is seen and heard.
-    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``touch``, ``holder``, ``people``; the rest is seen
+    and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
     tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
@@ -74,6 +78,7 @@ class PresentState:
         self.task: TaskView | None = None
         self.trial: Callable[[], TrialView | None] = lambda: None
         self.holder: Callable[[], HolderView | None] = lambda: None
+        self.touch: Callable[[], TouchView] = lambda: TouchView(contact_N=0.0, learned=[], felt=None)
         self.people: Callable[[], list[PersonView]] = list
         self.starts = 1
         self.occupied: Callable[[], str] = str
@@ -161,7 +166,7 @@ class PresentState:
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
                 self._unready = unready
-            case Accepted() | Refused() | RunEnded() | PushReleased():
+            case Accepted() | Refused() | RunEnded() | PushReleased() | ContactFelt() | TouchForgotten():
                 pass
             case _:
                 assert_never(event)
@@ -200,6 +205,7 @@ class PresentState:
             references=references_of(sample),
             tuning=self._tuning_view(entry_of(sample)),
             limits=self._limits(),
+            touch=self.touch(),
             fault=self._fault_view(sample),
             unready=self.unready,
             pretension_done=self._pretension_done,
@@ -236,6 +242,8 @@ class PresentState:
             F_min=b.F_slack,
             F_max=b.F_max,
             F_push_max=F_PUSH_MAX if self.plant.simulated else 0.0,
+            F_contact_min=CONTACT_MIN_N,
+            F_contact_max=CONTACT_MAX_N,
             u_max=b.u_max,
             q_trip=b.q_trip,
             tensions=self._tensions,

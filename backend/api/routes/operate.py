@@ -5,6 +5,7 @@ from fastapi import APIRouter
 from backend.api.auth import MayStop, SignedIn
 from backend.api.service import InControl, ServiceInUse
 from backend.messages.state import ModeRequest, Push, References, State, StopProof
+from backend.messages.touch import TouchOrder, TouchView
 
 router = APIRouter(prefix="/api", tags=["operate"])
 
@@ -17,10 +18,7 @@ async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
 
 @router.post("/stop")
 async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
-    """Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode.
-
-    Also to one whose session has lapsed; only who signed out, or whose token was replaced, is refused.
-    """
+    """Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token."""
     return await service.actuator.stop(person.name)
 
 
@@ -44,8 +42,11 @@ async def set_references(body: References, service: ServiceInUse, person: InCont
 
 @router.post("/push")
 async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
-    """Push a simulated joint from outside; the loop lets go after the time, and when control is lost.
-
-    Refused where nothing is simulated (a rig is pushed by hand), and in other modes than run and compliance.
-    """
+    """Push a simulated joint from outside, in run and compliance; let go after the time, and when control is lost."""
     return await service.actuator.push(body, person.name)
+
+
+@router.put("/touch")
+async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) -> TouchView:
+    """Learn what the outside force reads with nothing outside, and from what force on the joint gives way."""
+    return await service.actuator.touching.order(body, person.name)

@@ -191,9 +191,7 @@ export interface paths {
         put?: never;
         /**
          * Stop
-         * @description Stop hard: zero volts within two ticks, latched. Open to every signed-in person in every mode.
-         *
-         *     Also to one whose session has lapsed; only who signed out, or whose token was replaced, is refused.
+         * @description Stop hard: zero volts within two ticks, latched. For all in every mode but who signed out or has an old token.
          */
         post: operations["stop"];
         delete?: never;
@@ -273,11 +271,29 @@ export interface paths {
         put?: never;
         /**
          * Push
-         * @description Push a simulated joint from outside; the loop lets go after the time, and when control is lost.
-         *
-         *     Refused where nothing is simulated (a rig is pushed by hand), and in other modes than run and compliance.
+         * @description Push a simulated joint from outside, in run and compliance; let go after the time, and when control is lost.
          */
         post: operations["push"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/touch": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set Touch
+         * @description Learn what the outside force reads with nothing outside, and from what force on the joint gives way.
+         */
+        put: operations["set_touch"];
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -2557,6 +2573,24 @@ export interface components {
             percent: number | null;
         };
         /**
+         * ContactView
+         * @description The contact that the joint gives way to.
+         */
+        ContactView: {
+            /**
+             * F Ext Hat
+             * @description outside force in the tick in which it was felt [N]
+             */
+            F_ext_hat: number;
+            /**
+             * Contact N
+             * @description force from which on it counted as a contact [N]
+             */
+            contact_N: number;
+            /** Tick */
+            tick: number;
+        };
+        /**
          * ControlRequest
          * @description Take control; over from somebody else only if that is said.
          */
@@ -3346,6 +3380,16 @@ export interface components {
              * @description largest external push, either way; 0 where nothing can push [N]
              */
             F_push_max: number;
+            /**
+             * F Contact Min
+             * @description least outside force that a joint may give way to as a contact [N]
+             */
+            F_contact_min: number;
+            /**
+             * F Contact Max
+             * @description largest such force [N]
+             */
+            F_contact_max: number;
             /**
              * U Max
              * @description largest motor voltage, either way [V]
@@ -4980,6 +5024,7 @@ export interface components {
             references: components["schemas"]["ReferencesView"];
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
+            touch: components["schemas"]["TouchView"];
             fault: components["schemas"]["FaultView"] | null;
             /**
              * Unready
@@ -5036,6 +5081,7 @@ export interface components {
             references: components["schemas"]["ReferencesView"];
             tuning: components["schemas"]["TuningView"];
             limits: components["schemas"]["LimitsView"];
+            touch: components["schemas"]["TouchView"];
             fault: components["schemas"]["FaultView"] | null;
             /**
              * Unready
@@ -5470,6 +5516,68 @@ export interface components {
              * @description deadlines missed since the loop started
              */
             overruns: number;
+        };
+        /**
+         * TouchOrder
+         * @description What is to change: null and false leave what is.
+         */
+        TouchOrder: {
+            /**
+             * Contact N
+             * @description force from which on the joint gives way to a contact, 0 for never [N]
+             */
+            contact_N?: number | null;
+            /**
+             * Learn
+             * @description take what is estimated now for nothing outside, at this stiffness
+             * @default false
+             */
+            learn: boolean;
+            /**
+             * Forget
+             * @description forget what was learned; with learn, all but that
+             * @default false
+             */
+            forget: boolean;
+        };
+        /**
+         * TouchPoint
+         * @description What is estimated at one stiffness with nothing outside.
+         */
+        TouchPoint: {
+            /**
+             * S
+             * @description joint stiffness at which it was learned [N·m/rad]
+             */
+            S: number;
+            /**
+             * F
+             * @description mean of the estimate with nothing outside, taken off from then on [N]
+             */
+            F: number;
+            /**
+             * Std N
+             * @description standard deviation of the estimate at rest [N]
+             */
+            std_N: number;
+        };
+        /**
+         * TouchView
+         * @description What is in force of touch.
+         */
+        TouchView: {
+            /**
+             * Contact N
+             * @description force from which on the joint gives way; 0 for never [N]
+             */
+            contact_N: number;
+            /**
+             * Learned
+             * @description by rising stiffness; between them straight lines are taken off
+             */
+            learned: components["schemas"]["TouchPoint"][];
+            /** @description given way to at present; null for none */
+            felt: components["schemas"]["ContactView"] | null;
         };
         /**
          * TrialRequest
@@ -7558,6 +7666,123 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Push"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    set_touch: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TouchOrder"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TouchView"];
                 };
             };
             /** @description the body cannot be parsed */

@@ -116,6 +116,12 @@ export const FIELDS = [
     "meaning": "external push applied by the simulator, tangential at r_j"
   },
   {
+    "name": "F_ext_hat",
+    "symbol": "F_ext",
+    "unit": "N",
+    "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off"
+  },
+  {
     "name": "V_A",
     "symbol": "V_A",
     "unit": "V",
@@ -239,5 +245,6 @@ export const LIMITS = {
   "GOVERNOR": 4,
   "TENSION_FLOOR": 8,
   "TENSION_CEILING": 16,
-  "JOINT_RANGE": 32
+  "JOINT_RANGE": 32,
+  "CONTACT": 64
 } as const;
