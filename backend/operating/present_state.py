@@ -55,8 +55,8 @@ class PresentState:
     """The present state.
 
     Whoever changes them sets ``tuning``, ``task``, ``trial``, ``touch``, ``holder``, ``people``; the rest is seen
-    and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
-    tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
+    and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem``
+    says why a tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
     fault of the loop.

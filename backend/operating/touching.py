@@ -51,7 +51,9 @@ class Touching:
         self._command = command
         self._changed = changed
         self._turn = asyncio.Lock()
-        self.forget()
+        self._points: list[TouchPoint] = []
+        self._contact_N = 0.0
+        self._felt: ContactView | None = None
         supervisor.listen(self._hear)
 
     def view(self) -> TouchView:
@@ -104,9 +106,7 @@ class Touching:
 
     def forget(self) -> None:
         """Begin with nothing learned, as a new loop does."""
-        self._points: list[TouchPoint] = []
-        self._contact_N = 0.0
-        self._felt: ContactView | None = None
+        self._points, self._contact_N, self._felt = [], 0.0, None
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
@@ -151,6 +151,6 @@ def _said(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
         said.append(f"outside force learned: {known}")
     if order.contact_N is not None:
         said.append(
-            f"gives way to contacts from {order.contact_N:g} N on" if order.contact_N else "gives way to nothing"
+            f"gives way to contacts from {order.contact_N:g} N on" if order.contact_N else "gives way to no contact"
         )
     return said

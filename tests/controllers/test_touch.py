@@ -44,8 +44,8 @@ def _each(
 def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
     """Outside force [N] by tick, as the tick computes it."""
     out = np.empty(y.q.size)
-    columns = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
-    _each(touch.observer_for(parameters), *columns, bias, out)
+    q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
+    _each(touch.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
     return out
 
 

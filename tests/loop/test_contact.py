@@ -1,6 +1,7 @@
 """A contact is felt and the joint gives way: how soon, how soft, and until when."""
 
 import math
+from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from backend.loop.program import Law, Program, Segment
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
 
+_E = TypeVar("_E")
+
 FROM_N = 1.5
 LAB = {8.0: -0.25, 10.0: -0.49, 12.0: -0.85, 14.0: -1.22, 15.0: -1.37}
 """Bias [N] over S [N·m/rad] of the set lab, whose springs are 3 % apart, with the motors' zeros known exactly."""
@@ -42,7 +45,7 @@ def armed() -> BenchTop:
     return bench
 
 
-def told(bench: BenchTop, kind: type) -> list:
+def told(bench: BenchTop, kind: type[_E]) -> list[_E]:
     return [event for event in bench.events if isinstance(event, kind)]
 
 
