@@ -54,6 +54,7 @@ class Touching:
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
         self._felt: ContactView | None = None
+        self._since = 0
         supervisor.listen(self._hear)
 
     def view(self) -> TouchView:
@@ -75,7 +76,7 @@ class Touching:
                 _require_learned(points, contact_N)
             bias = tuple((point.S, point.F) for point in points)
             accepted = await self._command(commands.SetTouch(bias, contact_N))
-            self._points, self._contact_N = points, contact_N
+            self._points, self._contact_N, self._since = points, contact_N, accepted.tick
         for text in _said(order, points):
             self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
         self._changed()
@@ -85,7 +86,7 @@ class Touching:
         """Return what is estimated at rest now. Raises RefusalError where the joint does not rest."""
         ring = self._supervisor.ring
         _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
-        why = _why_not(rows)
+        why = _why_not(rows, self._since)
         if why:
             raise RefusalError(Because.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
@@ -106,7 +107,7 @@ class Touching:
 
     def forget(self) -> None:
         """Begin with nothing learned, as a new loop does."""
-        self._points, self._contact_N, self._felt = [], 0.0, None
+        self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
@@ -114,13 +115,15 @@ def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
     return sorted([*others, new], key=lambda point: point.S)
 
 
-def _why_not(rows: NDArray[np.float64]) -> str:
-    """Why nothing can be learned from these samples; empty where something can."""
+def _why_not(rows: NDArray[np.float64], since: int) -> str:
+    """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
     if len(rows) < LEARNED_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
         return "the outside force is not known yet, the motors' zeros come with pretension"
     column = {name: rows[:, INDEX[name]] for name in ("mode", "q", "S", "F_push")}
     if set(column["mode"].astype(int)) != {MODES.index(Mode.RUN)}:
         return f"the joint has to be held in run for {LEARNED_TICKS / 1000:g} s"
+    if rows[0, INDEX["tick"]] < since:
+        return f"something else was put into force less than {LEARNED_TICKS / 1000:g} s ago"
     if np.any(column["F_push"] != 0.0):
         return "the joint is pushed"
     if np.ptp(column["q"]) > _MOVING_RAD or np.ptp(column["S"]) > _MOVING_S:

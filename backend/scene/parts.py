@@ -19,6 +19,9 @@ SIDE_COLOURS = {"A": (0, 158, 115), "B": (204, 121, 167)}
 REFERENCE = (0, 114, 178)
 """Hue of q in the charts; its reference is the ghost."""
 
+TOUCH = (140, 148, 158)
+"""Hue of F_ext in the charts."""
+
 
 class Add(Protocol):
     """Puts a mesh on the stage."""

@@ -33,12 +33,16 @@ class Side:
 
 @dataclass(frozen=True)
 class Pose:
-    """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields."""
+    """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields.
+
+    ``F_ext_hat`` [N] is nan where it is not known, as in recordings of earlier versions.
+    """
 
     q: float
     q_ref: float
     fan: float
     F_push: float
+    F_ext_hat: float
     A: Side
     B: Side
 
@@ -55,6 +59,7 @@ def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spr
         q_ref=sample["q"] if math.isnan(sample["q_ref"]) else sample["q_ref"],
         fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
         F_push=sample["F_push"],
+        F_ext_hat=sample.get("F_ext_hat", math.nan),
         A=_side(sample["theta_A"], x_A, sample["F_A"], spring_A),
         B=_side(sample["theta_B"], x_B, sample["F_B"], spring_B),
     )

@@ -22,6 +22,8 @@ _LENGTHS = np.geomspace(0.024, layout.SPRING_FREE, 9)
 _ANGLE_STEP = 5e-4
 _LENGTH_STEP = 1e-4
 _FORCE_STEP = 0.1
+_TOUCH_N = 0.5
+"""Least outside force that is drawn [N]: several times what the estimate moves by at rest."""
 _TEXT_PERIOD_FRAMES = 6
 
 
@@ -76,6 +78,9 @@ class Stage:
         self._push = self._scene.add_arrows(
             "/push", np.zeros((1, 2, 3)), (213, 94, 0), shaft_radius=0.03, head_radius=0.09, head_length=0.16
         )
+        self._touch = self._scene.add_arrows(
+            "/touch", np.zeros((1, 2, 3)), parts.TOUCH, shaft_radius=0.03, head_radius=0.09, head_length=0.16
+        )
         self._A = self._side("A", -1.0)
         self._B = self._side("B", +1.0)
 
@@ -90,7 +95,9 @@ class Stage:
             if self._drawn.changes("fan", pose.fan, _ANGLE_STEP):
                 self._fan.vertices = _scaled(parts.fan(pose.fan))
             if self._drawn.changes("F_push", pose.F_push, _FORCE_STEP):
-                self._draw_push(pose.F_push)
+                _draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
+            if self._drawn.changes("F_ext_hat", _known(pose.F_ext_hat), _FORCE_STEP):
+                _draw_force(self._touch, _known(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
             self._show_side(self._A, pose.A)
             self._show_side(self._B, pose.B)
             if self._frame % _TEXT_PERIOD_FRAMES == 1:
@@ -156,13 +163,6 @@ class Stage:
         nodes.carriage.position = _units(nodes.sign * self._r_j, 0.0, seat)
         nodes.taut.scale = (1.0, 1.0, layout.CARRIAGE_DROP - seat)
 
-    def _draw_push(self, force_N: float) -> None:
-        length = 0.004 * force_N
-        tip = _units(0.0, layout.LINK_FRONT, self._r_j + 0.03)
-        tail = _units(length, layout.LINK_FRONT, self._r_j + 0.03)
-        self._push.points = np.array([[tail, tip]], dtype=np.float32)
-        self._push.visible = abs(force_N) >= _FORCE_STEP
-
     def _add(
         self,
         name: str,
@@ -178,6 +178,17 @@ class Stage:
             opacity=opacity,
             side="double",
         )
+
+
+def _draw_force(arrow: Any, force_N: float, height: float, least_N: float) -> None:
+    """Point at the joint from where a force comes, at ``height`` [m]; nothing below ``least_N``."""
+    tip, tail = _units(0.0, layout.LINK_FRONT, height), _units(0.004 * force_N, layout.LINK_FRONT, height)
+    arrow.points = np.array([[tail, tip]], dtype=np.float32)
+    arrow.visible = abs(force_N) >= least_N
+
+
+def _known(force_N: float) -> float:
+    return force_N if math.isfinite(force_N) else 0.0
 
 
 def _scaled(mesh: Mesh) -> NDArray[np.float32]:

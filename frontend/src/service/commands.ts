@@ -3,7 +3,14 @@
 import { useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
 import { giveUpControl, heldEpoch } from "../wire/control";
-import type { BankFile, IdentificationRequest, Mode, References, TuningRequest } from "../wire/types";
+import type {
+  BankFile,
+  IdentificationRequest,
+  Mode,
+  References,
+  TouchOrder,
+  TuningRequest,
+} from "../wire/types";
 import { sessionQuery } from "./queries";
 
 export function useSetMode() {
@@ -22,6 +29,14 @@ export function useSetReferences() {
 export function usePush() {
   return useMutation({
     mutationFn: (body: { F_push: number; duration_s: number }) => answered(api.POST("/api/push", { body })),
+  });
+}
+
+/** What is learned of the outside force, and from what force on the joint gives way. */
+export function useTouch() {
+  return useMutation({
+    mutationFn: (what: Partial<TouchOrder>) =>
+      answered(api.PUT("/api/touch", { body: { learn: false, forget: false, ...what } })),
   });
 }
 

@@ -111,6 +111,19 @@ export const VOLTAGE: Panel = {
   traces: [broad(measured("u_A", HUES.u_A)), measured("u_B", HUES.u_B)],
 };
 
+const OUTSIDE = "#8C949E";
+
+/** What acts on the joint from outside: as estimated, and on a simulator what is applied, in the place of a reference. */
+export const TOUCH: Panel = {
+  title: "Outside force",
+  quantity: "F",
+  unit: "N",
+  factor: 1,
+  decimals: 2,
+  narrowest: 4,
+  traces: [reference("F_push", OUTSIDE), measured("F_ext_hat", OUTSIDE)],
+};
+
 /** A panel in SI in the unit in which a person reads it; an angle of two decimals in degrees has four in radians. */
 export function readIn(panel: Panel, angles: Angles): Panel {
   const { unit, factor } = readingOf(panel.unit, angles);
@@ -118,4 +131,4 @@ export function readIn(panel: Panel, angles: Angles): Panel {
   return { ...panel, unit, factor, decimals: panel.decimals - FINER, narrowest: panel.narrowest * factor };
 }
 
-export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE] as const;
+export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE, TOUCH] as const;

@@ -8,6 +8,7 @@ import styles from "./Operate.module.css";
 import { PushCard } from "./PushCard";
 import { ReferencesCard } from "./ReferencesCard";
 import { SceneCard } from "./SceneCard";
+import { TouchCard } from "./TouchCard";
 import { TuningCard } from "./TuningCard";
 import { ViewOnly } from "./ViewOnly";
 
@@ -28,6 +29,7 @@ export function OperatePage() {
           <ReferencesCard />
           <TuningCard />
           <PushCard />
+          <TouchCard />
         </OperatorsOnly>
       </div>
     </div>

@@ -1,0 +1,179 @@
+"""Touch through the service: what is learned, when a joint is armed, what is told of a contact, what is forgotten."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from backend.loop.access import LoopDied
+from backend.loop.commands import Push as PushCommand
+from backend.loop.mode import Mode
+from backend.messages.touch import TouchOrder, TouchView
+from backend.refusal import OutOfRangeError, RefusalError
+from backend.sample import INDEX
+from backend.storage import Database, events, open_database, runs
+from plant.breakage import Breakage, Broken
+from plant.parameters import load_parameters
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+
+WHO = OPERATOR.name
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+async def at_rest(parts: Parts, S_ref: float = 10.0) -> None:
+    if parts.present.mode is Mode.OFF:
+        await parts.actuator.set_mode(Mode.PRETENSION, WHO)
+        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+    if parts.present.mode is Mode.PRETENSION:
+        await parts.actuator.set_mode(Mode.RUN, WHO)
+    await parts.actuator.set_references(0.2, S_ref, WHO)
+    await parts.supervisor.advance(8.0)
+
+
+async def push(parts: Parts, F_push: float, seconds: float = 1.0) -> None:
+    await parts.supervisor.send(PushCommand(F_push, seconds))
+    await parts.supervisor.advance(seconds + 0.2)
+
+
+def newest(parts: Parts, name: str) -> float:
+    row = parts.supervisor.ring.newest()
+    assert row is not None
+    return float(row[INDEX[name]])
+
+
+def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> None:
+    async def learn(parts: Parts) -> None:
+        touching = parts.actuator.touching
+        await at_rest(parts, 10.0)
+        before = newest(parts, "F_ext_hat")
+        assert abs(before) > 0.1
+        (point,) = (await touching.order(TouchOrder(learn=True), WHO)).learned
+        assert pytest.approx(10.0, abs=0.05) == point.S
+        assert pytest.approx(before, abs=0.2) == point.F
+        assert 0.0 < point.std_N < 0.15
+        await parts.supervisor.advance(1.0)
+        assert newest(parts, "F_ext_hat") == pytest.approx(0.0, abs=0.2)
+        await at_rest(parts, 14.0)
+        both = (await touching.order(TouchOrder(learn=True), WHO)).learned
+        assert [round(one.S) for one in both] == [10, 14]
+        assert both[0] == point
+        with pytest.raises(RefusalError, match="less than 1 s ago"):
+            await touching.order(TouchOrder(learn=True), WHO)
+        await parts.supervisor.advance(1.1)
+        again = (await touching.order(TouchOrder(learn=True), WHO)).learned
+        assert [round(one.S) for one in again] == [10, 14]  # in the place of the one before
+        assert pytest.approx(both[1].F, abs=0.1) == again[1].F
+        assert parts.present.state().touch.learned == again
+        assert (await touching.order(TouchOrder(forget=True), WHO)).learned == []
+        await parts.supervisor.advance(0.5)
+        assert newest(parts, "F_ext_hat") == pytest.approx(both[1].F, abs=0.3)
+
+    stepped(database, load_parameters("lab"), learn)
+    with database.reading() as session:
+        told = [event.text for event in events.find(session)]
+    assert sum(text.startswith("outside force learned: ") for text in told) == 3
+    assert "what the outside force reads with nothing outside was forgotten" in told
+
+
+def test_nothing_is_learned_where_something_acts_or_moves(database: Database) -> None:
+    async def refused(parts: Parts) -> None:
+        async def why() -> str:
+            with pytest.raises(RefusalError) as told:
+                await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)
+            assert parts.present.state().touch.learned == []
+            assert parts.present.state().touch.contact_N == 0.0
+            return str(told.value)
+
+        assert "not known yet" in await why()
+        await parts.actuator.set_mode(Mode.PRETENSION, WHO)
+        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance(1.5)
+        assert "held in run" in await why()
+        await at_rest(parts)
+        await push(parts, 1.0, 0.5)
+        assert "pushed" in await why()
+        await parts.actuator.set_references(0.6, 10.0, WHO)
+        await parts.supervisor.advance(1.0)
+        assert "at rest" in await why()
+
+    stepped(database, load_parameters("lab"), refused)
+
+
+def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database: Database) -> None:
+    async def arm(parts: Parts) -> None:
+        touching = parts.actuator.touching
+        await at_rest(parts)
+        with pytest.raises(RefusalError, match="learn it at rest first"):
+            await touching.order(TouchOrder(contact_N=1.5), WHO)
+        for contact_N in (0.5, 31.0, -1.0):
+            with pytest.raises(OutOfRangeError) as refused:
+                await touching.order(TouchOrder(learn=True, contact_N=contact_N), WHO)
+            assert refused.value.quantity == "contact_N"
+        armed = await touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        assert armed.contact_N == 1.5
+        with pytest.raises(RefusalError, match="learn it at rest first"):
+            await touching.order(TouchOrder(forget=True), WHO)
+        assert parts.present.state().touch == armed
+        assert (await touching.order(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
+        await push(parts, 5.0)
+        assert parts.present.mode is Mode.RUN
+
+    stepped(database, load_parameters("lab"), arm)
+
+
+def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
+    async def touched(parts: Parts) -> None:
+        await at_rest(parts)
+        await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        recorded = parts.present.state().recording_run
+        await push(parts, 5.0)
+        state = parts.present.state()
+        assert state.mode is Mode.COMPLIANCE
+        assert state.recording_run == recorded
+        assert state.touch.felt is not None
+        assert 1.5 < state.touch.felt.F_ext_hat < 2.5
+        assert state.touch.felt.contact_N == 1.5
+        with pytest.raises(RefusalError, match="gives way to a contact"):
+            await parts.actuator.set_references(0.0, 10.0, WHO)
+        state = await parts.actuator.set_mode(Mode.RUN, WHO)
+        assert state.touch.felt is None
+        assert state.touch.contact_N == 1.5
+        await parts.actuator.set_references(0.0, 10.0, WHO)
+
+    stepped(database, load_parameters("lab"), touched)
+    with database.reading() as session:
+        told = [event.text for event in events.find(session)]
+        states = {run.end_state for run in runs.find(session)}
+    assert any(text.startswith("contact: ") and "gives way" in text for text in told)
+    assert "failed" not in states
+
+
+def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Database) -> None:
+    async def anew(parts: Parts) -> None:
+        await at_rest(parts)
+        await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        for broken, is_known in ((Broken(Breakage.SAFETY_TRIP), True), (Broken(Breakage.JUMP), False)):
+            await parts.actuator.break_plant(broken, WHO)
+            await parts.supervisor.advance(0.5)
+            assert parts.present.mode is Mode.TRIPPED
+            await parts.actuator.break_plant(None, WHO)
+            await parts.supervisor.advance(0.5)
+            await parts.actuator.reset(WHO)
+            await at_rest(parts)
+            touch = parts.present.state().touch
+            assert (touch.contact_N == 1.5, len(touch.learned) == 1) == (is_known, is_known)
+        await push(parts, 5.0)
+        assert parts.present.mode is Mode.RUN
+        await parts.supervisor.advance(2.0)
+        await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        parts.supervisor.dead = True
+        parts.actuator.touching._hear(LoopDied("killed"))
+        assert parts.present.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
+
+    stepped(database, load_parameters("lab"), anew)
