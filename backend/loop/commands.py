@@ -9,6 +9,9 @@ from backend.faults import Fault
 from backend.loop.causes import Why
 from backend.loop.mode import Mode
 from backend.loop.program import Program
+from backend.loop.set_touch import ContactFelt as ContactFelt
+from backend.loop.set_touch import SetTouch as SetTouch
+from backend.loop.set_touch import TouchForgotten as TouchForgotten
 from backend.loop.set_tuning import EntryGains as EntryGains
 from backend.loop.set_tuning import MotorGains as MotorGains
 from backend.loop.set_tuning import SetTuning as SetTuning
@@ -39,17 +42,6 @@ class RunProgram:
 
     program: Program
     run: int = 0
-
-
-@dataclass(frozen=True)
-class SetTouch:
-    """What the estimate of the outside force has learned, and from what force on [N] a contact is reacted to, 0: never.
-
-    ``bias`` are points of S [N·m/rad], rising, and the force [N] that is estimated there with nothing outside.
-    """
-
-    bias: tuple[tuple[float, float], ...] = ()
-    contact_N: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -200,22 +192,6 @@ class ModeChanged:
 @dataclass(frozen=True)
 class PretensionReached:
     """Both tendons hold the pretension: the moves towards motion are granted from here on."""
-
-    tick: int
-
-
-@dataclass(frozen=True)
-class ContactFelt:
-    """An outside force estimated at ``F_ext_hat`` [N] was a contact, as ``contact_N`` [N] says: the joint gives way."""
-
-    tick: int
-    F_ext_hat: float
-    contact_N: float
-
-
-@dataclass(frozen=True)
-class TouchForgotten:
-    """The motors' zeros were found anew: what the outside force had learned is gone, and nothing is given way to."""
 
     tick: int
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
+from backend.sample import ADDED_LATER
 from backend.storage import Session, recordings
 from backend.storage.recordings import Recording, Span
 
@@ -48,16 +49,17 @@ class Envelope:
 def read_samples(
     session: Session, run_id: int, names: Sequence[str] = (), from_s: float = 0.0, to_s: float = np.inf
 ) -> Samples:
-    """Return the samples with from_s <= t < to_s; no names means all signals.
+    """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
 
-    Raises UnknownRecordError when nothing of the run was recorded, UnknownSignalError.
+    One that only later versions record is nan. Raises UnknownRecordError when nothing of the run was recorded, and
+    UnknownSignalError.
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     chosen = _columns(recording, names)
     from_tick, to_tick = _ticks(recording, span, from_s, to_s)
     ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
     t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
-    return Samples(span.first_tick, t, {name: tables[:, i] for i, (name, _) in enumerate(chosen)})
+    return Samples(span.first_tick, t, _named(chosen, names, tables))
 
 
 def read_envelope(
@@ -94,18 +96,24 @@ def read_envelope(
         first_tick=span.first_tick,
         width_s=width * recording.period_s,
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
-        minimum={name: low[:, i] for i, (name, _) in enumerate(chosen)},
-        maximum={name: high[:, i] for i, (name, _) in enumerate(chosen)},
+        minimum=_named(chosen, names, low),
+        maximum=_named(chosen, names, high),
     )
 
 
 def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]]:
-    unknown = [name for name in names if name not in recording.fields]
+    unknown = [name for name in names if name not in recording.fields and name not in ADDED_LATER]
     if unknown:
         raise UnknownSignalError(
             f"no signal {', '.join(unknown)} in this recording; it has {', '.join(recording.fields)}"
         )
-    return [(name, recording.fields.index(name)) for name in names or recording.fields]
+    return [(name, recording.fields.index(name)) for name in names or recording.fields if name in recording.fields]
+
+
+def _named(chosen: list[tuple[str, int]], names: Sequence[str], table: Table) -> dict[str, Column]:
+    """Columns by name in the order asked for; nan for what the recording, of an earlier version, lacks."""
+    recorded = {name: table[:, i] for i, (name, _) in enumerate(chosen)}
+    return {name: recorded.get(name, np.full(len(table), np.nan, np.float32)) for name in names or recorded}
 
 
 def _ticks(recording: Recording, span: Span, from_s: float, to_s: float) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from backend.loop.ring import Ring
 from backend.recording.reader import Envelope, UnknownSignalError, read_envelope, read_samples
-from backend.sample import INDEX, STORED_NAMES
+from backend.sample import ADDED_LATER, INDEX, STORED_NAMES
 from backend.storage import Database, open_database
 from backend.storage.records import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
@@ -123,3 +123,22 @@ def test_a_run_without_samples_yet_has_no_recording(recorded: Recorded) -> None:
     run = new_run(recorded.database)
     with recorded.database.reading() as session, pytest.raises(UnknownRecordError, match=f"run {run.id}"):
         read_samples(session, run.id)
+
+
+def test_a_signal_that_only_later_versions_record_is_nan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    earlier = [name for name in STORED_NAMES if name not in ADDED_LATER]
+    monkeypatch.setattr("backend.recording.recorder.STORED_NAMES", tuple(earlier))
+    monkeypatch.setattr("backend.recording.recorder.STORED_COLUMNS", [INDEX[name] for name in earlier])
+    recorded = Recorded(open_database(tmp_path))
+    for name in ADDED_LATER:
+        with recorded.database.reading() as session:
+            some = read_samples(session, recorded.run_id, ["q", name, "S"], 0.0, 0.5)
+            none = read_envelope(session, recorded.run_id, 7, [name])
+            known = read_samples(session, recorded.run_id)
+        assert list(some.columns) == ["q", name, "S"]
+        np.testing.assert_array_equal(some.columns["q"], recorded.column("q")[:500])
+        assert np.isnan(some.columns[name]).all()
+        assert np.isnan(none.minimum[name]).all()
+        assert none.t.size == none.maximum[name].size > 0
+        assert name not in known.columns
+    recorded.database.close()

@@ -34,7 +34,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
     <Card title="Touch" aside={<span className={styles.bounds}>{reading(force, touch)}</span>}>
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
-        <div className={styles.pushRow} role="group" aria-label="Touch">
+        <div className={styles.touchRows} role="group" aria-label="Touch">
           <ValueBox
             label="Gives way from [N]"
             unit="N"
@@ -50,7 +50,8 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            onClick={() => problem === null && order.mutate({ contact_N })}
+            disabled={problem !== null || touch.learned.length === 0}
+            onClick={() => order.mutate({ contact_N })}
           >
             {armed ? "Change" : "Give way"}
           </Button>
@@ -80,7 +81,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           about={about}
           forFields
           text={problem ?? told(touch)}
-          hint={`${learned(touch)} ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
+          hint={`${learned(touch)} Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
         />
       </RefusedFields>
     </Card>

@@ -1,0 +1,30 @@
+"""What is asked of touch, and what is told of it, as plain data."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SetTouch:
+    """What the estimate of the outside force has learned, and from what force on [N] a contact is reacted to, 0: never.
+
+    ``bias`` are points of S [N·m/rad], rising, and the force [N] that is estimated there with nothing outside.
+    """
+
+    bias: tuple[tuple[float, float], ...] = ()
+    contact_N: float = 0.0
+
+
+@dataclass(frozen=True)
+class ContactFelt:
+    """An outside force estimated at ``F_ext_hat`` [N] was a contact, as ``contact_N`` [N] says: the joint gives way."""
+
+    tick: int
+    F_ext_hat: float
+    contact_N: float
+
+
+@dataclass(frozen=True)
+class TouchForgotten:
+    """The motors' zeros were found anew: what the outside force had learned is gone, and nothing is given way to."""
+
+    tick: int

@@ -1,0 +1,54 @@
+"""Touch on the page: what the card says is what the service has in force, and a contact is read where a person looks."""
+
+import re
+from typing import Any
+
+from playwright.sync_api import expect
+
+from tests.e2e import forms
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+
+PUSH_N = 6.0
+
+
+def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+
+    def in_force() -> dict[str, Any]:
+        state = page.evaluate("fetch('./api/state').then(answer => answer.json())")
+        return dict(state["touch"])
+
+    card = page.get_by_role("group", name="Touch", exact=True)
+    said = page.locator("#refusal-of-touch")
+    expect(said).to_contain_text("Nothing learned")
+    arm = card.get_by_role("button", name="Give way", exact=True)
+    expect(arm).to_be_disabled()
+    assert in_force() == {"contact_N": 0.0, "learned": [], "felt": None}
+    operator.wait_for_samples(4000)  # until the stiffness is at rest, and a second more
+    forms.pressed(page, card.get_by_role("button", name="Learn here", exact=True), "/api/touch")
+    (point,) = in_force()["learned"]
+    expect(said).to_contain_text(f"Learned at {point['S']:.1f} N·m/rad.")
+    expect(page.get_by_text(re.compile(rf"^F_ext \S+ ± {point['std_N']:.2f} N$"))).to_be_visible()
+    operator.enter("Gives way from [N]", 2.5)
+    sent, answered = forms.pressed(page, arm, "/api/touch")
+    assert sent["contact_N"] == answered["contact_N"] == in_force()["contact_N"] == 2.5
+    expect(said).to_contain_text("Gives way to contacts from 2.5 N on.")
+
+    operator.enter("Push [N]", PUSH_N)
+    operator.press("Push")
+    operator.expect_mode("compliance")
+    felt = in_force()["felt"]
+    assert 2.5 < felt["F_ext_hat"] < PUSH_N
+    expect(said).to_contain_text(f"Contact: {felt['F_ext_hat']:.1f} N. The joint gives way")
+    expect(page.get_by_text("Pushed with")).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
+    operator.press("Run")
+    operator.expect_mode("run")
+    expect(said).not_to_contain_text("Contact:")
+    forms.pressed(page, card.get_by_role("button", name="Hold on", exact=True), "/api/touch")
+    operator.press("Push")
+    operator.wait(lambda: abs(operator.reading("Outside force", "F_ext_hat") - PUSH_N) < 0.5)
+    assert operator.settled_mode() == "run"
+    forms.pressed(page, card.get_by_role("button", name="Forget", exact=True), "/api/touch")
+    expect(said).to_contain_text("Nothing learned")
