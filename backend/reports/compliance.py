@@ -54,9 +54,9 @@ def _figures(source: Source, metrics: Metrics) -> Section:
             Figure(
                 "forces",
                 panels,
-                "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness "
-                "and position let expect, (C) their difference as measured (grey) and aligned. Compare figure 8 of "
-                "the paper.",
+                "Pushes on the joint: (A) joint position, (B) measured force F_ext, the force F_exp that stiffness "
+                "and position let expect, and the force that encoders and springs tell without a load cell, (C) the "
+                "difference of the first two as measured (grey) and aligned. Compare figure 8 of the paper.",
             ),
             Figure(
                 "tension",
@@ -81,6 +81,9 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
         axes[0].set_ylabel(axis_label("q", "rad", angles))
         axes[1].plot(*thinned(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
         axes[1].plot(*thinned(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
+        if "F_ext_hat" in columns:
+            estimated = -(columns["F_ext_hat"] - columns["F_ext_hat"][rest].mean()) + measured[rest].mean()
+            axes[1].plot(*thinned(t, estimated), color=COLOURS["u_B"], linewidth=0.7, label="estimated")
         axes[1].set_ylabel("Force [N]")
         axes[2].plot(*thinned(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
         axes[2].plot(*thinned(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")

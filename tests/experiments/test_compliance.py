@@ -63,3 +63,21 @@ def test_a_run_without_pushes_has_no_figures() -> None:
     columns = {name: column[:5_000] for name, column in pushed().items()}
     with pytest.raises(NoSamplesError, match="before the pushes"):
         compliance_figures(columns, R_J, LEAD_IN_S)
+
+
+def test_the_estimated_force_is_compared_with_the_reaction_of_the_load_cells() -> None:
+    columns = pushed(delay_ms=12)
+    F_push = R_J**-1 * 10.0 * columns["q"]
+    columns["F_ext_hat"] = F_push + 0.4  # its bias is taken off
+    assert compliance_figures(columns, R_J, LEAD_IN_S).rmse_estimated_N == pytest.approx(0.0, abs=1e-6)
+    columns["F_ext_hat"] = 0.9 * F_push
+    off = compliance_figures(columns, R_J, LEAD_IN_S).rmse_estimated_N
+    assert off == pytest.approx(1.2 / np.sqrt(2.0), rel=0.01)
+    for unknown in (None, np.where(columns["t"] > 5.0, np.nan, F_push)):
+        if unknown is None:
+            del columns["F_ext_hat"]
+        else:
+            columns["F_ext_hat"] = unknown
+        figures = compliance_figures(columns, R_J, LEAD_IN_S)
+        assert figures.rmse_estimated_N is None
+        assert "no estimate" in figures.reasons["rmse_estimated_N"]

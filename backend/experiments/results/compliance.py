@@ -39,6 +39,9 @@ class ComplianceFigures:
     rmse_aligned_N: float | None = figure(
         "N", "RMSE, aligned", "the same without sensor delay, each minus its mean before"
     )
+    rmse_estimated_N: float | None = figure(
+        "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, aligned, each minus its mean before"
+    )
     delay_s: float | None = figure("s", "Sensor delay", "of the load cells behind the encoder, that which aligns best")
     stiffness_felt: float | None = figure("N·m/rad", "Stiffness felt", "slope of −r_j (F_A − F_B) over q, aligned")
     largest_push_N: float = figure("N", "Strongest push", "largest |F_A − F_B|, aligned")
@@ -52,8 +55,9 @@ class ComplianceFigures:
 def compliance_figures(columns: Columns, r_j: float, first_push_s: float) -> ComplianceFigures:
     """Compare measured and expected force. ``columns`` holds q, S, S_ref, F_A, F_B, u_A, u_B, one sample a millisecond.
 
-    ``r_j`` [m] is the joint pulley's radius. Raises NoSamplesError when the run ended before its first push, or when
-    there was no rest before it to count from.
+    With F_ext_hat in it, the estimate is compared with what the load cells say. ``r_j`` [m] is the joint pulley's
+    radius. Raises NoSamplesError when the run ended before its first push, or when there was no rest before it to
+    count from.
     """
     pushed = round(first_push_s / T_s)
     if pushed < round(REST_S / T_s):
@@ -74,9 +78,13 @@ def compliance_figures(columns: Columns, r_j: float, first_push_s: float) -> Com
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     largest_push_N = float(np.abs(felt).max())
     reasons = _why_not(largest_push_N, delay == longest)
+    estimated = _estimated(columns, rest, slice(pushed, F.size - delay))
+    if estimated is None:
+        reasons["rmse_estimated_N"] = "this recording has no estimate of the outside force"
     return ComplianceFigures(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
+        rmse_estimated_N=None if estimated is None or "rmse_estimated_N" in reasons else rms(estimated + felt),
         delay_s=None if "delay_s" in reasons else delay * T_s,
         stiffness_felt=None if "stiffness_felt" in reasons else _slope(q, -r_j * felt),
         largest_push_N=largest_push_N,
@@ -88,13 +96,21 @@ def compliance_figures(columns: Columns, r_j: float, first_push_s: float) -> Com
     )
 
 
+def _estimated(columns: Columns, rest: slice, pushed: slice) -> Array | None:
+    """Outside force [N] while pushed, from its mean at rest; None where it was not recorded as a number throughout."""
+    F_ext_hat = columns.get("F_ext_hat")
+    if F_ext_hat is None or not np.all(np.isfinite(F_ext_hat[rest.start :])):
+        return None
+    return F_ext_hat[pushed] - F_ext_hat[rest].mean()
+
+
 def _why_not(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
     if largest_push_N < LEAST_PUSH_N:
         reason = (
             f"the strongest push was {largest_push_N:.1f} N: below {LEAST_PUSH_N:g} N any stiffness keeps the bound of "
             f"{BOUND_ALIGNED_N:g} N"
         )
-        return dict.fromkeys(("rmse_aligned_N", "delay_s", "stiffness_felt"), reason)
+        return dict.fromkeys(("rmse_aligned_N", "rmse_estimated_N", "delay_s", "stiffness_felt"), reason)
     if delay_at_end:
         return {"delay_s": f"the forces agree best at {1000 * MAX_DELAY_S:.0f} ms, where the search ends"}
     return {}
