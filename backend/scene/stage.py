@@ -95,9 +95,9 @@ class Stage:
             if self._drawn.changes("fan", pose.fan, _ANGLE_STEP):
                 self._fan.vertices = _scaled(parts.fan(pose.fan))
             if self._drawn.changes("F_push", pose.F_push, _FORCE_STEP):
-                _draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
+                draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
             if self._drawn.changes("F_ext_hat", _known(pose.F_ext_hat), _FORCE_STEP):
-                _draw_force(self._touch, _known(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
+                draw_force(self._touch, _known(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
             self._show_side(self._A, pose.A)
             self._show_side(self._B, pose.B)
             if self._frame % _TEXT_PERIOD_FRAMES == 1:
@@ -180,7 +180,7 @@ class Stage:
         )
 
 
-def _draw_force(arrow: Any, force_N: float, height: float, least_N: float) -> None:
+def draw_force(arrow: Any, force_N: float, height: float, least_N: float) -> None:
     """Point at the joint from where a force comes, at ``height`` [m]; nothing below ``least_N``."""
     tip, tail = _units(0.0, layout.LINK_FRONT, height), _units(0.004 * force_N, layout.LINK_FRONT, height)
     arrow.points = np.array([[tail, tip]], dtype=np.float32)

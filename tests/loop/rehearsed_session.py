@@ -16,6 +16,7 @@ from backend.loop.commands import (
     RunProgram,
     SetMode,
     SetReferences,
+    SetTouch,
     Stop,
     TryModule,
     TryMotor,
@@ -33,6 +34,7 @@ from plant.virtual_rig import VirtualRig
 from tests.bring_up.rigs import WIRING
 
 SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)
+PUSHED = Segment(0.1, q_ref=0.0, S_ref=10.0, F_push=6.0)
 EXCITATION = Excitation(amplitude_rad=0.1, chip_s=0.002, levels="+-", periods=2)
 RESTS = (Mode.OFF, Mode.RUN, Mode.COMPLIANCE, Mode.TRIPPED)
 
@@ -85,6 +87,12 @@ def main() -> None:
             dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
             Push(2.0, 1.0),
             SetMode(Mode.COMPLIANCE),
+            SetTouch(((10.0, 0.1),), 2.0),
+            Push(6.0, 0.02),
+            SetMode(Mode.PRETENSION),
+            RunProgram(Program(Law.COMPLIANCE, (PUSHED,))),
+            SetMode(Mode.RUN),
+            SetTouch((), 0.0),
             Stop(hard=False),
             Reset(),
         ),

@@ -2,13 +2,16 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.scene import layout
 from backend.scene.pose import SLACK_COLOUR, can_be_drawn, force_colour, pose
+from backend.scene.stage import draw_force
 from plant.parameters import load_parameters
 from plant.spring import elongation
 
@@ -83,3 +86,19 @@ def test_colours_grow_lighter_with_force_and_are_never_red() -> None:
 def test_a_broken_sensor_leaves_the_last_picture() -> None:
     assert can_be_drawn(sample(0.1, 0.02, 0.02, F_A=math.nan, q_ref=math.nan))
     assert not can_be_drawn({**sample(0.1, 0.02, 0.02), "theta_A": math.nan})
+
+
+def test_an_outside_force_that_is_not_known_is_drawn_as_none_and_earlier_recordings_have_none() -> None:
+    assert pose(sample(0.0, 0.02, 0.02, F_ext_hat=-3.0), R_M, R_J, *SPRINGS).F_ext_hat == -3.0
+    assert math.isnan(pose(sample(0.0, 0.02, 0.02), R_M, R_J, *SPRINGS).F_ext_hat)
+
+
+def test_an_arrow_comes_from_where_the_force_comes_and_ends_at_the_joint() -> None:
+    arrow = SimpleNamespace(points=None, visible=None)
+    for force, visible in ((6.0, True), (-6.0, True), (0.4, False)):
+        draw_force(arrow, force, 0.1, 0.5)
+        ((tail, tip),) = arrow.points
+        assert np.sign(tail[0]) == np.sign(force)
+        assert tip[0] == 0.0
+        assert tail[1:] == pytest.approx(tip[1:])
+        assert arrow.visible is visible

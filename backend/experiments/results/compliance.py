@@ -101,7 +101,8 @@ def _estimated(columns: Columns, rest: slice, pushed: slice) -> Array | None:
     F_ext_hat = columns.get("F_ext_hat")
     if F_ext_hat is None or not np.all(np.isfinite(F_ext_hat[rest.start :])):
         return None
-    return F_ext_hat[pushed] - F_ext_hat[rest].mean()
+    estimated: Array = F_ext_hat[pushed] - F_ext_hat[rest].mean()
+    return estimated
 
 
 def _why_not(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
