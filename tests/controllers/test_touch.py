@@ -6,59 +6,18 @@ import numpy as np
 import pytest
 
 from backend.controllers import touch
-from backend.tuning.closed_loop import Array, Trajectory, run
-from backend.tuning.gains import cascade_tuning
-from backend.tuning.models import Lambdas
-from plant.compiled import compiled_run
+from backend.tuning.closed_loop import Array
 from plant.interface import NOT_MEASURED, Measurement
 from plant.parameters import PlantParameters, load_parameters
+from tests.closed_loop.outside_force import NO_BIAS, WARM, felt, held, learned
 from tests.closed_loop.random_moves import random_moves
 
 T_S = 1e-3
 R_J = 0.075
-NO_BIAS = np.zeros((0, 2))
-WARM = 500
-STIFFNESSES = (8.0, 10.0, 12.0, 14.0, 15.0)
 
 
 def reading(q: float, theta_A: float, theta_B: float) -> Measurement:
     return NOT_MEASURED._replace(q=q, theta_A=theta_A, theta_B=theta_B)
-
-
-@compiled_run
-def _each(
-    observer: touch.Observer,
-    q: Array,
-    theta_A: Array,
-    theta_B: Array,
-    S: Array,
-    bias: Array,
-    out: Array,
-) -> None:
-    state = touch.UNKNOWN
-    for k in range(q.size):
-        state = touch.step(observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0))
-        out[k] = touch.force(observer, state, bias, S[k])
-
-
-def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
-    """Outside force [N] by tick, as the tick computes it."""
-    out = np.empty(y.q.size)
-    q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
-    _each(touch.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
-    return out
-
-
-def held(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
-    ticks = F_push.size
-    tuning = cascade_tuning(parameters, Lambdas(0.355, 0.345), u_plan=8.5)
-    return run(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
-
-
-def learned(parameters: PlantParameters, stiffnesses: tuple[float, ...]) -> Array:
-    """Bias over S, from a second at rest at each."""
-    at_rest = [felt(parameters, held(parameters, S, np.zeros(1500)))[WARM:] for S in stiffnesses]
-    return np.array([(S, force.mean()) for S, force in zip(stiffnesses, at_rest, strict=True)])
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +27,7 @@ def lab() -> PlantParameters:
 
 @pytest.fixture(scope="module")
 def bias(lab: PlantParameters) -> Array:
-    return learned(lab, STIFFNESSES)
+    return learned(lab)
 
 
 @pytest.mark.parametrize("pole", [60.0, 300.0])
@@ -124,7 +83,7 @@ def test_moves_and_pushes_together_are_told_within_the_bound(lab: PlantParameter
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
     parameters = load_parameters(name)
-    bias = learned(parameters, STIFFNESSES)
+    bias = learned(parameters)
     felt_most = [
         np.max(np.abs(felt(parameters, random_moves(parameters, seed, 100), bias)[WARM:])) for seed in range(5)
     ]

@@ -1,4 +1,4 @@
-"""Touch on the page: what the card says is what the service has in force, and a contact is read where a person looks."""
+"""Touch on the page: its card says what the service has in force, and a contact is read where a person looks."""
 
 import re
 from typing import Any

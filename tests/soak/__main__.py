@@ -6,7 +6,7 @@ import traceback
 
 from rich.console import Console
 
-from tests.soak import killed_experiments, long_exports, page_heap, random_programs, viewers
+from tests.soak import killed_experiments, long_exports, page_heap, random_moves, random_programs, viewers
 from tests.soak.attack import parts as attack
 
 ATTACK = "attack"
@@ -24,6 +24,7 @@ def main() -> int:
         "viewers": lambda given, console: viewers.watched_simulation(given.minutes, given.viewers, console),
         "killed-experiments": lambda _given, console: killed_experiments.killed_experiments(console),
         "programs": lambda _given, console: random_programs.random_programs(console),
+        "moves": lambda _given, console: random_moves.moves_without_contact(console),
         "exports": lambda given, console: long_exports.long_exports(given.hours, console),
     }
     known = [ATTACK, *attack.NAMES, *watched]

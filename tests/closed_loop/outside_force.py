@@ -1,0 +1,53 @@
+"""The outside force that the observer of the tick sees in a simulated run, and the bias it would learn at rest."""
+
+import numpy as np
+
+from backend.controllers import touch
+from backend.tuning.closed_loop import Array, Trajectory, run
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from plant.compiled import compiled_run
+from plant.interface import Measurement
+from plant.parameters import PlantParameters
+
+NO_BIAS = np.zeros((0, 2))
+STIFFNESSES = (8.0, 10.0, 12.0, 14.0, 15.0)
+"""Where a bias is learned [N·m/rad]: from the lowest reference to the highest."""
+WARM = 500
+"""Ticks after which the observer has forgotten how it began."""
+
+
+@compiled_run
+def _each(
+    observer: touch.Observer,
+    q: Array,
+    theta_A: Array,
+    theta_B: Array,
+    S: Array,
+    bias: Array,
+    out: Array,
+) -> None:
+    state = touch.UNKNOWN
+    for k in range(q.size):
+        state = touch.step(observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0))
+        out[k] = touch.force(observer, state, bias, S[k])
+
+
+def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
+    """Outside force [N] by tick, as the tick computes it."""
+    out = np.empty(y.q.size)
+    q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
+    _each(touch.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
+    return out
+
+
+def held(parameters: PlantParameters, S: float, F_push: Array, q: Array | float = 0.0) -> Trajectory:
+    ticks = F_push.size
+    tuning = cascade_tuning(parameters, Lambdas(0.355, 0.345), u_plan=8.5)
+    return run(parameters, tuning, np.broadcast_to(q, ticks).copy(), np.full(ticks, S), F_push)
+
+
+def learned(parameters: PlantParameters) -> Array:
+    """Bias (n, 2) over S, from a second at rest at each of STIFFNESSES."""
+    at_rest = [felt(parameters, held(parameters, S, np.zeros(1500)))[WARM:] for S in STIFFNESSES]
+    return np.array([(S, force.mean()) for S, force in zip(STIFFNESSES, at_rest, strict=True)])
