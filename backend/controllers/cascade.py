@@ -5,6 +5,7 @@ between actuator and model, and the model's voltages go to the motors directly: 
 and margins, but their lags are no longer on the way (docs/decisions/0046).
 """
 
+import math
 from typing import NamedTuple
 
 from backend.controllers import decoupler, envelope, following, governor, i_p, i_pd, motors, plan, scheduling
@@ -124,6 +125,7 @@ def step(
         q_c = at.q_e if follows else at.reference.q_ref
     allowed, within = envelope.step(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
+    resting = position_loop and follows and not at.moving and following.unseen(tuning.following, r_q - y_q, r_S - y_S)
     motor, inner = motors.step(
         tuning.motors,
         inner,
@@ -134,6 +136,7 @@ def step(
         tuning.u_max,
         at.u_A,
         at.u_B,
+        math.inf if resting else 0.0,
     )
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.

@@ -10,7 +10,8 @@ from plant.interface import Measurement
 class Following(NamedTuple):
     """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
 
-    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone.
+    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone. While both are
+    within, and the references stand, the motors' integrators rest too.
     """
 
     budget: float
@@ -49,6 +50,12 @@ def planned(p: plan.Now, by: plan.Driven) -> Followed:
     """Return the model of a plan: the loops count from it."""
     reference = governor.State(p.q, p.S)
     return Followed(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
+
+
+@compiled
+def unseen(f: Following, e_q: float, e_S: float) -> bool:
+    """Whether the errors of position [rad] and stiffness [N·m/rad] are both so small that they are left alone."""
+    return abs(e_q) <= f.unseen_q and abs(e_S) <= f.unseen_S
 
 
 @compiled

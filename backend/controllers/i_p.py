@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from backend.controllers.dead_zone import beyond
 from plant.compiled import compiled
 from plant.interface import T_s
 
@@ -25,13 +26,10 @@ def step(gains: Gains, state: State, r: float, y: float, correction: float, unse
     """One tick of u = k_i ∫(r − y) dt + k_r r − k_p y.
 
     ``correction`` [unit of u per s] is what the anti-windup adds to the integral. As in the inner loop the error of
-    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``unseen`` [unit of y]:
-    against stiction it would hunt for the rest forever.
+    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``unseen`` [unit of y].
     """
     u = state.integral + gains.k_r * r - gains.k_p * y
-    e = r - y
-    beyond = e - min(max(e, -unseen), unseen)
-    return u, State(state.integral + T_s * (gains.k_i * beyond + correction))
+    return u, State(state.integral + T_s * (gains.k_i * beyond(r - y, unseen) + correction))
 
 
 @compiled

@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from backend.controllers.dead_zone import beyond
 from plant.compiled import compiled
 from plant.interface import T_s
 
@@ -43,18 +44,19 @@ def _filtered(gains: Gains, state: State, y: float) -> tuple[float, float, float
 
 @compiled
 def step(
-    gains: Gains, state: State, r: float, y: float, u_max: float, u_forward: float = 0.0
+    gains: Gains, state: State, r: float, y: float, u_max: float, u_forward: float = 0.0, unseen: float = 0.0
 ) -> tuple[float, float, State]:
     """One tick. Returns u [V] within ±u_max, the excess that was clipped off [V], and the new state.
 
     r, y: reference and measured motor position [rad], as they are or both counted from where a model is, whose voltage
     ``u_forward`` [V] comes on top. The integral takes up this tick's error for the next tick, so that u depends on the
-    past of the error only and a change of gains cannot show in the tick it arrives.
+    past of the error only and a change of gains cannot show in the tick it arrives. It sees what of the error is beyond
+    ``unseen`` [rad]; inf lets it rest.
     """
     u, integral_f, y_f = _filtered(gains, state, y)
     u += u_forward
     u_limited = min(max(u, -u_max), u_max)
-    integral = state.integral + T_s * (gains.k_i * (r - y) + (u_limited - u) / TRACKING_TIME_S)
+    integral = state.integral + T_s * (gains.k_i * beyond(r - y, unseen) + (u_limited - u) / TRACKING_TIME_S)
     return u_limited, u - u_limited, State(integral, integral_f, y_f)
 
 

@@ -40,13 +40,15 @@ def step(
     u_max: float,
     forward_A: float = 0.0,
     forward_B: float = 0.0,
+    unseen: float = 0.0,
 ) -> tuple[Output, State]:
     """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
 
-    ``forward_A``, ``forward_B`` [V] come on top of what the loops give.
+    ``forward_A``, ``forward_B`` [V] come on top of what the loops give. Their integrators leave errors of up to
+    ``unseen`` [rad] alone.
     """
-    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A)
-    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B)
+    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, unseen)
+    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, unseen)
     return Output(u_A, u_B, excess_A, excess_B), State(state_A, state_B)
 
 

@@ -160,7 +160,8 @@ def step(
         state.q, state.q_dot, state.F_held_A, state.F_held_B,
     )  # fmt: skip
     u_A, u_B = voltages(d, model, forward, at)
-    driven = Driven(u_A, u_B, distance > STANDING)
+    moving = distance > STANDING or goal_d.rate != 0.0 or goal_c.rate != 0.0
+    driven = Driven(u_A, u_B, moving)
     return driven, State(
         goal_d,
         goal_c,

@@ -15,6 +15,10 @@ from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain
 from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
 from plant.parameters import PlantParameters
 
+UNSEEN_COUNTS = 0.501
+"""Error of the joint that its integrator leaves alone, in counts of its encoder: whatever the reference, one reading is
+within, and with it the joint is within a count."""
+
 UNSEEN_S = 0.01
 """Error of the stiffness that its integrator leaves alone [N·m/rad]: a thousandth of it, some counts of the motors."""
 
@@ -42,7 +46,7 @@ def following(known: Knowledge, u_plan: float) -> Following:
     """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper."""
     if u_plan == 0.0:
         return Following(0.0, known.model, 0.0, 0.0)
-    return Following(u_plan, known.model, known.q_count, UNSEEN_S)
+    return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, UNSEEN_S)
 
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:

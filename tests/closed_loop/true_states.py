@@ -1,0 +1,51 @@
+"""The closed loop offline with the true states of the simulator, where sensors would hide what moves at rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from backend.controllers import cascade
+from backend.tuning.closed_loop import Array, Inputs, Rig, at_rest, empty_arrays, fill_delay_line, inputs_of, rig_of
+from plant.compiled import compiled_run
+from plant.dynamics import PlantState
+from plant.interface import MotorCommand
+from plant.parameters import PlantParameters
+from plant.sensors import DELAY_SLOTS, sense
+from plant.simulator import actuate
+
+
+class TrueStates(NamedTuple):
+    """Each (ticks,): joint [rad], stiffness [N·m/rad], motor angles [rad] and voltages [V], none of them quantised."""
+
+    q: Array
+    S: Array
+    theta_A: Array
+    theta_B: Array
+    u_A: Array
+    u_B: Array
+
+
+@compiled_run
+def _simulate(
+    rig: Rig, tuning: cascade.Tuning, x: PlantState, law: cascade.State, inputs: Inputs, line: Array, out: Array
+) -> None:
+    fill_delay_line(rig, x, line)
+    for k in range(inputs.q_ref.shape[0]):
+        noise, F_push = inputs.noise[k], inputs.F_push[k]
+        m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        y, law = cascade.step(tuning, law, inputs.q_ref[k], inputs.S_ref[k], True, m)
+        row = out[k]
+        row[0], row[1], row[2], row[3], row[4], row[5] = x.q, m.S_true, x.theta_A, x.theta_B, y.u_A, y.u_B
+        x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+
+
+def run(
+    parameters: PlantParameters, tuning: cascade.Tuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
+) -> TrueStates:
+    """As ``closed_loop.run``, without the safety module."""
+    rig = rig_of(parameters)
+    x, law = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
+    line, _ = empty_arrays(0)
+    out = np.empty((q_ref.size, len(TrueStates._fields)))
+    _simulate(rig, tuning, x, law, inputs_of(parameters, q_ref, S_ref, F_push), line, out)
+    return TrueStates(*out.T)
