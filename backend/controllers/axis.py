@@ -27,10 +27,14 @@ class Axis(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """Where an axis is sent [rad], and how fast that moves [rad/s]; 0 where it has jumped."""
+    """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
+
+    ``end`` nan: nobody has announced one.
+    """
 
     theta: float
     rate: float
+    end: float = math.nan
 
 
 @compiled
@@ -88,8 +92,21 @@ def duration(V: float, T: float, distance: float, omega: float) -> float:
 
 @compiled
 def toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
-    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal."""
+    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal.
+
+    With a goal that moves that is as fast as the goal, and no faster than what still stops at the goal's end.
+    """
     U = max(U, LEAST_V)
+    u = _toward(K, T, U, axis, goal)
+    if goal.rate == 0.0 or math.isnan(goal.end):
+        return u
+    to_end = _toward(K, T, U, axis, Goal(goal.end, 0.0, math.nan))
+    return min(u, to_end) if goal.rate > 0.0 else max(u, to_end)
+
+
+@compiled
+def _toward(K: float, T: float, U: float, axis: Axis, goal: Goal) -> float:
+    """Voltage [V] of this tick, within ±U, with which the axis comes to its goal no faster than that moves."""
     e, w = goal.theta - axis.theta, axis.omega - goal.rate
     e -= T_s * w  # as it will be when this voltage has acted
     s = 1.0 if e >= 0.0 else -1.0

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from backend.controllers import decoupler, envelope, following, governor, i_p, i_pd, motors, plan, scheduling
 from backend.controllers.decoupler import Decoupler
 from backend.controllers.envelope import Envelope
+from backend.controllers.goals import References
 from backend.controllers.scheduling import Schedule
 from plant.compiled import compiled
 from plant.interface import Measurement, T_s
@@ -87,10 +88,8 @@ class Output(NamedTuple):
 
 
 @compiled
-def step(
-    tuning: Tuning, state: State, q_ref: float, S_ref: float, position_loop: bool, m: Measurement
-) -> tuple[Output, State]:
-    """One tick: references [rad, N·m/rad] and a measurement to motor voltages (figure 6).
+def step(tuning: Tuning, state: State, r: References, position_loop: bool, m: Measurement) -> tuple[Output, State]:
+    """One tick: references and a measurement to motor voltages (figure 6).
 
     Without ``position_loop`` the decoupler's geometry alone positions the joint: the compliance experiment.
     """
@@ -102,10 +101,10 @@ def step(
     is_at = plan.now(d, state.plan)
     if follows:
         budget = tuning.following.budget * state.reserve
-        by, way = plan.step(d, tuning.following.model, budget, state.plan, is_at, q_ref, S_ref)
+        by, way = plan.step(d, tuning.following.model, budget, state.plan, is_at, r)
         at = following.planned(is_at, by)
     else:
-        reference, governed = governor.step(d, tuning.omega_max, state.governor, q_ref, S_ref)
+        reference, governed = governor.step(d, tuning.omega_max, state.governor, r.q, r.S)
         way = state.plan
         at = following.governed(reference, governed)
     r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S

@@ -6,11 +6,13 @@ that a step takes the shortest time there is, and whatever moves in each tick is
 The voltages that the model needed go straight to the motors (model following: the paper's loops act on the rest).
 """
 
+import math
 from typing import NamedTuple
 
 from backend.controllers import decoupler
 from backend.controllers.axis import HALVINGS, Axis, Goal, duration, least_voltage, toward, turned
 from backend.controllers.decoupler import Decoupler
+from backend.controllers.goals import References, goals, jumps
 from plant.compiled import compiled
 from plant.interface import T_s
 
@@ -98,8 +100,8 @@ def begin(
     F_A, F_B = _tensions(d, decoupler.equilibrium(d, theta_A, theta_B), decoupler.stiffness(d, theta_A, theta_B), q)
     K = min(model.K_A, model.K_B)
     return State(
-        Goal(difference.theta, 0.0),
-        Goal(common.theta, 0.0),
+        Goal(difference.theta, 0.0, math.nan),
+        Goal(common.theta, 0.0, math.nan),
         difference,
         common,
         _filled(difference.omega / K),
@@ -125,17 +127,13 @@ def now(d: Decoupler, state: State) -> Now:
 
 
 @compiled
-def step(
-    d: Decoupler, model: Model, budget: float, state: State, at: Now, q_ref: float, S_ref: float
-) -> tuple[Driven, State]:
-    """One tick towards (q_ref [rad], S_ref [N·m/rad]) from ``at``, within ``budget`` [V] for both axes together."""
+def step(d: Decoupler, model: Model, budget: float, state: State, at: Now, r: References) -> tuple[Driven, State]:
+    """One tick towards the references from ``at``, within ``budget`` [V] for both axes together."""
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
-    theta_A, theta_B = decoupler.motor_positions(d, q_ref, S_ref)
-    goal_d = _goal(state.goal_d, 0.5 * (theta_A - theta_B), K * budget)
-    goal_c = _goal(state.goal_c, 0.5 * (theta_A + theta_B), K * budget)
+    goal_d, goal_c = goals(d, state.goal_d, state.goal_c, r, K * budget)
     share, allowed = state.share, state.allowed
     distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
-    if budget != state.asked or _jumps(state.goal_d, goal_d) or _jumps(state.goal_c, goal_c):
+    if budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
         share, allowed = shared(K, T, budget, state, goal_d, goal_c)
     elif distance < STANDING:
         allowed = budget
@@ -228,18 +226,6 @@ def _needed(K: float, T: float, axis: Axis, before: Goal, goal: Goal, most: floa
     s = 1.0 if w >= 0.0 else -1.0
     ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
     return least_voltage(K, T, s * w, ahead, most)
-
-
-@compiled
-def _goal(before: Goal, theta: float, V: float) -> Goal:
-    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped."""
-    moved = theta - before.theta
-    return Goal(theta, moved / T_s if abs(moved) <= V * T_s else 0.0)
-
-
-@compiled
-def _jumps(before: Goal, goal: Goal) -> bool:
-    return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
 
 
 @compiled

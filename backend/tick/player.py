@@ -1,5 +1,6 @@
 """Plays a program's segments tick by tick, in constant time whatever the length of the program."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,25 @@ def play(player: Player, last: Target) -> tuple[bool, Target, Player]:
         position += 1
         elapsed, register = 0, waveforms.FIRST
     return True, last, Player(segments, position, elapsed, register, start)
+
+
+@compiled
+def announced(player: Player) -> tuple[float, float]:
+    """Return where a ramp that is played ends and stays, q_ref [rad] and S_ref [N·m/rad]: nan where that is not known.
+
+    A ramp that the next segment takes further does not end there, nor is one that is over announced any more.
+    """
+    if player.position >= player.segments.shape[0]:
+        return math.nan, math.nan
+    segment = player.segments[player.position]
+    if segment[_SHAPE] != RAMP:
+        return math.nan, math.nan
+    q_end, S_end = segment[_Q], segment[_S]
+    if player.position + 1 < player.segments.shape[0]:
+        after = player.segments[player.position + 1]
+        q_end = q_end if after[_Q] == q_end else math.nan
+        S_end = S_end if after[_S] == S_end else math.nan
+    return q_end, S_end
 
 
 @compiled

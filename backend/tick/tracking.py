@@ -1,12 +1,14 @@
 """The cascade, following the operator's references or a program's segments."""
 
+import math
 from typing import NamedTuple
 
 from backend.controllers import cascade, decoupler
+from backend.controllers.goals import References
 from backend.controllers.limits import Bounds
 from backend.faults import Limit
 from backend.tick.decision import VOLTAGE_A, VOLTAGE_B, Carry, Decision, Target
-from backend.tick.player import Player, play
+from backend.tick.player import Player, announced, play
 from plant.compiled import compiled
 from plant.interface import Measurement
 
@@ -29,10 +31,12 @@ def step(
     tuning: cascade.Tuning, carry: Carry, target: Target, state: State, m: Measurement
 ) -> tuple[Decision, Carry, State]:
     """One tick of the cascade."""
-    done, player = False, state.player
+    done, player, q_end, S_end = False, state.player, math.nan, math.nan
     if state.plays:
         done, target, player = play(player, target)
-    y, law = cascade.step(tuning, state.law, target.q_ref, target.S_ref, state.position_loop, m)
+        q_end, S_end = announced(player)
+    references = References(target.q_ref, target.S_ref, q_end, S_end)
+    y, law = cascade.step(tuning, state.law, references, state.position_loop, m)
     carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
     return decided(y, target, state.plays, done), carry, State(law, state.position_loop, state.plays, player)
 

@@ -1,5 +1,6 @@
 """The closed loop offline: the compiled functions of the live tick in one compiled loop over all ticks."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers import cascade, decoupler, motors
+from backend.controllers.goals import References
 from plant.compiled import compiled, compiled_run
 from plant.dynamics import Dynamics, PlantState
 from plant.interface import Measurement, MotorCommand
@@ -84,7 +86,8 @@ def simulate(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        y, controller = cascade.step(tuning, controller, inputs.q_ref[k], inputs.S_ref[k], True, m)
+        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        y, controller = cascade.step(tuning, controller, r, True, m)
         record(out[k], m, y)
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
         if exceeded(rig.plant, rig.bounds, x):

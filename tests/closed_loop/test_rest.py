@@ -8,6 +8,7 @@ import pytest
 
 from backend.controllers import cascade, decoupler
 from backend.controllers.dead_zone import beyond
+from backend.controllers.goals import References
 from backend.tuning.closed_loop import at_rest, rig_of
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
@@ -134,7 +135,7 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     m = Measurement(0.3 + off, theta_A + MOTOR_COUNT, theta_B - MOTOR_COUNT, 17.0, 17.0, 10.0, 0.0, 0.0)
     integrals = []
     for k in range(20):
-        _, law = cascade.step(tuning, law, 0.3 + rate * 1e-3 * k, 10.0, position_loop, m)
+        _, law = cascade.step(tuning, law, References(0.3 + rate * 1e-3 * k, 10.0), position_loop, m)
         integrals.append(law.motors.A.integral)
     assert (len(set(integrals[5:])) == 1) == rests
 

@@ -1,10 +1,12 @@
 """The closed loop offline with the true states of the simulator, where sensors would hide what moves at rest."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from backend.controllers import cascade
+from backend.controllers.goals import References
 from backend.tuning.closed_loop import Array, Inputs, Rig, at_rest, empty_arrays, fill_delay_line, inputs_of, rig_of
 from plant.compiled import compiled_run
 from plant.dynamics import PlantState
@@ -33,7 +35,8 @@ def _simulate(
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
         m = sense(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
-        y, law = cascade.step(tuning, law, inputs.q_ref[k], inputs.S_ref[k], True, m)
+        r = References(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
+        y, law = cascade.step(tuning, law, r, True, m)
         row = out[k]
         row[0], row[1], row[2], row[3], row[4], row[5] = x.q, m.S_true, x.theta_A, x.theta_B, y.u_A, y.u_B
         x = actuate(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from backend.controllers import axis, decoupler, plan
 from backend.controllers.decoupler import decoupler_for
+from backend.controllers.goals import References
 from backend.tuning.gains import knowledge
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -67,7 +68,7 @@ def standing(q: float, stiffness: float) -> plan.State:
 
 
 def step(state: plan.State, q_ref: float, S_ref: float, budget: float = BUDGET) -> tuple[plan.Driven, plan.State]:
-    return plan.step(D, MODEL, budget, state, plan.now(D, state), q_ref, S_ref)
+    return plan.step(D, MODEL, budget, state, plan.now(D, state), References(q_ref, S_ref))
 
 
 @pytest.mark.parametrize(("q", "stiffness"), [(1.0, 10.0), (0.0, 14.0), (-0.8, 13.0), (0.02, 10.0)])
