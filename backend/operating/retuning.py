@@ -145,9 +145,9 @@ class Retuning:
             await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
         self._changed()
 
-    async def preview(self, lam_q: float, lam_S: float) -> TuningPreview:
-        """Predict what λ would do at the active entry of the bank."""
-        return await asyncio.to_thread(self._present.tuning.preview, lam_q, lam_S, round(self._present.entry))
+    async def preview(self, lam_q: float, lam_S: float, u_plan: float | None) -> TuningPreview:
+        """Predict what λ, and a budget of the plan [V] where one is named, would do at the active entry of the bank."""
+        return await asyncio.to_thread(self._present.tuning.preview, lam_q, lam_S, round(self._present.entry), u_plan)
 
     async def motor(self, lam_motor: float) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""

@@ -27,7 +27,7 @@ from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
 from backend.tuning.models import LAM_MAX, Lambdas
-from backend.tuning.plan_budget import usual_budget
+from backend.tuning.plan_budget import require_budget, usual_budget
 from backend.tuning.preview import Previewer
 from backend.tuning.robustness import Robustness
 from plant.parameters import PlantParameters
@@ -102,10 +102,15 @@ class TuningInUse(Chosen):
             entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
         )
 
-    def preview(self, lam_q: float, lam_S: float, entry: int) -> TuningPreview:
-        """Predict what both outer loops would do at these λ, and a step as references are followed now."""
+    def preview(self, lam_q: float, lam_S: float, entry: int, u_plan: float | None = None) -> TuningPreview:
+        """Predict what both outer loops would do at these λ, and a step within a budget [V], None: as it is now.
+
+        Raises OutOfRangeError for a budget that is not offered.
+        """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
-        predicted = self.previewer.preview(lambdas, entry, self.choice.u_plan)
+        budget = self.choice.u_plan if u_plan is None else u_plan
+        require_budget(self.parameters, budget)
+        predicted = self.previewer.preview(lambdas, entry, budget)
         return TuningPreview(
             motor=_motor(predicted.motor),
             position=_loop(lam_q, predicted.position),

@@ -20,6 +20,8 @@ interface ValueBoxProps {
   readonly refused?: boolean;
   /** Where the value stands in what is sent, as refusals name it. */
   readonly place?: string;
+  /** The number that is typed and not sent; undefined where there is none. */
+  onDraft?(value: number | undefined): void;
   /** A number as it is shown: rounded to the decimals of the box. */
   onCommit(value: number): void;
   /** Why what was typed is not sent; null once it is changed or given up. */
@@ -38,6 +40,7 @@ export function ValueBox(props: ValueBoxProps) {
     saidAt,
     refused = false,
     place,
+    onDraft,
     onCommit,
     onProblem,
   } = props;
@@ -50,6 +53,7 @@ export function ValueBox(props: ValueBoxProps) {
     setTyped(text);
     setOdd(problem !== null);
     onProblem(problem);
+    onDraft?.(text === null ? undefined : (numberIn(text) ?? undefined));
   }
 
   function commit(): void {

@@ -25,10 +25,10 @@ export const healthQuery = queryOptions({
 });
 
 /** `tuning` is the rest of the tuning in force, as `tuningKey` says it: another one has another preview. */
-export function previewQuery(lam_q: number, lam_S: number, tuning: string) {
+export function previewQuery(lam_q: number, lam_S: number, u_plan: number, tuning: string) {
   return queryOptions({
-    queryKey: ["tuning", "preview", lam_q, lam_S, tuning],
-    queryFn: () => answered(api.GET("/api/tuning/preview", { params: { query: { lam_q, lam_S } } })),
+    queryKey: ["tuning", "preview", lam_q, lam_S, u_plan, tuning],
+    queryFn: () => answered(api.GET("/api/tuning/preview", { params: { query: { lam_q, lam_S, u_plan } } })),
     placeholderData: (before) => before,
     staleTime: 60_000,
   });

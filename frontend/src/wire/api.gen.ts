@@ -9922,6 +9922,8 @@ export interface operations {
                 lam_q: number;
                 /** @description λ of the stiffness loop [s] */
                 lam_S: number;
+                /** @description budget of the plan [V], 0: none; default: in force */
+                u_plan?: number | null;
             };
             header?: never;
             path?: never;

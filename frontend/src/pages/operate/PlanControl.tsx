@@ -1,7 +1,7 @@
 /** What the references are followed by: a plan within a budget of voltage, or the governor of the paper. */
 
 import { Switch } from "@mantine/core";
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
@@ -15,16 +15,24 @@ const DECIMALS = 1;
 
 interface PlanControlProps {
   readonly tuning: Tuning;
+  /** What is in hand and not in force yet, for the forecast. */
+  onDraft(u_plan: number | undefined): void;
   onCommit(u_plan: number): Promise<unknown>;
 }
 
-export function PlanControl({ tuning, onCommit }: PlanControlProps) {
+export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
   const { u_plan, u_plan_min, u_plan_max, u_plan_usual } = tuning;
   const sent = useSentValue(u_plan, onCommit);
   const [problem, setProblem] = useState<string | null>(null);
   const refusal = problem === null ? sent.refusal : null;
   const refused = useStanding(refusal, u_plan) !== null;
   const planned = sent.value > 0;
+  const [typed, setTyped] = useState<number>();
+  const drafted = typed ?? (sent.value === u_plan ? undefined : sent.value);
+
+  // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the forecast
+  useEffect(() => onDraft(drafted), [drafted]);
+
   return (
     <div className={styles.control}>
       <div className={styles.row}>
@@ -47,6 +55,7 @@ export function PlanControl({ tuning, onCommit }: PlanControlProps) {
             decimals={DECIMALS}
             step={STEP_V}
             width={84}
+            onDraft={setTyped}
             onCommit={sent.commit}
             onProblem={setProblem}
             saidAt="refusal-of-u_plan"

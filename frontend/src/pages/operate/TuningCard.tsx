@@ -47,8 +47,11 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const wanted = (name: LambdaName) => staged.values[name] ?? tuning[name];
   const [lam_q] = useDebouncedValue(drafts.lam_q ?? wanted("lam_q"), PREVIEW_AFTER_MS);
   const [lam_S] = useDebouncedValue(drafts.lam_S ?? wanted("lam_S"), PREVIEW_AFTER_MS);
-  const preview = useQuery(previewQuery(lam_q, lam_S, tuningKey(tuning)));
-  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuningKey(tuning)));
+  const [planDraft, setPlanDraft] = useState<number>();
+  const [u_plan] = useDebouncedValue(planDraft ?? tuning.u_plan, PREVIEW_AFTER_MS);
+  const preview = useQuery(previewQuery(lam_q, lam_S, tuning.u_plan, tuningKey(tuning)));
+  const forecast = useQuery(previewQuery(lam_q, lam_S, u_plan, tuningKey(tuning)));
+  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuning.u_plan, tuningKey(tuning)));
   const missing = preview.error?.message ?? "being computed";
   return (
     <>
@@ -71,8 +74,16 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           }}
         />
       ))}
-      <PlanControl tuning={tuning} onCommit={(u_plan) => setTuning.mutateAsync({ u_plan })} />
-      <StepForecast preview={preview.data} missing={missing} u_max={u_max} />
+      <PlanControl
+        tuning={tuning}
+        onDraft={setPlanDraft}
+        onCommit={(u_plan) => setTuning.mutateAsync({ u_plan })}
+      />
+      <StepForecast
+        preview={forecast.error ? undefined : forecast.data}
+        missing={forecast.error?.message ?? "being computed"}
+        u_max={u_max}
+      />
       <MotorMargins className={styles.margins} lam_motor={tuning.lam_motor} bank={tuning.bank?.id ?? null} />
       <Checkbox
         size="xs"
