@@ -11,7 +11,7 @@ from backend.reports.document import Column, Fact, Paragraph, Section, Table, ex
 from backend.reports.source import Source
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import BankEntry
-from backend.storage.runs import EndState
+from backend.storage.runs import EndState, RunKind
 from plant.choice import SIMULATED
 
 END_STATES = {
@@ -63,7 +63,10 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     if bank is not None and len(bank.entries) > 1 and law == "cascade":
         controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
     if law == "cascade":
-        controller += f"; references followed by a plan of {exact(loop.u_plan)} V" if loop.u_plan else ""
+        if loop.u_plan:
+            controller += f"; references followed by a plan of {exact(loop.u_plan)} V"
+        elif source.run.kind == RunKind.TRACKING:
+            controller += "; references slowed down by the governor, as in the paper"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))

@@ -10,6 +10,7 @@ from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Figure, Report, Section, Table, shown
 from backend.reports.drawing import axis_label
 from backend.reports.experiment import experiment_report
+from backend.reports.followed import GOVERNOR, PapersLaw, beside, papers_law
 from backend.reports.judgement import NOT_MEASURED, measured, read_or_none
 from backend.reports.source import Source
 from backend.reports.tracking_figures import step_panels, tension_panel, tracking_panels
@@ -42,35 +43,47 @@ def tracking_report(source: Source) -> Report:
     metrics = source.result.metrics if source.result else None
     steps = (metrics.steps if metrics else None) or ()
     seen = []
+    law = papers_law(source) if source.columns["t"].size else None
     if source.columns["t"].size:
-        seen.append(_figures(source, metrics, steps))
+        seen.append(_figures(source, metrics, steps, law))
     if steps:
-        seen.append(Section("Steps", steps_table(steps, source.angles)))
-    return experiment_report(source, "Tracking experiment", "tracking experiment", seen, _NOTES)
+        compared = beside(steps, law, source.angles) if law else ()
+        seen.append(Section("Steps", (*steps_table(steps, source.angles), *compared)))
+    return experiment_report(source, "Tracking experiment", "tracking experiment", seen, (*_NOTES, *_law_notes(law)))
 
 
-def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigures]) -> Section:
+def _law_notes(law: PapersLaw | None) -> tuple[str, ...]:
+    if law is None:
+        return ()
+    if law.reason:
+        return (f"What the paper's law would have made of these references was not computed: {law.reason}.",)
+    return (GOVERNOR,)
+
+
+def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigures], law: PapersLaw | None) -> Section:
     columns = source.columns
     played_s = float(columns["t"][-1])
     run = source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
+    theirs = law.columns if law and law.columns else None
+    beside_it = " In grey the paper's law on the same references, simulated." if theirs else ""
     blocks = [
         Figure(
             "separate",
-            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max, source.angles),
+            tracking_panels(columns, 0.0, split_s, "ABC", "separate", u_max, source.angles, theirs),
             "Position and stiffness moved one after the other: (A) joint position, (B) joint stiffness, (C) motor "
-            "voltages. References dashed. Compare figure 7A–C of the paper.",
+            f"voltages. References dashed.{beside_it} Compare figure 7A–C of the paper{_of_governor(law)}.",
         )
     ]
     if both and split_s < played_s:
         blocks.append(
             Figure(
                 "together",
-                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max, source.angles),
+                tracking_panels(columns, split_s, played_s, "DEF", "together", u_max, source.angles, theirs),
                 "Position and stiffness moved at once: (D) joint position, (E) joint stiffness, (F) motor voltages. "
-                "Compare figure 7D–F of the paper.",
+                f"References dashed.{beside_it} Compare figure 7D–F of the paper{_of_governor(law)}.",
             )
         )
     blocks.append(
@@ -83,11 +96,26 @@ def _figures(source: Source, metrics: Metrics | None, steps: Sequence[StepFigure
                 "steps",
                 step_panels(columns, steps, lam, "steps"),
                 "All steps on one scale, (A) of joint position and (B) of stiffness, over the response that λ stands "
-                "for on a first-order process (dashed). The motor loops' lags delay the real one; the reference "
-                "governor slows large steps, so that the motors stay within their voltage.",
+                f"for on a first-order process (dashed). {_what_shapes_a_step(law)}",
             )
         )
     return Section("Figures", tuple(blocks))
+
+
+def _of_governor(law: PapersLaw | None) -> str:
+    return "" if law is None else ", which has the governor and no plan"
+
+
+def _what_shapes_a_step(law: PapersLaw | None) -> str:
+    if law is None:
+        return (
+            "The motor loops' lags delay the real one; the reference governor slows large steps, so that the motors "
+            "stay within their voltage."
+        )
+    return (
+        "A plan moves a model of motors and joint, and its voltages the motors: a step takes what the motors need "
+        "within the plan's budget, and λ corrects what is left."
+    )
 
 
 def _constant(column: Any) -> float | None:

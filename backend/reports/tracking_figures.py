@@ -32,12 +32,26 @@ _NAMES = {"q": "$q$", "S": "$S$", "F_A": "$F_A$", "F_B": "$F_B$", "u_A": "$u_A$"
 
 
 def tracking_panels(
-    columns: Columns, start_s: float, end_s: float, letters: str, name: str, u_max: float, angles: Angles
+    columns: Columns,
+    start_s: float,
+    end_s: float,
+    letters: str,
+    name: str,
+    u_max: float,
+    angles: Angles,
+    papers_law: Columns | None = None,
 ) -> str:
-    """Draw q, S and the motor voltages between two times, one below the other (figure 7, A-C or D-F)."""
+    """Draw q, S and the motor voltages between two times, one below the other (figure 7, A-C or D-F).
+
+    ``papers_law``: t, q and S as the paper's law would have them, drawn behind.
+    """
     part = _between(columns, start_s, end_s)
+    theirs = _between(papers_law, start_s, end_s) if papers_law else None
     with figure(3, height_in=4.25, sharex=True, height_ratios=(3, 3, 2)) as (drawn, axes):
         for row, signal in zip(axes[:2], ("q", "S"), strict=True):
+            if theirs is not None:
+                line = thinned(theirs["t"], in_unit(theirs[signal], _UNITS[signal], angles))
+                row.plot(*line, color=LIMIT_GREY, linewidth=0.9, label="paper's law, simulated")
             _tracked(row, part, signal, angles)
         _voltages(axes[2], part, u_max)
         for row, letter in zip(axes, letters, strict=True):
