@@ -29,6 +29,7 @@ class Measure(StrEnum):
     LOADS = "loads"
     RESPONSE = "response"
     DISTURBANCE = "disturbance"
+    BODE = "bode"
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

@@ -5,12 +5,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from backend.documents.experiment import Measure
+from backend.experiments.banks.bank_building import points_of
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
+from backend.experiments.results.bode import bode_lines
+from backend.experiments.results.in_force import InForce
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
 from backend.reading import Angles
 from backend.recording.columns import Columns
+from backend.reports import bode
 from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
@@ -20,6 +25,7 @@ from backend.reports.source import Source
 from backend.reports.tracking import steps_table
 from backend.reports.tracking_figures import tension_panel, tracking_panels
 from plant.interface import T_s
+from plant.parameters import parameters_of
 
 _NOTES = (
     "S is everywhere the estimate 2 r_j² (k_1 + k_2 r_m (θ_A + θ_B)) from measured angles and the identified spring, "
@@ -31,6 +37,7 @@ _ON_RESPONSES = (
     "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
     "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
 )
+_ON = {Measure.RESPONSE: (_ON_RESPONSES,), Measure.BODE: bode.NOTES}
 
 
 def composed_report(source: Source) -> Report:
@@ -39,7 +46,7 @@ def composed_report(source: Source) -> Report:
     if not isinstance(plan, ComposedPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
     seen = list(_seen(source, plan)) if source.columns["t"].size else []
-    notes = (*_NOTES, _ON_RESPONSES) if Measure.RESPONSE in plan.experiment.measures else _NOTES
+    notes = (*_NOTES, *(note for measure, said in _ON.items() if measure in plan.experiment.measures for note in said))
     name = plan.experiment.name.replace("_", " ")
     return experiment_report(source, plan.experiment.title, name, seen, notes)
 
@@ -67,6 +74,7 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
         Figure("tension", tension_panel(columns, F_max, "tension"), "Tendon tensions as the load cells show them.")
     )
     yield Section("Figures", tuple(drawn))
+    yield from _sections(source, plan)
     steps = source.result.metrics.steps if source.result else None
     if steps:
         yield Section("Steps", steps_table(steps, source.angles))
@@ -95,12 +103,24 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
     if found:
         yield Figure(
             "responses",
-            bode_panels(found, "responses"),
+            response_panels(found, "responses"),
             "Frequency responses of the closed loops: (A) gain, (B) phase, at each line or band that was excited.",
         )
 
 
-def bode_panels(found: tuple[Response, ...], name: str) -> str:
+def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
+    measures, columns = plan.experiment.measures, source.columns
+    if Measure.BODE in measures and (found := bode_lines(columns, plan.program(), _in_force(source, plan))):
+        yield bode.bode_section(found)
+
+
+def _in_force(source: Source, plan: ComposedPlan) -> InForce:
+    run = source.run
+    parameters = parameters_of(run.parameters_name, run.parameters)
+    return InForce(parameters, plan, TuningChoice.of(run.set_to.loop.known()), points_of(source.bank))
+
+
+def response_panels(found: tuple[Response, ...], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz]."""
     with figure(2, height_in=4.0, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
         for response in found:

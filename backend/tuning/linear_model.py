@@ -35,10 +35,10 @@ def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) 
     d = decoupler.decoupler_for(parameters)
     system = control.interconnect(
         [
-            _linear_plant(parameters, d, S),
+            linear_plant(parameters, d, S),
             _motor_loop(gains.A, "A"),
             _motor_loop(gains.B, "B"),
-            _decoupling(d, S),
+            _decoupler(d, S),
             _outputs(d, S),
         ],
         inputs=["q_c", "S_c"],
@@ -48,7 +48,8 @@ def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) 
     return system
 
 
-def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":
+def linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":
+    """From voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad], about rest at S [N·m/rad] and q = 0."""
     import control
 
     plant = parameters.identified_dynamics()
@@ -58,8 +59,8 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "contr
     at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
     u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
-    def rate(x: NDArray[np.float64], u_A: float, u_B: float) -> NDArray[np.float64]:
-        return np.array(derivative(plant, PlantState(*x), u_A, u_B, 0.0, NO_LOAD))[:_STATES]
+    def rate(x: NDArray[np.float64], u_A: float, u_B: float, tau_ext: float = 0.0) -> NDArray[np.float64]:
+        return np.array(derivative(plant, PlantState(*x), u_A, u_B, tau_ext, NO_LOAD))[:_STATES]
 
     A = np.column_stack(
         [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(_STATES)]
@@ -68,13 +69,13 @@ def _linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "contr
         [
             (rate(at, u_A + _STEP, u_B) - rate(at, u_A - _STEP, u_B)) / (2.0 * _STEP),
             (rate(at, u_A, u_B + _STEP) - rate(at, u_A, u_B - _STEP)) / (2.0 * _STEP),
+            (rate(at, u_A, u_B, _STEP) - rate(at, u_A, u_B, -_STEP)) / (2.0 * _STEP),
         ]
     )
     C = np.zeros((3, _STATES))
     C[0, 0] = C[1, 2] = C[2, 5] = 1.0
-    return control.ss(
-        A, B, C, np.zeros((3, 2)), inputs=["u_A", "u_B"], outputs=["q", "theta_A", "theta_B"], name="plant"
-    )
+    inputs = ["u_A", "u_B", "tau_ext"]
+    return control.ss(A, B, C, np.zeros((3, 3)), inputs=inputs, outputs=["q", "theta_A", "theta_B"], name="plant")
 
 
 def _motor_loop(gains: i_pd.Gains, side: str) -> "control.StateSpace":
@@ -90,19 +91,25 @@ def _motor_loop(gains: i_pd.Gains, side: str) -> "control.StateSpace":
     return control.ss(A, B, C, D, inputs=names, outputs=[f"u_{side}"], name=f"motor_{side}")
 
 
-def _decoupling(d: Decoupler, S: float) -> "control.StateSpace":
-    import control
+def decoupling(d: Decoupler, S: float) -> NDArray[np.float64]:
+    """Motor references per q_c and S_c, shape (2, 2), about q = 0 and S [N·m/rad]."""
 
     def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
         return np.array(decoupler.motor_positions(d, q_c, S_c))
 
-    D = np.column_stack(
+    return np.column_stack(
         [
             (positions(_STEP, S) - positions(-_STEP, S)) / (2.0 * _STEP),
             (positions(0.0, S + _STEP) - positions(0.0, S - _STEP)) / (2.0 * _STEP),
         ]
     )
-    return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=["theta_A_ref", "theta_B_ref"], name="decoupler")
+
+
+def _decoupler(d: Decoupler, S: float) -> "control.StateSpace":
+    import control
+
+    D, names = decoupling(d, S), ["theta_A_ref", "theta_B_ref"]
+    return control.ss([], [], [], D, inputs=["q_c", "S_c"], outputs=names, name="decoupler")
 
 
 def _outputs(d: Decoupler, S: float) -> "control.StateSpace":

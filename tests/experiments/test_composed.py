@@ -8,9 +8,11 @@ import pytest
 
 from backend.documents.experiment import Bound, Experiment, Measure
 from backend.documents.result import Figure, Metrics
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.results.composed import composed_result, criteria_of
+from backend.experiments.results.in_force import InForce
 from backend.experiments.results.measures import FIGURES, known_to_bounds, names_of, require_measurable
 from backend.experiments.results.metrics import NoSamplesError
 from backend.tuning.models import Lambdas
@@ -39,6 +41,7 @@ def columns(played: ComposedPlan) -> dict[str, Any]:
         "t": np.arange(q_ref.size) / 1000.0, "q": q_ref + 0.05 * (push != 0.0), "q_ref": q_ref, "S": S_ref,
         "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
         "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
+        "limits": 0.0 * ones,
     }  # fmt: skip
 
 
@@ -53,7 +56,7 @@ def outline(made: ComposedPlan, played_s: float | None = None) -> Metrics:
 def result(made: ComposedPlan, missed: int = 0, played_s: float | None = None) -> tuple[dict[str, Figure], Any]:
     told = outline(made, played_s)
     seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
-    metrics, criteria = composed_result(seen, LAB, made, Lambdas(), told, missed)
+    metrics, criteria = composed_result(seen, InForce(LAB, made, TuningChoice()), told, missed)
     return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
 
 
@@ -62,6 +65,7 @@ def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure)
     parts = {
         Measure.LOADS: ("{do: load, load_A: 0.2, duration_s: 0.5}",),
         Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
+        Measure.BODE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
         Measure.STEPS: (),
     }
     figures, _ = result(plan(*STEPS, *parts.get(measure, PUSHES), measures=(measure,)))
@@ -91,7 +95,9 @@ def test_a_measure_that_could_not_be_made_leaves_the_others_and_says_why() -> No
     assert criteria["min_tension_N"].passed is True
 
 
-@pytest.mark.parametrize("measure", [Measure.COMPLIANCE, Measure.LOADS, Measure.RESPONSE, Measure.DISTURBANCE])
+@pytest.mark.parametrize(
+    "measure", [Measure.COMPLIANCE, Measure.LOADS, Measure.RESPONSE, Measure.DISTURBANCE, Measure.BODE]
+)
 def test_a_run_of_which_nothing_could_be_measured_has_no_result(measure: Measure) -> None:
     with pytest.raises(NoSamplesError):
         result(plan(*STEPS, measures=(measure,)))

@@ -1,6 +1,7 @@
 """From chosen identifications to a controller bank, and from a bank to the gains the loop is given."""
 
 from collections.abc import Sequence
+from typing import Protocol
 
 from backend.documents.bank_entry import ENTRY, EntryModel
 from backend.experiments.banks.bank_consistency import (
@@ -18,6 +19,14 @@ from backend.storage.banks import Bank, BankEntry
 from backend.storage.identifications import Identification
 from backend.tuning.models import PointModel
 from plant.parameters import PlantParameters
+
+
+class HasEntries(Protocol):
+    """A bank as it is stored, or as a report carries it."""
+
+    @property
+    def entries(self) -> tuple[BankEntry, ...]:
+        """Its entries in order of stiffness."""
 
 
 def name_of(identification: Identification) -> str:
@@ -63,7 +72,7 @@ def require_name(name: str) -> None:
         raise BankError("a bank needs a name")
 
 
-def points_of(bank: Bank | None) -> tuple[PointModel, ...]:
+def points_of(bank: HasEntries | None) -> tuple[PointModel, ...]:
     """Return the models of a bank's entries; none without a bank."""
     return tuple(point_of(entry) for entry in (bank.entries if bank else ()))
 

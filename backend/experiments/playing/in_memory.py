@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.documents.result import Criterion, Metrics
+from backend.experiments.banks.bank_building import points_of
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_loop
 from backend.experiments.playing.play import play
 from backend.experiments.playing.playable import BankOf, playable
 from backend.experiments.results.composed import composed_result
+from backend.experiments.results.in_force import InForce
 from backend.loop.access import LoopDied
 from backend.loop.commands import Event, RunEnded
 from backend.loop.ring import Ring
@@ -65,7 +67,8 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
         planned_s=plan.program().duration_s,
         phases=plan.phases(),
     )
-    metrics, criteria = composed_result(columns, parameters, plan, settings.lambdas, outline, 0)
+    in_force = InForce(parameters, plan, settings.tuning, points_of(bank))
+    metrics, criteria = composed_result(columns, in_force, outline, 0)
     return Played(state.value, detail, metrics, criteria)
 
 

@@ -8,33 +8,33 @@ from typing import Any
 from backend.documents.experiment import Experiment, Measure
 from backend.documents.result import Criterion, Figure, Metrics
 from backend.experiments.composing.expressions import ExpressionError, number_of
-from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.results.bode import bode_figures
 from backend.experiments.results.compliance import Columns, compliance_figures
 from backend.experiments.results.criteria import ended_early, judge, unseen
 from backend.experiments.results.disturbance import disturbance_figures
 from backend.experiments.results.document import figure_documents, tracking_document
+from backend.experiments.results.in_force import InForce
 from backend.experiments.results.measures import FIGURES, known_to_bounds, limit_of
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.response import response_figures
 from backend.experiments.results.robustness import robustness_figures
 from backend.experiments.results.windows import load_steps, pushes
-from backend.tuning.models import Lambdas
 from backend.tuning.speed_bound import least_reach_time
 from plant.interface import T_s
-from plant.parameters import PlantParameters
 
 
 def composed_result(
-    columns: Columns, parameters: PlantParameters, plan: ComposedPlan, lambdas: Lambdas, outline: Metrics, missed: int
+    columns: Columns, in_force: InForce, outline: Metrics, missed: int
 ) -> tuple[Metrics, tuple[Criterion, ...]]:
-    """Measure and judge a run that ``outline`` tells the length of; ``lambdas`` are those that it began with.
+    """Measure and judge a run of what was ``in_force``; ``outline`` tells how long it was.
 
     What one of several measures could not be made of is told figure by figure. Raises NoSamplesError where none could.
     """
+    plan, parameters = in_force.plan, in_force.parameters
     metrics, problems = outline, []
     for measure in plan.experiment.measures:
         try:
-            measured = _measured(measure, columns, parameters, plan, metrics)
+            measured = _measured(measure, columns, in_force, metrics)
         except NoSamplesError as error:
             problems.append(error)
             measured = replace(metrics, figures=_not_measured(measure, str(error)))
@@ -42,13 +42,12 @@ def composed_result(
     if problems and len(problems) == len(plan.experiment.measures):
         raise problems[0]
     early = "" if metrics.complete else ended_early(metrics.played_s, metrics.planned_s)
-    known = known_to_bounds(dict(plan.values), parameters, lambdas)
+    known = known_to_bounds(dict(plan.values), parameters, in_force.tuning.lambdas)
     return metrics, criteria_of(plan.experiment, metrics.figures, known, unseen(missed, early))
 
 
-def _measured(
-    measure: Measure, columns: Columns, parameters: PlantParameters, plan: ComposedPlan, metrics: Metrics
-) -> Metrics:
+def _measured(measure: Measure, columns: Columns, in_force: InForce, metrics: Metrics) -> Metrics:
+    parameters, plan = in_force.parameters, in_force.plan
     program = plan.program()
     figures: Any
     match measure:
@@ -67,6 +66,8 @@ def _measured(
             figures = response_figures(columns, program)
         case Measure.DISTURBANCE:
             figures = disturbance_figures(columns, program)
+        case Measure.BODE:
+            figures = bode_figures(columns, program, in_force)
     return replace(metrics, figures=figure_documents(figures, figures.reasons))
 
 

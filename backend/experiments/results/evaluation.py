@@ -1,10 +1,13 @@
 """Compute the result of a stored run, and store it beside earlier ones: nothing is overwritten."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 from backend import __version__
 from backend.documents.result import Criterion, Metrics
+from backend.experiments.banks.bank_building import points_of
+from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
@@ -12,14 +15,15 @@ from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.results import actuator_identification, motor_identification, spring_identification
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.document import figure_documents, tracking_document
+from backend.experiments.results.in_force import InForce
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
-from backend.storage import Database, identifications, results, runs
+from backend.storage import Database, banks, identifications, results, runs
 from backend.storage.identifications import Identification, NewIdentification
 from backend.storage.results import NewResult, Result
 from backend.storage.runs import EndState, Run
-from backend.tuning.models import Lambdas
+from backend.tuning.models import PointModel
 from backend.tuning.speed_bound import least_reach_time
 from plant.interface import T_s
 from plant.parameters import PlantParameters
@@ -38,7 +42,7 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
     """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
     columns, missed = recorded_columns(database, run.id)
     try:
-        new, estimate = computed(columns, missed, parameters, plan, run)
+        new, estimate = computed(columns, missed, parameters, plan, run, _points(database, run))
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))
@@ -51,9 +55,16 @@ def evaluate(database: Database, parameters: PlantParameters, plan: Plan, run: R
 
 
 def computed(
-    columns: Columns, missed: int, parameters: PlantParameters, plan: Plan, run: Run
+    columns: Columns,
+    missed: int,
+    parameters: PlantParameters,
+    plan: Plan,
+    run: Run,
+    points: Sequence[PointModel] = (),
 ) -> tuple[NewResult, NewIdentification | None]:
     """Compute what the plan's kind of run gives, from its samples, of which ``missed`` are lacking; nothing is stored.
+
+    ``points`` are the models of the bank that the run began with.
 
     Raises NoSamplesError where there is nothing to compute from.
     """
@@ -67,7 +78,8 @@ def computed(
             outline = _outline(columns, plan, run)
             if columns["t"].size == 0:
                 raise NoSamplesError("the run holds no samples of its program")
-            metrics, criteria = composed_result(columns, parameters, plan, _lambdas(run), outline, missed)
+            tuning = TuningChoice.of(run.set_to.loop.known())
+            metrics, criteria = composed_result(columns, InForce(parameters, plan, tuning, points), outline, missed)
         case SequencePlan():
             metrics = _followed(columns, parameters, plan)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
@@ -80,11 +92,11 @@ def _followed(columns: Columns, parameters: PlantParameters, plan: SequencePlan)
     return tracking_document(metrics, plan.phases())
 
 
-def _lambdas(run: Run) -> Lambdas:
-    """Return the λ that a run began with; what an early version did not keep was the method's."""
-    kept = run.set_to.loop
-    known = {name: getattr(kept, name) for name in ("lam_q", "lam_S", "lam_motor") if getattr(kept, name) is not None}
-    return Lambdas(**known)
+def _points(database: Database, run: Run) -> tuple[PointModel, ...]:
+    if run.bank_id is None:
+        return ()
+    with database.reading() as session:
+        return points_of(banks.get(session, run.bank_id))
 
 
 def _identified(

@@ -9,6 +9,7 @@ from backend.documents.run_settings import Value
 from backend.experiments.composing.expressions import ExpressionError, require_known
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import OF_THE_PLANT
+from backend.experiments.results.bode import BodeFigures
 from backend.experiments.results.compliance import ComplianceFigures
 from backend.experiments.results.disturbance import DisturbanceFigures
 from backend.experiments.results.metrics import Overall
@@ -24,6 +25,7 @@ FIGURES: dict[Measure, type[Any]] = {
     Measure.LOADS: RobustnessFigures,
     Measure.RESPONSE: ResponseFigures,
     Measure.DISTURBANCE: DisturbanceFigures,
+    Measure.BODE: BodeFigures,
 }
 
 

@@ -78,7 +78,7 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, f"the reference of {signal} alone was not excited to the end")
             continue
-        if unmeasurable := _why_not(response):
+        if unmeasurable := why_not(response):
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, unmeasurable)
             continue
@@ -86,14 +86,15 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
         values[names[1]] = 20.0 * float(np.log10(gain.max()))
         edge = bandwidth(response)
         values[names[0]] = edge
-        values[names[2]] = None if edge is None else _lag(response, edge)
+        values[names[2]] = None if edge is None else lag_at(response, edge)
         if edge is None:
             reason = f"it is still above −3 dB at {response.f[-1]:.3g} Hz, the highest line: excite it higher"
             reasons |= {names[0]: reason, names[2]: reason}
     return ResponseFigures(**whole(columns), **values, reasons=reasons)
 
 
-def _why_not(response: Response) -> str:
+def why_not(response: Response) -> str:
+    """Return why nothing can be told of a response, "" where it can."""
     if not np.isfinite(response.H).all():
         return NO_NUMBER
     if abs(response.H[0]) < LEAST_GAIN:
@@ -120,7 +121,8 @@ def bandwidth(response: Response) -> float | None:
     return float(response.f[k - 1] * (response.f[k] / response.f[k - 1]) ** share)
 
 
-def _lag(response: Response, f: float) -> float:
+def lag_at(response: Response, f: float) -> float:
+    """Return how far the signal is behind its reference at ``f`` [Hz], in degrees."""
     phase = np.unwrap(np.angle(response.H))
     return -float(np.degrees(np.interp(np.log(f), np.log(response.f), phase)))
 
@@ -136,7 +138,20 @@ def _response(columns: Columns, excited: Excited) -> Response:
     f, U, Y = f[kept], U[kept], Y[kept]
     if f.size <= 60 and period is not None:
         return Response(excited.signal, f, Y / U)
+    f, H, _ = banded(f, U, Y)
+    return Response(excited.signal, f, H)
+
+
+def banded(
+    f: Array, U: NDArray[np.complex128], Y: NDArray[np.complex128]
+) -> tuple[Array, NDArray[np.complex128], Array]:
+    """Take lines together in bands of the ratio BAND: frequency [Hz], response and √(1 − γ²) of each, nan of a line."""
     bands = np.floor(np.log(f / f[0]) / np.log(BAND)).astype(int)
     members = [bands == band for band in np.unique(bands)]
-    H = np.array([np.vdot(U[one], Y[one]) / np.vdot(U[one], U[one]) for one in members])
-    return Response(excited.signal, np.array([np.exp(np.log(f[one]).mean()) for one in members]), H)
+    both = np.array([np.vdot(U[one], Y[one]) for one in members])
+    UU, YY = (np.array([np.vdot(X[one], X[one]).real for one in members]) for X in (U, Y))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unlike = np.sqrt(np.maximum(1.0 - np.abs(both) ** 2 / (UU * YY), 0.0))
+    unlike[[one.sum() < 2 for one in members]] = np.nan
+    centre = np.array([np.exp(np.log(f[one]).mean()) for one in members])
+    return centre, both / UU, unlike

@@ -1,0 +1,65 @@
+"""What controlled at a sample of a run, as far as a prediction has to know it: gains, law, references. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from backend.controllers import cascade
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.results.windows import timed
+from backend.loop.program import Law, left_at
+from backend.tuning.formulas import TuningError
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import PointModel
+from plant.parameters import PlantParameters
+
+
+class NotPredictedError(ValueError):
+    """There is nothing to compare a measurement with; says why."""
+
+
+@dataclass(frozen=True)
+class InForce:
+    """``tuning`` is the one that the run began with, ``points`` the models of its bank, none for geometry."""
+
+    parameters: PlantParameters
+    plan: ComposedPlan
+    tuning: TuningChoice
+    points: Sequence[PointModel] = ()
+
+    @property
+    def position_loop(self) -> bool:
+        """Whether the joint loop is closed."""
+        return self.plan.law is not Law.COMPLIANCE
+
+    def choice_at(self, sample: int) -> TuningChoice:
+        """Return the tuning in use at a sample of the program."""
+        number = 0
+        for start, _, segment in timed(self.plan.program()):
+            if start > sample:
+                break
+            number = segment.tuning or number
+        return self.tuning.with_parts(self.plan.laid.changes[number - 1]) if number else self.tuning
+
+    def references_before(self, sample: int) -> tuple[float, float]:
+        """Return q_ref [rad] and S_ref [N·m/rad] as they were left by what ended at a sample."""
+        q, S = 0.0, 10.0
+        for _, end, segment in timed(self.plan.program()):
+            if end > sample:
+                break
+            q, S = left_at(segment, q, S)
+        return q, S
+
+    def gains_at(self, sample: int) -> cascade.Tuning:
+        """Return the gains of the cascade at a sample. Raises NotPredictedError."""
+        if self.plan.law not in (Law.CASCADE, Law.COMPLIANCE):
+            raise NotPredictedError(f"of the law {self.plan.law} no prediction is made")
+        choice = self.choice_at(sample)
+        if choice.bank != self.tuning.bank:
+            raise NotPredictedError("a bank was in use that the run did not begin with")
+        if choice.bank and not self.points:
+            raise NotPredictedError("the bank that was in use is not stored with the run")
+        try:
+            return cascade_tuning(self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.u_plan)
+        except TuningError as error:
+            raise NotPredictedError(str(error)) from None

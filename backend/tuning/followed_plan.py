@@ -1,0 +1,93 @@
+"""What small motions of the references become under a plan: its model, its voltages, and the loops on what is left.
+
+The model answers by its landing, its averaging and the swing of its joint: 1 but for some hundredths of a second, and
+neither λ nor gains are in it. They act on what motors and joint have beside the model, as their electrical lag is. All
+of it holds while the voltage that the references ask for is within the budget (docs/decisions/0046).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.controllers import cascade, plan
+from backend.controllers.axis import LANDING_S
+from backend.controllers.decoupler import tension_under
+from backend.tuning.sampled_loop import SampledLoop, sampled_loop
+from plant.interface import T_s
+from plant.parameters import PlantParameters
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_STEP = 1e-6
+
+
+class AxisResponse(NamedTuple):
+    """Of an axis to its goal, each (n,): angle and speed [1/s] behind the averaging, and K times the mean voltage."""
+
+    theta: Complex
+    omega: Complex
+    driven: Complex
+
+
+def axis_response(model: plan.Model, f: Array) -> AxisResponse:
+    """Response to a moving goal at ``f`` (n,) [Hz], in the last stretch before it (``axis.toward``).
+
+    ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S, and θ⁺ as the motor turns; then averaged over some ticks.
+    """
+    z = np.exp(2j * np.pi * np.asarray(f) * T_s)
+    T = max(model.T_A, model.T_B)
+    kept = np.exp(-T_s / T)
+    lost = T * (1.0 - kept)
+    turning = (T_s - lost) * (z - kept) / (1.0 - kept) + lost  # θ (z − 1) = ω turning
+    ahead = T_s / LANDING_S
+    asked = (1.0 - 1.0 / z) / T_s * (1.0 + ahead) + 1.0 / LANDING_S
+    reached = (z - 1.0) * (z + ahead) / turning + 1.0 / LANDING_S
+    averaged = sum(z**-ticks for ticks in range(plan.SMOOTHED)) / plan.SMOOTHED
+    theta = asked / reached * averaged
+    omega = theta * (z - 1.0) / turning
+    return AxisResponse(theta, omega, omega * (z - kept) / (1.0 - kept))
+
+
+def joint_response(model: plan.Model, S: float, f: Array) -> Complex:
+    """Response of the model's joint to its equilibrium: J_j q'' + B_j q' + S q = S q_e, at S [N·m/rad]."""
+    s = 2j * np.pi * np.asarray(f)
+    return np.asarray(S / (model.J_j * s**2 + model.B_j * s + S))
+
+
+def planned_response(
+    parameters: PlantParameters, tuning: cascade.Tuning, S: float, f: Array, *, position_loop: bool = True
+) -> Complex:
+    """Response from (q_ref, S_ref) to (q, S) at ``f`` (n,) [Hz] about S [N·m/rad], shape (n, 2, 2)."""
+    model = tuning.following.model
+    loop = sampled_loop(parameters, tuning, S, position_loop=position_loop)
+    axis, joint = axis_response(model, f), joint_response(model, S, f)
+    modelled = np.empty((axis.theta.size, 3, 2), dtype=np.complex128)
+    modelled[:, 0, :] = (axis.theta * joint)[:, None] * np.array([1.0, 0.0])
+    modelled[:, 1:, :] = axis.theta[:, None, None] * loop.split
+    forward = _forward(tuning, loop, S, axis, joint)
+
+    plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
+    # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
+    beside = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:], plant @ forward - modelled)
+    seen = np.array([[1.0, 0.0, 0.0], [0.0, loop.slope, loop.slope]])
+    return np.asarray(seen @ (modelled + beside))
+
+
+def _forward(tuning: cascade.Tuning, loop: SampledLoop, S: float, axis: AxisResponse, joint: Complex) -> Complex:
+    """Voltages of the model per (q_ref, S_ref), shape (n, 2, 2), as ``plan.voltages`` computes them."""
+    model, d = tuning.following.model, tuning.decoupler
+    T = max(model.T_A, model.T_B)
+    turning = (axis.driven - axis.omega) / T
+    stiffer = (tension_under(d, S + _STEP) - tension_under(d, S - _STEP)) / (2.0 * _STEP)
+    pull = 0.5 * S / d.r_j * axis.theta * (1.0 - joint)
+    forward = np.empty((axis.theta.size, 2, 2), dtype=np.complex128)
+    for motor, (K, T_own, K_t, side) in enumerate(
+        ((model.K_A, model.T_A, model.K_t_A, 1.0), (model.K_B, model.T_B, model.K_t_B, -1.0))
+    ):
+        driven = (T_own * turning + axis.omega) / K
+        forward[:, motor, :] = driven[:, None] * loop.split[motor]
+        forward[:, motor, 0] += d.r_m / K_t * side * pull
+        forward[:, motor, 1] += d.r_m / K_t * stiffer * axis.theta
+    return forward

@@ -1,0 +1,167 @@
+"""Measured frequency responses beside the predicted ones, and when a line is not measured."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.in_memory import Played, play_in_memory
+from backend.experiments.results.bode import BodeFigures, bode_figures, bode_lines
+from backend.experiments.results.in_force import InForce
+from backend.experiments.results.metrics import NoSamplesError
+from backend.faults import Limit
+from plant.interface import T_s
+from plant.parameters import load_parameters
+from tests.experiments.composing.written import plan_of, with_parts
+from tests.experiments.test_response import LEAD_IN, columns_of
+
+IDEAL = load_parameters("ideal")
+MULTISINE = "{do: multisine, q_amplitude: 0.1, period_s: 4, lines: 8, periods: 3}"
+SMALL = {"period_s": 8.0, "lines": 10, "q_amplitude": 0.05, "S_amplitude": 0.3}
+
+
+def made(*parts: str, tuning: TuningChoice | None = None) -> InForce:
+    return InForce(IDEAL, plan_of(with_parts(*parts)), tuning or TuningChoice())
+
+
+def seen(in_force: InForce, **lags: float) -> dict[str, Any]:
+    columns = columns_of(in_force.plan.program(), **lags)
+    return columns | {"limits": np.zeros_like(columns["q"])}
+
+
+def figures(in_force: InForce, columns: dict[str, Any]) -> BodeFigures:
+    return bode_figures(columns, in_force.plan.program(), in_force)
+
+
+def played(parameters: str, **tuning: float) -> Played:
+    plan = ready_plan("frequency_response", **SMALL)
+    return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
+
+
+@pytest.mark.parametrize("u_plan", [0.0, 8.5])
+def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(u_plan: float) -> None:
+    metrics = played("ideal", u_plan=u_plan, lam_q=0.42).metrics
+    for signal in ("q", "S"):
+        gain, phase = metrics.value_of(f"gain_off_{signal}_dB"), metrics.value_of(f"phase_off_{signal}_deg")
+        assert gain is not None
+        assert phase is not None
+        assert gain < 0.02
+        assert phase < 0.1
+    width, expected = metrics.value_of("bandwidth_q_Hz"), metrics.value_of("bandwidth_q_predicted_Hz")
+    assert expected is not None
+    if u_plan:
+        assert width is None
+        assert expected > 20.0
+    else:
+        assert width == pytest.approx(expected, rel=0.03)
+
+
+def test_on_the_lab_plant_the_prediction_is_off_by_friction_and_the_lines_repeat() -> None:
+    metrics = played("lab").metrics
+    assert 0.1 < (metrics.value_of("gain_off_q_dB") or 0.0) < 10.0
+    assert 0.0 < (metrics.value_of("unlike_q_percent") or 0.0) < 3.0
+
+
+def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> None:
+    in_force = made(LEAD_IN, MULTISINE)
+    columns = seen(in_force)
+    (lines,) = bode_lines(columns, in_force.plan.program(), in_force)
+    np.testing.assert_allclose(lines.f, np.arange(1, 9) / 4.0)
+    np.testing.assert_allclose(np.abs(lines.H), 1.0 / np.hypot(1.0, 2.0 * np.pi * lines.f * 0.4), rtol=1e-3)
+    assert lines.measured.all()
+    told = figures(in_force, columns)
+    assert lines.expected is not None
+    off = 20.0 * np.log10(np.abs(lines.H / lines.expected))
+    assert told.gain_off_q_dB == pytest.approx(np.abs(off).max())
+    assert told.unlike_q_percent == pytest.approx(0.0, abs=0.1)
+    assert told.reasons["gain_off_S_dB"] == "the reference of S alone was not excited to the end"
+
+
+def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> None:
+    in_force = made(LEAD_IN, MULTISINE)
+    columns = seen(in_force)
+    t = np.arange(columns["q"].size) * T_s
+    columns["q"] = columns["q"] + np.where(t >= 12.0, 0.004 * np.sin(2.0 * np.pi * 1.5 * t), 0.0)
+    (lines,) = bode_lines(columns, in_force.plan.program(), in_force)
+    assert lines.f[~lines.measured].tolist() == [1.5]
+    assert "from one period to the next" in lines.reasons[5]
+    assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        (Limit.VOLTAGE_B, "the voltage of motor B was clipped for 0.02 s"),
+        (Limit.GOVERNOR, "the governor held the reference back for 0.02 s"),
+        (Limit.TENSION_FLOOR, "a tendon was kept from going slack for 0.02 s"),
+    ],
+)
+def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> None:
+    in_force = made(LEAD_IN, MULTISINE)
+    columns = seen(in_force)
+    columns["limits"][13_000:13_020] = float(limit)
+    told = figures(in_force, columns)
+    assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.unlike_q_percent) == (None, None, None)
+    assert told.bandwidth_q_predicted_Hz is not None
+    assert told.reasons["bandwidth_q_Hz"] == f"{words}: take a smaller amplitude"
+    columns["limits"][13_000:13_020] = 0.0
+    columns["limits"][5_000:5_020] = float(limit)  # in the first period, of which nothing is measured
+    assert figures(in_force, columns).bandwidth_q_Hz is not None
+
+
+def test_a_plan_on_its_way_is_no_limit_and_one_that_is_asked_for_too_much_predicts_nothing() -> None:
+    for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
+        in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningChoice(u_plan=8.5))
+        columns = seen(in_force)
+        columns["limits"][:] = float(Limit.GOVERNOR)
+        told = figures(in_force, columns)
+        assert told.bandwidth_q_Hz is not None
+        assert words in told.reasons.get("bandwidth_q_predicted_Hz", "")
+        assert (told.gain_off_q_dB is None) is bool(words)
+
+
+def test_two_periods_do_not_tell_how_a_line_repeats() -> None:
+    in_force = made(LEAD_IN, MULTISINE.replace("periods: 3", "periods: 2"))
+    told = figures(in_force, seen(in_force))
+    assert told.unlike_q_percent is None
+    assert "three periods" in told.reasons["unlike_q_percent"]
+    assert told.bandwidth_q_Hz is not None
+
+
+def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
+    in_force = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
+    columns = seen(in_force)
+    (clean,) = bode_lines(columns, in_force.plan.program(), in_force)
+    columns["q"] = columns["q"] + lfilter(
+        [0.03], [1.0, -0.97], np.random.default_rng(1).normal(0.0, 2.0, columns["q"].size)
+    )
+    (noisy,) = bode_lines(columns, in_force.plan.program(), in_force)
+    assert np.nanmedian(clean.unlike) < 0.05 < np.nanmedian(noisy.unlike)
+    assert noisy.measured.sum() < clean.measured.sum()
+
+
+def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_has_none() -> None:
+    tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE)
+    plain = made(LEAD_IN, MULTISINE, tuning=TuningChoice(lam_q=1.0))
+    slow, same = (bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
+    assert slow.expected is not None
+    np.testing.assert_allclose(slow.expected, same.expected)
+    other = made(LEAD_IN, "{do: tuning, bank: 3}", MULTISINE)
+    assert bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
+        "a bank was in use that the run did not begin with"
+    )
+    lost = made(LEAD_IN, MULTISINE, tuning=TuningChoice(bank=3))
+    told = figures(lost, seen(lost))
+    assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run"
+    assert told.bandwidth_q_Hz is not None
+
+
+def test_what_was_not_played_to_its_end_is_not_measured() -> None:
+    in_force = made(LEAD_IN, MULTISINE)
+    early = {name: column[:-10] for name, column in seen(in_force).items()}
+    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+        figures(in_force, early)
