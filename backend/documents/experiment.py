@@ -30,6 +30,8 @@ class Measure(StrEnum):
     RESPONSE = "response"
     DISTURBANCE = "disturbance"
     BODE = "bode"
+    PUSHES = "pushes"
+    HOLDS = "holds"
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

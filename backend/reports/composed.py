@@ -10,12 +10,14 @@ from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.bode import bode_lines
+from backend.experiments.results.held import holds_seen
 from backend.experiments.results.in_force import InForce
+from backend.experiments.results.pushed import pushes_seen
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
 from backend.reading import Angles
 from backend.recording.columns import Columns
-from backend.reports import bode
+from backend.reports import bode, held, pushed
 from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
@@ -37,7 +39,12 @@ _ON_RESPONSES = (
     "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
     "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
 )
-_ON = {Measure.RESPONSE: (_ON_RESPONSES,), Measure.BODE: bode.NOTES}
+_ON = {
+    Measure.RESPONSE: (_ON_RESPONSES,),
+    Measure.BODE: bode.NOTES,
+    Measure.PUSHES: pushed.NOTES,
+    Measure.HOLDS: held.NOTES,
+}
 
 
 def composed_report(source: Source) -> Report:
@@ -83,10 +90,10 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
 def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
     columns, program = source.columns, plan.program()
     measures = plan.experiment.measures
-    pushed = pushes(program)
-    if Measure.COMPLIANCE in measures and source.result is not None and pushed:
+    acted = pushes(program)
+    if Measure.COMPLIANCE in measures and source.result is not None and acted:
         delay_s = source.result.metrics.value_of("delay_s") or 0.0
-        first_s, r_j = pushed[0].start * T_s, source.run.number("geometry", "r_j")
+        first_s, r_j = acted[0].start * T_s, source.run.number("geometry", "r_j")
         yield Figure(
             "forces",
             force_panels(columns, r_j, first_s, delay_s, "forces", source.angles),
@@ -109,9 +116,14 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
 
 
 def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
-    measures, columns = plan.experiment.measures, source.columns
-    if Measure.BODE in measures and (found := bode_lines(columns, plan.program(), _in_force(source, plan))):
-        yield bode.bode_section(found)
+    measures, columns, program = plan.experiment.measures, source.columns, plan.program()
+    in_force = _in_force(source, plan)
+    if Measure.BODE in measures and (lines := bode_lines(columns, program, in_force)):
+        yield bode.bode_section(lines)
+    if Measure.PUSHES in measures and (seen := pushes_seen(columns, program, in_force)):
+        yield pushed.pushes_section(columns, seen, source.angles)
+    if Measure.HOLDS in measures and (holds := holds_seen(columns, program, in_force.parameters)):
+        yield held.holds_section(columns, holds, in_force.parameters.sensors.joint_step, source.angles)
 
 
 def _in_force(source: Source, plan: ComposedPlan) -> InForce:

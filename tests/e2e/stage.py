@@ -58,7 +58,14 @@ CHANGED: Values = {
 EXPERIMENTS = ("tracking", "compliance", "robustness", "lambda_sweep", "sequence")
 """Those that are started; the forms of the others are looked at."""
 
-OTHERS = ("step_battery", "stiffness_sweep", "bank_comparison", "disturbance_battery", "frequency_response")
+OTHERS = (
+    "step_battery",
+    "stiffness_sweep",
+    "bank_comparison",
+    "disturbance_battery",
+    "frequency_response",
+    "hold_at_rest",
+)
 IDENTIFICATIONS = ("actuator", "motor", "spring")
 LASTING: dict[str, Values] = {
     "tracking": {"q_duration_s": 6.0, "S_duration_s": 5.0},

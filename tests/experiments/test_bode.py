@@ -37,7 +37,7 @@ def figures(in_force: InForce, columns: dict[str, Any]) -> BodeFigures:
     return bode_figures(columns, in_force.plan.program(), in_force)
 
 
-def played(parameters: str, **tuning: float) -> Played:
+def played(parameters: str, **tuning: Any) -> Played:
     plan = ready_plan("frequency_response", **SMALL)
     return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
 
@@ -149,6 +149,7 @@ def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_h
     plain = made(LEAD_IN, MULTISINE, tuning=TuningChoice(lam_q=1.0))
     slow, same = (bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
     assert slow.expected is not None
+    assert same.expected is not None
     np.testing.assert_allclose(slow.expected, same.expected)
     other = made(LEAD_IN, "{do: tuning, bank: 3}", MULTISINE)
     assert bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (

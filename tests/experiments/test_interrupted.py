@@ -35,7 +35,8 @@ AFTER_S = {
     "lambda_sweep": 30.0,
     "bank_comparison": 35.0,
     "disturbance_battery": 30.0,
-    "frequency_response": 45.0,
+    "frequency_response": 60.0,
+    "hold_at_rest": 45.0,
 }
 """Some time in the program of each that is ready-made [s], after the first figure can be had."""
 

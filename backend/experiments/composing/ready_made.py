@@ -17,6 +17,7 @@ NAMES = (
     "bank_comparison",
     "disturbance_battery",
     "frequency_response",
+    "hold_at_rest",
 )
 """In the order in which they are offered."""
 

@@ -13,9 +13,11 @@ from backend.experiments.results.compliance import Columns, compliance_figures
 from backend.experiments.results.criteria import ended_early, judge, unseen
 from backend.experiments.results.disturbance import disturbance_figures
 from backend.experiments.results.document import figure_documents, tracking_document
+from backend.experiments.results.held import hold_figures
 from backend.experiments.results.in_force import InForce
 from backend.experiments.results.measures import FIGURES, known_to_bounds, limit_of
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
+from backend.experiments.results.pushed import push_figures
 from backend.experiments.results.response import response_figures
 from backend.experiments.results.robustness import robustness_figures
 from backend.experiments.results.windows import load_steps, pushes
@@ -68,6 +70,10 @@ def _measured(measure: Measure, columns: Columns, in_force: InForce, metrics: Me
             figures = disturbance_figures(columns, program)
         case Measure.BODE:
             figures = bode_figures(columns, program, in_force)
+        case Measure.PUSHES:
+            figures = push_figures(columns, program, in_force)
+        case Measure.HOLDS:
+            figures = hold_figures(columns, program, parameters)
     return replace(metrics, figures=figure_documents(figures, figures.reasons))
 
 

@@ -12,7 +12,9 @@ from backend.experiments.composing.settings import OF_THE_PLANT
 from backend.experiments.results.bode import BodeFigures
 from backend.experiments.results.compliance import ComplianceFigures
 from backend.experiments.results.disturbance import DisturbanceFigures
+from backend.experiments.results.held import HoldFigures
 from backend.experiments.results.metrics import Overall
+from backend.experiments.results.pushed import PushFigures
 from backend.experiments.results.response import ResponseFigures
 from backend.experiments.results.robustness import RobustnessFigures
 from backend.refusal import Path
@@ -26,6 +28,8 @@ FIGURES: dict[Measure, type[Any]] = {
     Measure.RESPONSE: ResponseFigures,
     Measure.DISTURBANCE: DisturbanceFigures,
     Measure.BODE: BodeFigures,
+    Measure.PUSHES: PushFigures,
+    Measure.HOLDS: HoldFigures,
 }
 
 

@@ -1,0 +1,139 @@
+"""Each push beside what the loops and the stiffness let expect: against the simulator, and against what is written."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.playing.in_memory import play_in_memory
+from backend.experiments.results.in_force import InForce
+from backend.experiments.results.metrics import NoSamplesError
+from backend.experiments.results.pushed import push_figures, push_windows, pushes_seen
+from backend.tuning.gains import cascade_tuning
+from backend.tuning.models import Lambdas
+from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
+from plant.interface import T_s
+from plant.parameters import load_parameters
+from tests.experiments.composing.written import plan_of, with_parts
+
+IDEAL = load_parameters("ideal")
+R_J = IDEAL.geometry.r_j
+HELD = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 6.0}"
+STEP = "{do: push, F_push: 6.0, duration_s: 1.0}"
+REST = "{do: hold, duration_s: 5.0}"
+RAMP = "{do: push, F_push: -8.0, duration_s: 0.5, shape: ramp}", "{do: push, F_push: 0.0, duration_s: 0.5, shape: ramp}"
+IMPULSE = "{do: push, F_push: 10.0, duration_s: 0.01}"
+PUSHED = with_parts(HELD, STEP, REST, *RAMP, REST, IMPULSE, REST, more="measures: [pushes]\n")
+
+
+def of(plan: ComposedPlan, tuning: TuningChoice | None = None) -> InForce:
+    return InForce(IDEAL, plan, tuning or TuningChoice())
+
+
+def columns(plan: ComposedPlan, q: Any = 0.0) -> dict[str, Any]:
+    """Samples as they are recorded: a push stands in the sample after the tick that it acted in."""
+    segments = plan.program().segments
+    force: list[float] = []
+    before = 0.0
+    for one in segments:
+        ticks = round(one.duration_s / T_s)
+        share = np.arange(1, ticks + 1) / ticks if one.shape == "ramp" else np.ones(ticks)
+        force += list(before + share * (one.F_push - before))
+        before = one.F_push
+    F = np.array([0.0, *force[:-1]])
+    ones = np.ones(F.size)
+    return {
+        "t": np.arange(F.size) * T_s, "q": q * ones, "q_ref": 0.0 * ones, "S": 10.0 * ones, "S_ref": 10.0 * ones,
+        "F_push": F, "F_A": 20.0 * ones, "F_B": 20.0 * ones, "u_A": ones, "u_B": ones,
+    }  # fmt: skip
+
+
+def test_steps_ramps_and_impulses_are_told_apart_and_a_ramp_ends_where_its_force_is_none() -> None:
+    found = push_windows(plan_of(PUSHED).program())
+    assert [(one.shape, one.pushed.start, one.pushed.stop, one.until) for one in found] == [
+        ("step", 6000, 7000, 12000),
+        ("ramp", 12000, 13000, 18000),
+        ("impulse", 18000, 18010, 23010),
+    ]
+
+
+def test_force_impulse_and_static_deviation_are_those_of_the_push() -> None:
+    plan = plan_of(PUSHED)
+    step, ramp, impulse = pushes_seen(columns(plan), plan.program(), of(plan))
+    assert (step.F, ramp.F, impulse.F) == (6.0, -8.0, 10.0)
+    assert [one.impulse for one in (step, ramp, impulse)] == pytest.approx([6.0, -4.0, 0.1])
+    assert [one.static for one in (step, ramp)] == pytest.approx([R_J * 6.0 / 10.0, R_J * 8.0 / 10.0])
+
+
+def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> None:
+    plan, lam_q = plan_of(PUSHED), 0.6
+    seen = columns(plan)
+    loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam_q)), 10.0).closed
+    w = np.zeros((seen["q"].size, 3))
+    w[:-1, INPUTS.tau_ext] = R_J * seen["F_push"][1:]
+    seen["q"] = 1.1 * loop.played(w)[:, OUTPUTS.q]
+    step, ramp, impulse = pushes_seen(seen, plan.program(), of(plan, TuningChoice(lam_q=lam_q)))
+    # the answers of earlier pushes have nearly died down
+    assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)
+    assert step.peak_q > 1.1 * step.static  # it swings beyond
+    assert ramp.peak_q < 1.1 * ramp.static
+    figures = push_figures(seen, plan.program(), of(plan, TuningChoice(lam_q=lam_q)))
+    assert figures.pushed_off_percent == pytest.approx(10.0, abs=1.0)
+    assert figures.pushed_peak_q == max(step.peak_q, impulse.peak_q)
+    assert figures.pushed_static_ratio == step.peak_q / step.static
+
+
+@pytest.mark.parametrize("u_plan", [0.0, 8.5])
+def test_on_the_ideal_plant_peaks_are_those_expected_with_a_plan_and_without(u_plan: float) -> None:
+    played = play_in_memory(IDEAL, plan_of(PUSHED), LoopSettings(u_plan=u_plan), lambda _: pytest.fail("no bank"))
+    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
+    assert 1.0 < (played.metrics.value_of("pushed_static_ratio") or 0.0) < 2.0
+
+
+def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviation() -> None:
+    text = with_parts(HELD, STEP, REST, more="measures: [pushes]\nlaw: compliance\n")
+    played = play_in_memory(IDEAL, plan_of(text), LoopSettings(), lambda _: pytest.fail("no bank"))
+    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
+    plan = plan_of(text)
+    (one,) = pushes_seen(columns(plan), plan.program(), of(plan))
+    assert one.expected is not None
+    assert one.expected[900] == pytest.approx(one.static, rel=0.01)
+
+
+def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
+    plan = plan_of(PUSHED)
+    seen = columns(plan)
+    seen["q"][6500:7400] = 0.05
+    figures = push_figures(seen, plan.program(), of(plan))
+    assert figures.pushed_back_s == pytest.approx(0.4)
+    seen["q"][13000:18000] = 0.05
+    figures = push_figures(seen, plan.program(), of(plan))
+    assert figures.pushed_back_s is None
+    assert "after the push that ended at 13 s the joint was still 0.05 rad off" in figures.reasons["pushed_back_s"]
+    tight = plan_of(with_parts(HELD, STEP))
+    assert "nothing was held after" in push_figures(columns(tight), tight.program(), of(tight)).reasons["pushed_back_s"]
+
+
+def test_what_cannot_be_predicted_is_measured_and_says_so() -> None:
+    law = "{name: by, kind: choice, symbol: law, meaning: law, default: single-loop, choices: [single-loop]}"
+    chosen = f"settings:\n  - {law}\n"
+    plan = plan_of(with_parts(HELD, STEP, REST, settings=chosen, more="law: by\nmeasures: [pushes]\n"))
+    figures = push_figures(columns(plan), plan.program(), of(plan))
+    assert figures.pushed_off_percent is None
+    assert figures.reasons["pushed_off_percent"] == "of the law single-loop no prediction is made"
+    assert figures.pushed_peak_q == 0.0
+
+
+def test_a_run_that_ended_before_a_push_or_has_none_gives_nothing() -> None:
+    plan = plan_of(PUSHED)
+    early = {name: column[:6900] for name, column in columns(plan).items()}
+    with pytest.raises(NoSamplesError, match="the run ended before the pushes were over"):
+        push_figures(early, plan.program(), of(plan))
+    still = plan_of(with_parts(HELD, REST))
+    with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
+        push_figures(columns(still), still.program(), of(still))
+    part = {name: column[:12500] for name, column in columns(plan).items()}
+    assert len(pushes_seen(part, plan.program(), of(plan))) == 1

@@ -1,0 +1,112 @@
+"""Reports of frequency responses, disturbances and rest: all of it in figure and table, and held by its samples."""
+
+import asyncio
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from backend.documents.bank_entry import ENTRY, EntryModel
+from backend.experiments.plans.loop_settings import LoopSettings
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.reports.build import build_report
+from backend.reports.differences import Verified
+from backend.reports.document import NO_FIGURE, Figure, Report, Table
+from backend.reports.html import to_html
+from backend.reports.pdf import to_pdf
+from backend.reports.source import Source, load_source
+from backend.reports.verification import verify
+from backend.storage import Database, banks, open_database
+from backend.storage.banks import BankEntry
+from plant.parameters import load_parameters
+
+LAB = load_parameters("lab")
+QUICK: dict[str, dict[str, float]] = {
+    "frequency_response": {"period_s": 4.0, "lines": 8, "q_amplitude": 0.1, "S_amplitude": 0.5},
+    "disturbance_battery": {"levels": 2, "hold_s": 3.0},
+    "hold_at_rest": {"levels": 2, "settle_s": 5.0, "hold_s": 3.0},
+}
+SHOWN = {"frequency_response": "bode", "disturbance_battery": "pushes", "hold_at_rest": "holds"}
+ROWS = {"frequency_response": 8, "disturbance_battery": 8, "hold_at_rest": 6}
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    opened = open_database(tmp_path_factory.mktemp("batteries"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def bank(database: Database) -> int:
+    """A bank whose gains differ much from those of geometry."""
+    entries = [
+        BankEntry(S, ENTRY.write(EntryModel(K_q=0.05, T_q=T, K_S=0.72, T_S=T, tension_N=F)))
+        for S, T, F in ((8.24, 0.5, 10.0), (12.43, 0.6, 30.0))
+    ]
+    with database.session() as session:
+        return banks.add(session, "slow ones", entries, "A. Operator").id
+
+
+def played(database: Database, name: str, **loop: Any) -> Source:
+    settings = LoopSettings(**loop)
+    with headless_station(database, LAB, settings) as station:
+        outcome = asyncio.run(run_experiment(station, Order(ready_plan(name, **QUICK[name]), settings, "A. Operator")))
+    assert outcome.run.end_state == "completed"
+    return load_source(database, outcome.run.id)
+
+
+def tables_of(report: Report, drawn: str) -> list[Table]:
+    section = next(
+        one for one in report.sections if any(isinstance(part, Figure) and part.name == drawn for part in one.blocks)
+    )
+    return [part for part in section.blocks if isinstance(part, Table)]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
+    database: Database, bank: int, name: str
+) -> None:
+    source = played(database, name, bank=bank, lam_q=0.7, lam_S=0.7, u_plan=8.5 if name == "hold_at_rest" else 0.0)
+    report = build_report(source)
+    table = tables_of(report, SHOWN[name])[0]
+    assert len(table.rows) == ROWS[name]
+    page = to_html(report)
+    assert verify(page, source.columns) == Verified((), ())
+    assert to_pdf(report).startswith(b"%PDF")
+    cell = next(cell for cell in table.rows[1] if cell not in ("", NO_FIGURE) and "." in cell)
+    assert page.count(cell) >= 1
+    place = page.index(cell, page.index(f'id="{SHOWN[name]}-'))
+    forged = page[:place] + cell.replace(".", ".9") + page[place + len(cell) :]
+    assert verify(forged, source.columns).differences
+
+
+def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank: int) -> None:
+    """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
+    source = played(database, "frequency_response", bank=bank, lam_q=0.7, lam_S=0.7)
+    assert source.result is not None
+    with_bank = source.result.metrics.value_of("bandwidth_q_predicted_Hz")
+    plain = played(database, "frequency_response", lam_q=0.7, lam_S=0.7)
+    assert plain.result is not None
+    without = plain.result.metrics.value_of("bandwidth_q_predicted_Hz")
+    assert with_bank is not None
+    assert without is not None
+    assert abs(with_bank / without - 1.0) > 0.05
+    measured = source.result.metrics.value_of("bandwidth_q_Hz")
+    assert measured == pytest.approx(with_bank, rel=0.15)
+
+
+def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database) -> None:
+    name = "frequency_response"
+    wild = {**QUICK[name], "q_amplitude": 1.0}
+    settings = LoopSettings()
+    with headless_station(database, LAB, settings) as station:
+        outcome = asyncio.run(run_experiment(station, Order(ready_plan(name, **wild), settings, "A. Operator")))
+    source = load_source(database, outcome.run.id)
+    report = build_report(source)
+    table = tables_of(report, "bode")[0]
+    assert all("not measured: " in row[-1] and row[1] == row[3] == NO_FIGURE for row in table.rows)
+    assert all(row[2] != NO_FIGURE for row in table.rows)
+    assert verify(to_html(report), source.columns) == Verified((), ())
