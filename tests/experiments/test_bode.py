@@ -78,6 +78,7 @@ def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> No
     off = 20.0 * np.log10(np.abs(lines.H / lines.expected))
     assert told.gain_off_q_dB == pytest.approx(np.abs(off).max())
     assert told.unlike_q_percent == pytest.approx(0.0, abs=0.1)
+    assert told.residual_q_percent == pytest.approx(0.0, abs=0.2)
     assert told.reasons["gain_off_S_dB"] == "the reference of S alone was not excited to the end"
 
 
@@ -90,6 +91,15 @@ def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> Non
     assert lines.f[~lines.measured].tolist() == [1.5]
     assert "from one period to the next" in lines.reasons[5]
     assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
+
+
+def test_what_no_line_explains_is_the_residual() -> None:
+    in_force = made(LEAD_IN, MULTISINE)
+    columns = seen(in_force)
+    size = float(np.std(columns["q"][-4000:]))
+    t = np.arange(columns["q"].size) * T_s
+    columns["q"] = columns["q"] + 0.1 * size * np.sqrt(2.0) * np.sin(2.0 * np.pi * 5.0 * t)
+    assert figures(in_force, columns).residual_q_percent == pytest.approx(10.0, rel=0.01)
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,8 @@ _ACTED = {
 class Lines:
     """Response to one excitation at ``f`` (n,) [Hz]: measured ``H``, ``unlike`` its quality, nan where there is none.
 
+    ``residual`` is what of the signal's last period no line explains, as a share of its lines, nan where there is none.
+
     ``reasons`` (n) say of each line why it is not measured, "" where it is. ``expected`` (n,) is what was predicted,
     None where nothing was, and ``unpredicted`` says why.
     """
@@ -49,6 +51,7 @@ class Lines:
     f: Array
     H: Complex
     unlike: Array
+    residual: float
     reasons: tuple[str, ...]
     expected: Complex | None
     predicted: Predicted | None
@@ -83,6 +86,9 @@ class BodeFigures(Whole):
     unlike_q_percent: float | None = figure(
         "%", "Repeatability of q", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
     )
+    residual_q_percent: float | None = figure(
+        "%", "Residual of q", "root mean square of q beside its lines over that at them, last period: friction, noise"
+    )
     bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707 of its lowest line")
     bandwidth_S_predicted_Hz: float | None = figure(
         "Hz", "Bandwidth of S, predicted", "the same of the response that models and gains in use let expect"
@@ -95,6 +101,9 @@ class BodeFigures(Whole):
     lag_S_deg: float | None = figure("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
     unlike_S_percent: float | None = figure(
         "%", "Repeatability of S", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
+    )
+    residual_S_percent: float | None = figure(
+        "%", "Residual of S", "root mean square of S beside its lines over that at them, last period: friction, noise"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -123,7 +132,7 @@ def bode_figures(columns: Columns, program: Program, in_force: InForce) -> BodeF
     return BodeFigures(**whole(columns), **values, reasons=reasons)
 
 
-_WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE = _NAMES = (
+_WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL = _NAMES = (
     "bandwidth_{}_Hz",
     "bandwidth_{}_predicted_Hz",
     "gain_off_{}_dB",
@@ -131,6 +140,7 @@ _WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE = _NAMES = (
     "resonance_{}_dB",
     "lag_{}_deg",
     "unlike_{}_percent",
+    "residual_{}_percent",
 )
 
 
@@ -147,7 +157,7 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     kept = lines.measured
     bad = lines.reasons[0] or why_not(lines.response)
     if bad:  # all is told by its lowest line
-        return values, dict.fromkeys((_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE), bad) | missing
+        return values, dict.fromkeys((_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL), bad) | missing
     response = lines.response
     values[_PEAK] = 20.0 * float(np.log10(response.gain.max()))
     values[_WIDTH] = edge = bandwidth(response)
@@ -165,6 +175,10 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
         values[_UNLIKE] = 100.0 * float(known.max())
     else:
         missing[_UNLIKE] = "it needs three periods: the first one holds how the motion begins"
+    if np.isfinite(lines.residual):
+        values[_RESIDUAL] = 100.0 * lines.residual
+    else:
+        missing[_RESIDUAL] = "a sweep has no lines"
     return values, missing
 
 
@@ -180,6 +194,8 @@ def _lines(columns: Columns, excited: Excited, in_force: InForce) -> Lines:
     f, U, Y = _spectra(columns, excited.signal, last)
     kept = np.abs(U) >= LEAST_SHARE * np.abs(U).max()
     H, unlike = Y[kept] / U[kept], np.full(int(kept.sum()), np.nan)
+    power = np.abs(Y) ** 2
+    residual = np.nan if period is None else float(np.sqrt(power[~kept].sum() / power[kept].sum()))
     if period is None or kept.sum() > MOST_LINES:
         f, H, unlike = banded(f[kept], U[kept], Y[kept])
     else:
@@ -197,8 +213,8 @@ def _lines(columns: Columns, excited: Excited, in_force: InForce) -> Lines:
         references = np.column_stack([columns[name][last] for name in ("q_ref", "S_ref")])
         expected = predicted(in_force, excited, references)
     except NotPredictedError as error:
-        return Lines(excited.signal, f, H, unlike, reasons, None, None, str(error))
-    return Lines(excited.signal, f, H, unlike, reasons, expected.response(f), expected, "")
+        return Lines(excited.signal, f, H, unlike, residual, reasons, None, None, str(error))
+    return Lines(excited.signal, f, H, unlike, residual, reasons, expected.response(f), expected, "")
 
 
 MOST_LINES = 60

@@ -7,7 +7,6 @@ from functools import partial
 from backend import __version__
 from backend.documents.result import Criterion, Metrics
 from backend.experiments.banks.bank_building import points_of
-from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
@@ -15,7 +14,7 @@ from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.results import actuator_identification, motor_identification, spring_identification
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.document import figure_documents, tracking_document
-from backend.experiments.results.in_force import InForce
+from backend.experiments.results.in_force import InForce, kept_tuning
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
@@ -78,8 +77,8 @@ def computed(
             outline = _outline(columns, plan, run)
             if columns["t"].size == 0:
                 raise NoSamplesError("the run holds no samples of its program")
-            tuning = TuningChoice.of(run.set_to.loop.known())
-            metrics, criteria = composed_result(columns, InForce(parameters, plan, tuning, points), outline, missed)
+            in_force = InForce(parameters, plan, kept_tuning(run.set_to.loop), points)
+            metrics, criteria = composed_result(columns, in_force, outline, missed)
         case SequencePlan():
             metrics = _followed(columns, parameters, plan)
     metrics = replace(metrics, missing_samples=missed, problem=problem)

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from backend.controllers import cascade
-from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.documents.run_settings import KeptLoop
+from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.results.windows import timed
 from backend.loop.program import Law, left_at
@@ -16,6 +18,12 @@ from plant.parameters import PlantParameters
 
 class NotPredictedError(ValueError):
     """There is nothing to compare a measurement with; says why."""
+
+
+def kept_tuning(loop: KeptLoop) -> TuningChoice:
+    """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
+    known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
+    return TuningChoice(**known)
 
 
 @dataclass(frozen=True)
