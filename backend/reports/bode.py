@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 
+import matplotlib
 import numpy as np
 
 from backend.experiments.results.bode import UNLIKE, Array, Complex, Lines
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
 from backend.reports.drawing import COLOURS, LIMIT_GREY, figure, limit_line, panel_letter, to_svg, upper_legend
+
+MOST_NAMED = 8
+"""More runs than this are not named beside their curves: their colours tell the order."""
 
 _PER_DECADE = 120
 _BELOW_DB = -60.0
@@ -95,6 +99,31 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
         for panel, letter in zip(axes, "AB", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)
+        return to_svg(drawn, name)
+
+
+def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
+    """Draw gain and phase of q and of S, of all runs on the same axes, with what was predicted of each."""
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
+    with figure(2, 2, height_in=4.4, sharex=True) as (drawn, axes):
+        for column, signal in enumerate(("q", "S")):
+            for colour, (number, found) in zip(colours, runs, strict=True):
+                lines = next((one for one in found if one.signal == signal), None)
+                if lines is None:
+                    continue
+                kept = lines.measured
+                for panel, of in ((axes[0][column], _decibel), (axes[1][column], _degrees)):
+                    label = f"run {number}" if len(runs) <= MOST_NAMED else None
+                    panel.semilogx(lines.f[kept], of(lines.H)[kept], "o", color=colour, markersize=2.2, label=label)
+                    if lines.predicted is not None:
+                        f = _grid(lines)
+                        panel.semilogx(f, of(lines.predicted.response(f)), color=colour, linewidth=0.7)
+            axes[0][column].set_ylabel(f"Gain of ${signal}$ [dB]")
+            axes[1][column].set(ylabel=f"Phase of ${signal}$ [°]", xlabel="f [Hz]")
+        if len(runs) <= MOST_NAMED:
+            axes[0][1].legend(
+                loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, columnspacing=1.2
+            )
         return to_svg(drawn, name)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from backend.documents.experiment import Measure
 from backend.experiments.banks.bank_building import points_of
-from backend.experiments.plans.composed_plan import ComposedPlan
+from backend.experiments.plans.composed_plan import KIND, ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
-from backend.experiments.results.bode import bode_lines
+from backend.experiments.results.bode import Lines, bode_lines
 from backend.experiments.results.held import holds_seen
 from backend.experiments.results.in_force import InForce, kept_tuning
 from backend.experiments.results.pushed import pushes_seen
@@ -112,6 +112,16 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
             response_panels(found, "responses"),
             "Frequency responses of the closed loops: (A) gain, (B) phase, at each line or band that was excited.",
         )
+
+
+def lines_of(source: Source) -> tuple[Lines, ...]:
+    """Return the frequency responses of a run that measured them line by line, none of any other."""
+    if source.run.kind != KIND or not source.columns["t"].size:
+        return ()
+    plan = stored_plan(source.run.kind, source.run.set_to.plan or {})
+    if not isinstance(plan, ComposedPlan) or Measure.BODE not in plan.experiment.measures:
+        return ()
+    return bode_lines(source.columns, plan.program(), _in_force(source, plan))
 
 
 def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:

@@ -9,7 +9,9 @@ from backend.documents.outcome import Outcome
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.result import Figure as Measured
 from backend.reading import Angles, read
+from backend.reports.bode import overlay_bode
 from backend.reports.build import told
+from backend.reports.composed import lines_of
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.evidence import SERIES, SeriesEvidence, carried, evidence_of, to_element
 from backend.reports.judgement import measured, verdict
@@ -265,6 +267,10 @@ def _figures(sources: Sequence[Source], angles: Angles) -> Iterator[Figure]:
     if curves:
         words = "Joint position and stiffness of all runs, each from its first sample; references dashed."
         yield Figure("curves", overlay([(s.run.id, s.columns) for s in curves], angles), words)
+    answered = [(source.run.id, lines) for source in sources if (lines := lines_of(source))]
+    if answered:
+        words = "Frequency responses of the runs that measured them: points are measured lines, curves are predicted."
+        yield Figure("bode", overlay_bode(answered, "bode"), words)
 
 
 def _hashes(evidence: SeriesEvidence) -> Table:

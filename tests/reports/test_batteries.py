@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from backend.documents.bank_entry import ENTRY, EntryModel
@@ -12,10 +13,12 @@ from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.headless_station import headless_station
 from backend.experiments.playing.runner import Order, run_experiment
 from backend.reports.build import build_report
+from backend.reports.composed import lines_of
 from backend.reports.differences import Verified
 from backend.reports.document import NO_FIGURE, Figure, Report, Table
 from backend.reports.html import to_html
 from backend.reports.pdf import to_pdf
+from backend.reports.series import series_report
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
 from backend.storage import Database, banks, open_database
@@ -96,6 +99,27 @@ def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank:
     assert abs(with_bank / without - 1.0) > 0.05
     measured = source.result.metrics.value_of("bandwidth_q_Hz")
     assert measured == pytest.approx(with_bank, rel=0.15)
+
+
+def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
+    """As in the paper and by a plan: the one falls off, the other follows."""
+    sources = [played(database, "frequency_response", u_plan=u_plan) for u_plan in (0.0, 8.5)]
+    paper, planned = (lines_of(source) for source in sources)
+    assert [one.signal for one in paper] == [one.signal for one in planned] == ["q", "S"]
+    assert np.abs(paper[0].H[-1]) < 0.2
+    assert np.abs(planned[0].H[-1]) > 0.7
+    report = series_report(sources)
+    shown = {part.name: part for section in report.sections for part in section.blocks if isinstance(part, Figure)}
+    assert shown["bode"].svg.startswith("<svg")
+    still = played(database, "hold_at_rest")
+    assert lines_of(still) == ()
+    names = {
+        part.name
+        for section in series_report([still, still]).sections
+        for part in section.blocks
+        if isinstance(part, Figure)
+    }
+    assert "bode" not in names
 
 
 def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database) -> None:
