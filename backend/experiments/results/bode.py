@@ -78,7 +78,9 @@ class BodeFigures(Whole):
         "Hz", "Bandwidth of q, predicted", "the same of the response that models and gains in use let expect"
     )
     gain_off_q_dB: float | None = figure(
-        "dB", "Gain of q off its prediction", "largest difference of measured and predicted gain at the measured lines"
+        "dB",
+        "Gain of q off its prediction",
+        "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
     phase_off_q_deg: float | None = figure("°", "Phase of q off its prediction", "the same of the phase")
     resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at the lowest line")
@@ -94,7 +96,9 @@ class BodeFigures(Whole):
         "Hz", "Bandwidth of S, predicted", "the same of the response that models and gains in use let expect"
     )
     gain_off_S_dB: float | None = figure(
-        "dB", "Gain of S off its prediction", "largest difference of measured and predicted gain at the measured lines"
+        "dB",
+        "Gain of S off its prediction",
+        "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
     phase_off_S_deg: float | None = figure("°", "Phase of S off its prediction", "the same of the phase")
     resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at the lowest line")
@@ -167,7 +171,8 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     else:
         values[_LAG] = lag_at(response, edge)
     if lines.expected is not None:
-        off = response.H / lines.expected[kept]
+        within = response.f <= (values[_EXPECTED] or np.inf)  # beyond it friction is what is left
+        off = (response.H / lines.expected[kept])[within]
         values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
         values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
     known = lines.unlike[kept & np.isfinite(lines.unlike)]
