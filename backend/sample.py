@@ -53,6 +53,7 @@ FIELDS: tuple[Field, ...] = (
     Field(
         "F_ext_hat", "F_ext", "N", "outside force at r_j as encoders and springs tell it, its learned bias taken off"
     ),
+    Field("F_wall", "F_wall", "N", "force of the simulator's obstacle on the joint at r_j, nan on the rig"),
     Field("V_A", "V_A", "V", "load cell A as the card read it, nan where there is no card"),
     Field("V_B", "V_B", "V", "load cell B as the card read it, nan where there is no card"),
     Field("n_q", "n_q", "1", "counts of the joint's encoder since the start, nan where there is no card"),
@@ -71,7 +72,7 @@ NAMES: tuple[str, ...] = tuple(field.name for field in FIELDS)
 INDEX: dict[str, int] = {name: position for position, name in enumerate(NAMES)}
 STORED: tuple[Field, ...] = tuple(field for field in FIELDS if not field.derived)
 STORED_NAMES: tuple[str, ...] = tuple(field.name for field in STORED)
-ADDED_LATER: frozenset[str] = frozenset({"F_ext_hat"})
+ADDED_LATER: frozenset[str] = frozenset({"F_ext_hat", "F_wall"})
 """Signals that recordings and exports of earlier versions lack."""
 STORED_COLUMNS: list[int] = [INDEX[name] for name in STORED_NAMES]
 """Where the stored fields stand in a row; a list, because numpy takes a tuple for one place in several dimensions."""

@@ -7,6 +7,7 @@ from plant.friction import bristle_after, bristle_rate
 from plant.interface import NO_LOAD, ShaftLoad
 from plant.joint import Joint, elongation_A, elongation_B, joint_acceleration
 from plant.motor import Motor, motor_acceleration, motor_torque_rate
+from plant.obstacle import NO_OBSTACLE, Obstacle, beside
 from plant.spring import Spring, tension
 
 SUBSTEPS = 4
@@ -53,15 +54,23 @@ AT_REST = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled
-def derivative(plant: Dynamics, x: PlantState, u_A: float, u_B: float, tau_ext: float, load: ShaftLoad) -> PlantState:
-    """dx/dt under motor voltages [V], external joint torque [N·m] and shaft loads [N·m] (equations 1-13)."""
+def derivative(
+    plant: Dynamics,
+    x: PlantState,
+    u_A: float,
+    u_B: float,
+    tau_ext: float,
+    load: ShaftLoad,
+    obstacle: Obstacle = NO_OBSTACLE,
+) -> PlantState:
+    """dx/dt under motor voltages [V], external joint torque [N·m], shaft loads [N·m] and a wall (equations 1-13)."""
     r_m = plant.joint.r_m
     F_A = tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     load_A, load_B = r_m * F_A + load.load_A, r_m * F_B + load.load_B
     return PlantState(
         x.q_dot,
-        joint_acceleration(plant.joint, x.q_dot, F_A, F_B, tau_ext),
+        joint_acceleration(plant.joint, x.q_dot, F_A, F_B, beside(obstacle, plant.joint, x.q, x.q_dot, tau_ext)),
         x.omega_A,
         motor_acceleration(plant.motor_A, x.omega_A, x.tau_A, load_A, x.z_A),
         motor_torque_rate(plant.motor_A, x.tau_A, u_A),
@@ -138,14 +147,18 @@ def advance(
     duration_s: float,
     substeps: int,
     load: ShaftLoad = NO_LOAD,
+    obstacle: Obstacle = NO_OBSTACLE,
 ) -> PlantState:
     """State after ``duration_s`` under held inputs, by ``substeps`` classical Runge-Kutta steps."""
     h = duration_s / substeps
     for _ in range(substeps):
-        d1 = derivative(plant, x, u_A, u_B, tau_ext, load)
-        d2 = derivative(plant, _bent(plant, x, _axpy(0.5 * h, d1, x), 0.5 * h, load), u_A, u_B, tau_ext, load)
-        d3 = derivative(plant, _bent(plant, x, _axpy(0.5 * h, d2, x), 0.5 * h, load), u_A, u_B, tau_ext, load)
-        d4 = derivative(plant, _bent(plant, x, _axpy(h, d3, x), h, load), u_A, u_B, tau_ext, load)
+        d1 = derivative(plant, x, u_A, u_B, tau_ext, load, obstacle)
+        x2 = _bent(plant, x, _axpy(0.5 * h, d1, x), 0.5 * h, load)
+        d2 = derivative(plant, x2, u_A, u_B, tau_ext, load, obstacle)
+        x3 = _bent(plant, x, _axpy(0.5 * h, d2, x), 0.5 * h, load)
+        d3 = derivative(plant, x3, u_A, u_B, tau_ext, load, obstacle)
+        x4 = _bent(plant, x, _axpy(h, d3, x), h, load)
+        d4 = derivative(plant, x4, u_A, u_B, tau_ext, load, obstacle)
         end = _axpy(h / 6.0, d1, _axpy(h / 3.0, d2, _axpy(h / 3.0, d3, _axpy(h / 6.0, d4, x))))
         x = _bent(plant, x, end, h, load)
     return PlantState(

@@ -12,8 +12,9 @@ T_s = 1e-3
 class Measurement(NamedTuple):
     """One reading of the plant. SI units: rad, N, N·m/rad.
 
-    ``S_true`` and ``F_push`` are known to the simulator only; the rig reports nan and 0.
-    ``safety_trip`` is 1.0 once the independent safety module has cut the motors, else 0.0.
+    ``S_true``, ``F_push`` and ``F_wall``, the force of an obstacle on the joint at r_j, are known to the simulator
+    only; the rig reports nan, 0 and nan. ``safety_trip`` is 1.0 once the independent safety module has cut the motors,
+    else 0.0.
     """
 
     q: float
@@ -24,9 +25,10 @@ class Measurement(NamedTuple):
     S_true: float
     F_push: float
     safety_trip: float
+    F_wall: float = math.nan
 
 
-NOT_MEASURED = Measurement(*(8 * [math.nan]))
+NOT_MEASURED = Measurement(*(9 * [math.nan]))
 
 
 class RawReading(NamedTuple):

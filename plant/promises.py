@@ -122,7 +122,8 @@ def look(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it has to be a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
-    silent = [name for name, value in zip(m._fields, m, strict=True) if name != "S_true" and not math.isfinite(value)]
+    told = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
+    silent = [name for name, value in told.items() if not math.isfinite(value)]
     require(not silent, f"no finite number: {', '.join(silent)}")
     q_max, F_max = parameters.geometry.q_max, parameters.safety.F_max
     require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {q_max:.3g} rad: is it in rad?")

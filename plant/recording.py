@@ -14,7 +14,7 @@ Signal = NDArray[np.float64]
 UNITS = {"t": "s", "q": "rad", "theta_A": "rad", "theta_B": "rad", "F_A": "N", "F_B": "N", "u_A": "V", "u_B": "V"}
 """Columns that a recording has to have, with their units."""
 
-FURTHER = ("S_true", "F_push", "V_A", "V_B", "n_q", "n_A", "n_B", "fault")
+FURTHER = ("S_true", "F_push", "F_wall", "V_A", "V_B", "n_q", "n_A", "n_B", "fault")
 """Columns that are used where they are there; else nan, and 0 for ``F_push`` and ``fault``."""
 
 _MEASURED = ("q", "theta_A", "theta_B", "F_A", "F_B")

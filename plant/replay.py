@@ -40,8 +40,9 @@ class Replay:
     def __init__(self, recording: Recording) -> None:
         columns = recording.columns
         names = ("q", "theta_A", "theta_B", "F_A", "F_B", "S_true", "F_push")
+        F_wall = columns["F_wall"]
         trips = (columns["fault"] == SAFETY_MODULE).astype(np.float64)
-        self._measured = np.column_stack([*(columns[name] for name in names), trips])
+        self._measured = np.column_stack([*(columns[name] for name in names), trips, F_wall])
         self._ended = False
         self._raw = np.column_stack([columns[name] for name in RawReading._fields])
         self._written = np.column_stack([columns["u_A"], columns["u_B"]])

@@ -220,6 +220,7 @@ class Rig:
             math.nan,
             0.0,
             1.0 if self._tripped else 0.0,
+            math.nan,
         )
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:

@@ -10,6 +10,7 @@ from plant.compiled import compiled
 from plant.dynamics import Dynamics, PlantState
 from plant.interface import Measurement, T_s
 from plant.joint import elongation_A, elongation_B, joint_stiffness
+from plant.obstacle import NO_OBSTACLE, Obstacle, contact_force
 from plant.parameter_sections import Sensors
 from plant.spring import tension
 
@@ -62,6 +63,7 @@ def sense(
     noise_B: float,
     F_push: float,
     safety_trip: float,
+    obstacle: Obstacle = NO_OBSTACLE,
 ) -> Measurement:
     """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
     x_A = elongation_A(plant.joint, x.theta_A, x.q)
@@ -76,6 +78,7 @@ def sense(
         joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
         F_push,
         safety_trip,
+        contact_force(obstacle, plant.joint, x.q, x.q_dot),
     )
 
 

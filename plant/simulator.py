@@ -24,6 +24,7 @@ from plant.interface import (
     T_s,
     require_numbers,
 )
+from plant.obstacle import NO_OBSTACLE, Obstacle, require_free, require_possible
 from plant.parameters import PlantParameters
 from plant.safety import SafetyBounds, exceeded
 from plant.sensors import DELAY_SLOTS, SensorModel, quantise, sense, sensor_model
@@ -41,18 +42,19 @@ def actuate(
     command: MotorCommand,
     F_push: float,
     load: ShaftLoad = NO_LOAD,
+    obstacle: Obstacle = NO_OBSTACLE,
 ) -> PlantState:
-    """State one period later, under the command as the converter puts it out, a push F_push [N] at r_j and a load."""
+    """State one period later, under the command as the converter puts it out, a push [N] at r_j, a load, a wall."""
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
-    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load)
+    return advance(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load, obstacle)
 
 
 class Simulated(NamedTuple):
     """A simulated plant: what it is made of, what acts on it, and its state.
 
-    ``line`` (2, DELAY_SLOTS) is the load cells' memory, ``noise`` (n, 2) their errors [N] over and over; push [N] and
-    loads [N·m] act until they change. ``m`` is what is measured at the end of a period.
+    ``line`` (2, DELAY_SLOTS) is the load cells' memory, ``noise`` (n, 2) their errors [N] over and over; push [N],
+    loads [N·m] and obstacle act until they change. ``m`` is what is measured at the end of a period.
     """
 
     plant: Dynamics
@@ -63,6 +65,7 @@ class Simulated(NamedTuple):
     noise: NDArray[np.float64]
     F_push: float
     load: ShaftLoad
+    obstacle: Obstacle
     x: PlantState
     tripped: bool
     m: Measurement
@@ -72,7 +75,7 @@ class Simulated(NamedTuple):
 def period(simulated: Cell[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
     """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
     s = simulated.value
-    x = actuate(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load)
+    x = actuate(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load, s.obstacle)
     tripped = s.tripped or exceeded(s.plant, s.bounds, x)
     keep(simulated.x, x)
     keep(simulated.tripped, tripped)
@@ -84,7 +87,7 @@ def _measured(simulated: Cell[Simulated], tick: int) -> Measurement:
     s = simulated.value
     row = tick % s.noise.shape[0]
     trip = 1.0 if s.tripped else 0.0
-    m = sense(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip)
+    m = sense(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip, s.obstacle)
     keep(simulated.m, m)
     return m
 
@@ -134,6 +137,7 @@ class Simulator:
                 np.zeros((_NOISE_BLOCK, 2)),
                 0.0,
                 NO_LOAD,
+                NO_OBSTACLE,
                 PlantState(*map(float, x)),
                 False,
                 NOT_MEASURED,
@@ -227,6 +231,18 @@ class Simulator:
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
             )
         self.simulated.field("load").put(ShaftLoad(float(load.load_A), float(load.load_B)))
+
+    def obstacle(self, obstacle: Obstacle | None) -> None:
+        """Put a wall in the joint's way from the next period on, None takes it away.
+
+        Raises PlantError for one that cannot be, that stands where the joint is, or that the steps do not resolve.
+        """
+        if obstacle is not None:
+            joint, bounds = self.simulated.field("plant").field("joint").get(), self.simulated.field("bounds").get()
+            require_possible(obstacle, joint, self._F_max, bounds.q_max, T_s / SUBSTEPS)
+            require_free(obstacle, self.x.q)
+        self.simulated.field("obstacle").put(NO_OBSTACLE if obstacle is None else Obstacle(*map(float, obstacle)))
+        self._m = None
 
     def inject(self, broken: Broken | None) -> None:
         """Break something from the next reading on; None mends it. Raises PlantError for what only a card has."""

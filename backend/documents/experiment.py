@@ -166,6 +166,27 @@ class Tuning:
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
+class Wall:
+    """Put a wall in the joint's way from the next motion on, where the plant takes one (the simulator).
+
+    It stands ``above`` q_wall, or ``below`` it; ``k_wall`` [N/m] and ``c_wall`` [s/m] count at the joint pulley.
+    """
+
+    do: Literal["wall"]
+    q_wall: Number
+    side: Literal["above", "below"] = "above"
+    k_wall: Number = 20000.0
+    c_wall: Number = 1.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class NoWall:
+    """Take the wall away from the next motion on."""
+
+    do: Literal["no_wall"]
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
 class Choose:
     """Play the parts under the value of the setting ``by``."""
 
@@ -185,7 +206,7 @@ class Repeat:
 
 
 Motion = Hold | Step | Ramp | Pulse | Sine | Sweep | Prbs | Multisine | Push | Hand | Load
-Part = Annotated[Motion | Tuning | Choose | Repeat, Field(discriminator="do")]
+Part = Annotated[Motion | Tuning | Wall | NoWall | Choose | Repeat, Field(discriminator="do")]
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

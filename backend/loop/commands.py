@@ -17,6 +17,7 @@ from backend.loop.set_tuning import MotorGains as MotorGains
 from backend.loop.set_tuning import SetTuning as SetTuning
 from plant.breakage import Broken
 from plant.hand import Hand
+from plant.obstacle import Obstacle
 from plant.parameter_sections import Side
 
 
@@ -50,6 +51,13 @@ class Push:
 
     F_push: float
     duration_s: float
+
+
+@dataclass(frozen=True)
+class Obstruct:
+    """Put a wall in the joint's way where the plant takes one (the simulator); None takes it away."""
+
+    obstacle: Obstacle | None
 
 
 @dataclass(frozen=True)
@@ -147,6 +155,7 @@ Command = (
     | RunProgram
     | Push
     | Inject
+    | Obstruct
     | Zero
     | TryMotor
     | TryModule

@@ -16,6 +16,7 @@ from backend.loop.commands import (
     Event,
     Heartbeat,
     Inject,
+    Obstruct,
     Push,
     Refused,
     Reset,
@@ -141,6 +142,8 @@ class Loop:
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
                 self._plant.inject(command.broken)
+            case Obstruct():
+                self._machine.push.obstruct(command.obstacle)
             case Reset():
                 self._reset()
             case Shutdown():
@@ -246,7 +249,7 @@ class Loop:
                 came, _, _ = desk.decide()
             decision = desk.decision
         if came & PUSHES:
-            machine.push.act(decision.target.F_push, decision.target.load)
+            machine.push.act(decision.target)
         if came & TUNES:
             machine.tunings.use(decision.target.tuning, self._newest_tick)
         motion, m = machine.motion, desk.m
@@ -258,10 +261,9 @@ class Loop:
 
     def _react(self, missed: int) -> None:
         """Stop for what the checks have found, where that is to be stopped for."""
-        machine, desk = self._machine, self._desk
+        machine, desk, m, command = self._machine, self._desk, self._desk.m, self._command
         if machine.mode is Mode.TRIPPED:
             return
-        m, command = desk.m, self._command
         heard = machine.zeros.from_middle(m)
         fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
         if machine.motion is not None or fault in _AT_REST_TOO:

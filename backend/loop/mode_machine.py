@@ -158,8 +158,10 @@ class ModeMachine:
             raise RefusedError(reason, LEGAL[self.mode])
         tunings, own = self.tunings, tunings_of(program, self._known)
         motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
+        self.push.require(program)
         self._enter(now, mode, motion, Cause.PROGRAM, command.run)
         self._program = program
+        self.push.begin(program)
         tunings.begin(own)
 
     def try_out(self, made: Callable[[Carry], Motion], cause: Why, now: Now) -> None:

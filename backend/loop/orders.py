@@ -24,6 +24,7 @@ def orders_of(machine: ModeMachine) -> Orders:
         push.F_push,
         push.load,
         machine.tunings.number,
+        push.wall,
         MODE_CODE[machine.mode],
         machine.run,
         lambdas.lam_q,

@@ -13,12 +13,17 @@ from backend.loop.mode import LEGAL, Mode, RefusedError
 from backend.loop.set_tuning import SetTuning
 from backend.refusal import require_within
 from backend.tick.voltage_steps import STEP_BRAKING_S, ZERO_VOLTS_S
+from plant.obstacle import Obstacle
 
 MAX_SEGMENTS = 1000
 """Most segments of a program: forty packets, each taken in a tick of its own."""
 
 MAX_TUNINGS = 50
 """Most changes of the tuning in a program, each a packet of its own."""
+
+
+MAX_WALLS = 50
+"""Most changes of the obstacle in a program."""
 
 
 class Law(StrEnum):
@@ -76,7 +81,7 @@ class Segment:
     sum of the first ``count`` harmonics of ``period_s``, divided by its largest value ``peak``. After the last three
     the references are back where they were before. ``load_A`` and ``load_B`` [N·m] load the motors' shafts, for the
     whole of the segment whatever its shape. From its first tick on ``tuning`` is in force, a number in the program's
-    ``tunings`` from 1 on; 0 leaves what is.
+    ``tunings`` from 1 on; 0 leaves what is. So is ``wall``, in the program's ``walls``.
     """
 
     duration_s: float
@@ -91,6 +96,7 @@ class Segment:
     count: int = 0
     peak: float = 1.0
     tuning: int = 0
+    wall: int = 0
 
 
 def left_at(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
@@ -168,7 +174,7 @@ class Program:
     ``settle_s`` the excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts
     after ``settle_s`` at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``,
     and go through ``legs``. ``tunings`` are those that segments put into use; the one from before the program is back
-    after it, however it ends.
+    after it, however it ends. So are ``walls``, obstacles in the joint's way; None is a way without one.
     """
 
     law: Law
@@ -179,6 +185,7 @@ class Program:
     steps: tuple[VoltageStep, ...] = ()
     legs: tuple[TensionLeg, ...] = ()
     tunings: tuple[SetTuning, ...] = ()
+    walls: tuple[Obstacle | None, ...] = ()
 
     @property
     def duration_s(self) -> float:

@@ -37,6 +37,7 @@ def player_of(segments: Sequence[Segment], start: Target) -> player.Player:
             segment.count,
             segment.peak,
             segment.tuning,
+            segment.wall,
         )
         for segment in segments
     ]

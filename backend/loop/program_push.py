@@ -1,17 +1,60 @@
-"""What a program does to the joint and the shafts, where the plant can push and load."""
+"""What a program does to the joint and the shafts, where the plant can push, load and be obstructed."""
 
+from contextlib import suppress
+
+from backend.loop.mode import RefusedError
+from backend.loop.program import IDENTIFYING, MAX_WALLS, Program
+from backend.refusal import require_within
+from backend.tick.decision import Target
 from plant.interface import NO_LOAD, Plant, PlantError, ShaftLoad
+from plant.obstacle import Obstacle, Obstructed
 
 
 class ProgramPush:
-    """``F_push`` [N] and ``load`` [N·m] in force by a program; what can do neither is not asked to."""
+    """``F_push`` [N], ``load`` [N·m] and number of the ``wall`` in force by a program.
+
+    What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
+    """
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        self.F_push, self.load = 0.0, NO_LOAD
+        self.F_push, self.load, self.wall = 0.0, NO_LOAD, 0
+        self._walls: tuple[Obstacle | None, ...] = (None,)  # the operator's first
 
-    def act(self, F_push: float, load: ShaftLoad) -> None:
-        """Push and load from now on. Raises PlantError."""
+    def obstruct(self, wall: Obstacle | None) -> None:
+        """Put an operator's wall in the joint's way, None takes it away.
+
+        Raises RefusedError while a program puts up its own and on a plant that takes none, PlantError.
+        """
+        if len(self._walls) > 1:
+            raise RefusedError("the program puts up walls by itself: wait for its end or stop it")
+        self._put(wall)
+        self._walls = (wall,)
+
+    def require(self, program: Program) -> None:
+        """Raise RefusedError or OutOfRangeError for walls that cannot be put up."""
+        walls = program.walls
+        require_within("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
+        if walls and program.law in IDENTIFYING:
+            raise RefusedError(f"no wall stands while a {program.law} program plays: leave it out")
+        if walls:
+            self._require_obstructed()
+        for segment in program.segments:
+            if not 0 <= segment.wall <= len(walls):
+                raise RefusedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
+
+    def begin(self, program: Program) -> None:
+        """Be ready for a program's walls, numbered from 1 on."""
+        self._walls = (self._walls[0], *program.walls)
+
+    def act(self, target: Target) -> None:
+        """Push, load and obstruct from now on as a program's target says. Raises PlantError."""
+        if target.wall != self.wall:
+            self.wall = target.wall
+            self._put(self._walls[target.wall])
+        self._act(target.F_push, target.load)
+
+    def _act(self, F_push: float, load: ShaftLoad) -> None:
         (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
         if load != load_before:
             self._plant.load(load)
@@ -19,12 +62,27 @@ class ProgramPush:
             self._plant.push(F_push)
 
     def let_go(self) -> None:
-        """End both."""
-        try:
-            self.act(0.0, NO_LOAD)
-        except PlantError:  # whoever pushes the plant has let go of it with it
-            return
+        """End all of it; an operator's wall that has the joint in it now stays away."""
+        with suppress(PlantError):  # whoever pushes the plant has let go of it with it
+            self._act(0.0, NO_LOAD)
+        operators, self._walls = self._walls[0], self._walls[:1]
+        if self.wall:
+            self.wall = 0
+            try:
+                self._put(operators)
+            except PlantError:
+                self._walls = (None,)
+                with suppress(PlantError):
+                    self._put(None)
 
     def has_become(self, F_push: float, load: ShaftLoad) -> None:
         """Take note of what a batch of ticks has ended with."""
         self.F_push, self.load = F_push, load
+
+    def _put(self, wall: Obstacle | None) -> None:
+        self._require_obstructed().obstacle(wall)
+
+    def _require_obstructed(self) -> Obstructed:
+        if not isinstance(self._plant, Obstructed):
+            raise RefusedError("no wall can be put in this joint's way by command: play it as a dry run")
+        return self._plant

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.tick.desk import DONE, PUSHES, QUIET, TUNES, Desk, Moving, decide, look, write_row
+from backend.tick.desk import DONE, PUSHES, QUIET, TUNES, WALLS, Desk, Moving, decide, look, write_row
 from plant.cell import Cell, keep
 from plant.compiled import compiled_run
 from plant.interface import NO_RAW, Measurement, MotorCommand
@@ -37,14 +37,14 @@ def run(
     """Make ticks, each with its row in ``rows`` (capacity, n), at the place of its number; ``m`` is measured now.
 
     Returns how many are whole, what came of the next one (QUIET: it was not begun; FOUND, FELT: it was looked at; DONE,
-    TUNES, DECIDED: it was decided), its voltages [V], and what is measured then.
+    TUNES, WALLS, DECIDED: it was decided), its voltages [V], and what is measured then.
     """
     for made in range(stretch.ticks):
         seen = look(desk, m, 0)
         if seen != QUIET:
             return made, seen, 0.0, 0.0, m
         came, u_A, u_B = decide(desk, moving)
-        if came & (DONE | TUNES) or not math.isfinite(u_A + u_B):
+        if came & (DONE | TUNES | WALLS) or not math.isfinite(u_A + u_B):
             return made, came | DECIDED, u_A, u_B, m
         if came & PUSHES:
             target = desk.decision.target.value

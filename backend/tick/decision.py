@@ -17,7 +17,7 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 class Target(NamedTuple):
     """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
 
-    ``tuning`` is the number of the program's tuning that is wanted, 0 for the one that it began with.
+    ``tuning`` and ``wall`` are the numbers of the program's tuning and obstacle that are wanted, 0 for what it began with.
     """
 
     q_ref: float
@@ -25,6 +25,7 @@ class Target(NamedTuple):
     F_push: float
     load: ShaftLoad = NO_LOAD
     tuning: int = 0
+    wall: int = 0
 
 
 class Carry(NamedTuple):

@@ -30,9 +30,9 @@ from plant.cell import Cell, keep
 from plant.compiled import STRICT, compiled
 from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, ShaftLoad, T_s
 
-QUIET, FOUND, DONE, PUSHES, TUNES, FELT = 0, 1, 2, 4, 16, 32
+QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64
 """What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
-load, or its tuning, is not the one in force; a contact was felt, before anything was decided."""
+load, its tuning or its obstacle is not the one in force; a contact was felt, before anything was decided."""
 
 
 class Orders(NamedTuple):
@@ -41,8 +41,8 @@ class Orders(NamedTuple):
     Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
     be a fault; ``felt_from`` [N]: an outside force that is a contact, inf where none is; ``deaf``: the safety module's
     trip is not heard, ``tripped``: it is in any case; ``reached``: that the motion is done is known. Push [N], loads
-    [N·m] and number of the program's tuning in force. Mode, run, λ [s] and fault as the row shows them, and ``limits``
-    that act beside the motion's.
+    [N·m] and numbers of the program's tuning and obstacle in force. Mode, run, λ [s] and fault as the row shows them,
+    and ``limits`` that act beside the motion's.
     """
 
     offset_A: float
@@ -57,6 +57,7 @@ class Orders(NamedTuple):
     F_push: float
     load: ShaftLoad
     tuning: int
+    wall: int
     mode: int
     run: int
     lam_q: float
@@ -65,7 +66,7 @@ class Orders(NamedTuple):
     limits: int
 
 
-NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0.0, 0.0, 0, 0)
+NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0.0, 0.0, 0, 0)
 """Those of a loop that is just being made."""
 
 
@@ -146,13 +147,13 @@ def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
     orders = desk.orders.value
     theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
     trip = raw.safety_trip
-    m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip)
+    m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
     keep(desk.m, m)
     keep(desk.velocity, velocity.step(desk.velocity.value, raw.q))
     if orders.deaf:
         trip = 1.0 if orders.tripped else 0.0
     q = raw.q - orders.middle
-    heard = Measurement(q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip)
+    heard = Measurement(q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
     found, after = checks.check(
         desk.watched.value,
         desk.checks.value,
@@ -198,6 +199,8 @@ def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
         came |= PUSHES
     if decision.pushes and target.tuning != orders.tuning:
         came |= TUNES
+    if decision.pushes and target.wall != orders.wall:
+        came |= PUSHES | WALLS
     return came, decision.u_A, decision.u_B
 
 
@@ -208,7 +211,7 @@ _THETA_A, _THETA_A_REF, _THETA_B, _THETA_B_REF = (
     INDEX[name] for name in ("theta_A", "theta_A_ref", "theta_B", "theta_B_ref")
 )
 _F_A, _F_B, _U_A, _U_B = (INDEX[name] for name in ("F_A", "F_B", "u_A", "u_B"))
-_F_PUSH, _F_EXT_HAT = (INDEX[name] for name in ("F_push", "F_ext_hat"))
+_F_PUSH, _F_EXT_HAT, _F_WALL = (INDEX[name] for name in ("F_push", "F_ext_hat", "F_wall"))
 _V_A, _V_B, _N_Q, _N_A, _N_B = (INDEX[name] for name in RawReading._fields)
 _LAM_Q, _LAM_S, _BANK_ENTRY = (INDEX[name] for name in ("lam_q", "lam_S", "bank_entry"))
 _LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fault", "lateness_s", "overruns"))
@@ -238,7 +241,7 @@ def write_row(
         y.theta_B_ref,
     )
     row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, put.u_A, put.u_B
-    row[_F_PUSH], row[_F_EXT_HAT] = m.F_push, desk.F_ext_hat.value
+    row[_F_PUSH], row[_F_EXT_HAT], row[_F_WALL] = m.F_push, desk.F_ext_hat.value, m.F_wall
     row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
     row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = orders.lam_q, orders.lam_S, y.bank_entry
     row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = (

@@ -85,14 +85,25 @@ def test_it_reads_what_was_recorded_whatever_is_written(columns: Columns, tmp_pa
     columns["F_A"] += np.arange(200.0) / 100.0
     columns["S_true"][:] = 9.5
     columns["F_push"][50:] = 3.0
+    columns["F_wall"] = np.linspace(0.0, -9.0, 200)
     plant = played(columns, tmp_path)
     for tick in range(199):
         m = plant.read()
         assert m[:5] == plant.read()[:5]
         assert m == pytest.approx(
-            (0.1, 4.0, 3.0, columns["F_A"][tick], 11.0, 9.5, columns["F_push"][tick], 0.0), rel=1e-6
+            (0.1, 4.0, 3.0, columns["F_A"][tick], 11.0, 9.5, columns["F_push"][tick], 0.0, columns["F_wall"][tick]),
+            rel=1e-6,
         )
         plant.write(MotorCommand(10.0, -10.0))
+
+
+def test_a_recording_from_before_there_were_walls_does_not_say_what_they_pressed(
+    columns: Columns, tmp_path: Path
+) -> None:
+    assert "F_wall" not in columns
+    m = played(columns, tmp_path).read()
+    assert np.isnan(m.F_wall)
+    assert (m.q, m.F_push, m.safety_trip) == pytest.approx((0.1, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("write", "ending"), [(to_csv, "csv"), (to_parquet, "parquet")])

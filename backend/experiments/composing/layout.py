@@ -9,13 +9,15 @@ from typing import Any
 from backend.documents import experiment as form
 from backend.documents.result import Phase
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, ExpressionError, Names, number_of
+from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
-from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
+from backend.experiments.composing.numbers import LONGEST_PART_S, Numbers
+from backend.experiments.composing.refused import Lines, at
 from backend.experiments.settings import describe
-from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, Segment, Shape
+from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
 from backend.refusal import Path, require_within
 from backend.tick.waveforms import LEAST_BITS, MOST_BITS, MOST_LINES
+from plant.obstacle import K_LEAST, Obstacle
 
 LONGEST_S = 3600.0
 Q_REF_MAX = 1.4
@@ -24,7 +26,8 @@ Q_REF_MAX = 1.4
 S_LOWEST, S_HIGHEST = 8.0, 15.0
 F_PUSH_MAX = 30.0
 LOAD_MAX_NM = 0.5
-LONGEST_PART_S = 600.0
+_K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
+"""Of any plant; its own bounds of a wall are looked at before a start."""
 _FASTEST_HZ = 50.0
 _MOST_PARTS = 4 * MAX_SEGMENTS
 _TUNED = {setting.name: setting for setting in describe(TuningChoice)}
@@ -35,7 +38,7 @@ class Laid:
     """What the loop plays. ``places`` (one of each segment) say where it was written.
 
     ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
-    ``change_places`` where they were written.
+    ``change_places`` where they were written; ``walls`` and ``wall_places`` likewise what stands in the joint's way.
     """
 
     segments: tuple[Segment, ...]
@@ -43,6 +46,8 @@ class Laid:
     phases: tuple[Phase, ...]
     changes: tuple[Mapping[str, float | bool], ...]
     change_places: tuple[Path, ...]
+    walls: tuple[Obstacle | None, ...] = ()
+    wall_places: tuple[Path, ...] = ()
 
 
 def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
@@ -50,10 +55,10 @@ def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
     return _Layout(experiment, values, lines).laid()
 
 
-class _Layout:
+class _Layout(Numbers):
     def __init__(self, experiment: form.Experiment, values: Names, lines: Lines) -> None:
-        self._experiment, self._lines = experiment, lines
-        self._names = dict(values)
+        super().__init__(values, lines)
+        self._experiment = experiment
         self._segments: list[Segment] = []
         self._places: list[Path] = []
         self._changes: list[Mapping[str, float | bool]] = []
@@ -62,7 +67,9 @@ class _Layout:
         self._q, self._S, self._F = 0.0, 10.0, 0.0
         self._duration_s = 0.0
         self._parts = 0
-        self._path: Path = ()
+        self._walls: list[Obstacle | None] = []
+        self._wall_places: list[Path] = []
+        self._walls_up = 0
 
     def laid(self) -> Laid:
         phases: list[Phase] = []
@@ -75,6 +82,8 @@ class _Layout:
             phases.append(Phase(section.name, section.title, start_s, self._duration_s))
         if self._unused_change:
             raise self._refused("nothing is played after this change of the tuning: leave it out", self._path)
+        if self._walls_up != len(self._walls):
+            raise self._refused("nothing is played after this change of the wall: leave it out", self._path)
         if not self._segments:
             raise self._refused("it plays nothing: give it a motion", ("phases",))
         return Laid(
@@ -83,6 +92,8 @@ class _Layout:
             tuple(phases),
             tuple(self._changes),
             tuple(self._change_places),
+            tuple(self._walls),
+            tuple(self._wall_places),
         )
 
     def _play(self, parts: Sequence[Any], path: Path) -> None:
@@ -200,6 +211,26 @@ class _Layout:
         self._unused_change = True
 
     @_lay.register
+    def _wall(self, part: form.Wall) -> None:
+        side = 1.0 if part.side == "above" else -1.0
+        q_wall = self._number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
+        if side * (self._q - q_wall) >= 0.0:
+            why = f"the joint is asked to be at {self._q:.4g} rad, not before a wall at {q_wall:.4g} rad"
+            raise self._refused(f"{why}: bring it away from there first", (*self._path, "q_wall"))
+        k_wall = self._number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
+        self._stand(Obstacle(side, q_wall, k_wall, self._number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m")))
+
+    @_lay.register
+    def _no_wall(self, part: form.NoWall) -> None:
+        self._stand(None)
+
+    def _stand(self, wall: Obstacle | None) -> None:
+        if len(self._walls) == MAX_WALLS:
+            raise self._refused(f"{MAX_WALLS} changes of the wall are the most: split the experiment", self._path)
+        self._walls.append(wall)
+        self._wall_places.append(self._path)
+
+    @_lay.register
     def _choose(self, part: form.Choose) -> None:
         chosen, path = self._names.get(part.by), self._path
         declared = next((one for one in self._experiment.settings if one.name == part.by), None)
@@ -245,29 +276,6 @@ class _Layout:
         words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
         return amplitude_q, self._number("S_amplitude", S, -room_S, room_S, "N·m/rad", words)
 
-    def _time(self, expression: float | str, name: str = "duration_s", words: str = "") -> float:
-        return round(self._number(name, expression, 0.01, LONGEST_PART_S, "s", words), 3)
-
-    def _whole(self, name: str, expression: float | str, least: int, most: int) -> int:
-        number = self._number(name, expression, least, most, "1")
-        if number != round(number):
-            raise self._refused(f"{number:g} is not a whole number", (*self._path, name))
-        return round(number)
-
-    def _number(
-        self, name: str, expression: float | str, least: float, most: float, unit: str, words: str = ""
-    ) -> float:
-        path = (*self._path, name)
-        try:
-            number = number_of(expression, self._names)
-        except ExpressionError as error:
-            raise self._refused(str(error), path) from None
-        slack = 1e-9 * max(abs(least), abs(most))  # a bound that was computed from the same settings is one to be met
-        clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
-        with at(path, self._lines):
-            require_within(name, clipped, least, most, unit, words=words, path=path)
-        return clipped
-
     def _add(self, segment: Segment, *, pushed: bool = False) -> None:
         if not pushed:
             self._F = 0.0
@@ -278,15 +286,15 @@ class _Layout:
         if self._unused_change:
             segment = replace(segment, tuning=len(self._changes))
             self._unused_change = False
+        if self._walls_up != len(self._walls):
+            self._walls_up = len(self._walls)
+            segment = replace(segment, wall=self._walls_up)
         self._duration_s += segment.duration_s
         with at(self._path, self._lines):
             words = "time of all parts up to here"
             require_within("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
         self._segments.append(segment)
         self._places.append(self._path)
-
-    def _refused(self, why: str, path: Path) -> ExperimentError:
-        return ExperimentError(why, path, line_of(path, self._lines))
 
 
 def peak_of(lines: int) -> float:

@@ -2,14 +2,20 @@
 
 from backend.controllers.limits import bounds_for
 from backend.experiments.composing.layout import Laid
-from backend.experiments.composing.refused import Lines, at
+from backend.experiments.composing.refused import ExperimentError, Lines, at, line_of
 from backend.loop.program import OSCILLATING, left_at
 from backend.refusal import require_within
+from plant.dynamics import SUBSTEPS
+from plant.interface import PlantError, T_s
+from plant.obstacle import require_possible
 from plant.parameters import PlantParameters
 
 
 def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None:
-    """Raise ExperimentError for the first reference outside the plant's bounds; what oscillates, on both sides."""
+    """Raise ExperimentError for the first reference outside the plant's bounds; what oscillates, on both sides.
+
+    And for a wall that cannot stand in this plant's way.
+    """
     bounds = bounds_for(parameters)
     q, S = 0.0, 0.0
     for segment, place in zip(laid.segments, laid.places, strict=True):
@@ -21,3 +27,10 @@ def require_reach(laid: Laid, parameters: PlantParameters, lines: Lines) -> None
                 require_within("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
                 require_within("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
         q, S = left_at(segment, q, S)
+    g, joint = parameters.geometry, parameters.dynamics().joint
+    for wall, place in zip(laid.walls, laid.wall_places, strict=True):
+        try:
+            if wall is not None:
+                require_possible(wall, joint, parameters.safety.F_max, g.q_max, T_s / SUBSTEPS)
+        except PlantError as error:
+            raise ExperimentError(str(error), place, line_of(place, lines)) from None

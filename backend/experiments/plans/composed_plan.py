@@ -35,7 +35,7 @@ class ComposedPlan:
 
     def program(self) -> Program:
         """Return what the loop plays; the gains of its changes of the tuning are left to who knows the models."""
-        return Program(self.law, self.laid.segments)
+        return Program(self.law, self.laid.segments, walls=self.laid.walls)
 
     def phases(self) -> tuple[Phase, ...]:
         """Return the named stretches."""
