@@ -17,7 +17,8 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 class Target(NamedTuple):
     """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
 
-    ``tuning`` and ``wall`` are the numbers of the program's tuning and obstacle that are wanted, 0 for what it began with.
+    ``tuning`` and ``wall`` are the numbers of the program's tuning and obstacle that are wanted, 0 for those that it
+    began with.
     """
 
     q_ref: float

@@ -24,7 +24,8 @@ class Player(NamedTuple):
 
     ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
     sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at a sweep's end, bits of a
-    register or lines of a multisine, its largest value, and the numbers of the tuning and the obstacle to be used from here on.
+    register or lines of a multisine, its largest value, and the numbers of the tuning and the obstacle to be used
+    from here on.
     """
 
     segments: NDArray[np.float64]

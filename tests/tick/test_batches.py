@@ -13,6 +13,7 @@ from backend.loop.commands import (
     Command,
     Event,
     Inject,
+    Obstruct,
     Push,
     Reset,
     RunProgram,
@@ -28,6 +29,7 @@ from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
 from plant.breakage import ON_SENSORS, Breakage, Broken, Sensor
+from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
@@ -55,6 +57,7 @@ RETUNED = (
     Segment(0.3, 0.1, 10.0),
     Segment(0.3, 0.0, 10.0, tuning=2),
 )
+WALLED = (Segment(0.3, 0.0, 11.0, wall=1), Segment(0.9, 0.2, 11.0), Segment(0.3, 0.2, 11.0, wall=2))
 RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9), u_plan=8.5))
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
@@ -62,6 +65,7 @@ PROGRAMS = {
     "cascade": Program(Law.CASCADE, SEGMENTS),
     "compliance": Program(Law.COMPLIANCE, SEGMENTS),
     "cascade with other tunings": Program(Law.CASCADE, RETUNED, tunings=RETUNINGS),
+    "walls on the way": Program(Law.CASCADE, WALLED, walls=(Obstacle(1.0, 0.1, 2e4, 1.0), None)),
     "single loop": Program(Law.SINGLE_LOOP, SEGMENTS),
     "feedback linearization": Program(Law.FEEDBACK_LINEARIZATION, SEGMENTS),
     "force hold": Program(Law.FORCE_HOLD, tension_N=15.0, settle_s=0.2, excitation=EXCITATION),
@@ -79,6 +83,8 @@ SCRIPTS: dict[str, Script] = {
         7300: SetMode(Mode.COMPLIANCE, run=4),
     },
     "a push by hand": RUN | {6000: Push(8.0, 0.3), 6900: Push(5.0, 2.0), 7200: SetMode(Mode.PRETENSION)},
+    "a wall by hand": RUN
+    | {6000: Obstruct(Obstacle(1.0, 0.2, 1e4, 0.0)), 6100: SetReferences(0.25, 9.0), 7300: Obstruct(None)},
     "a soft stop": RUN | {6000: SetReferences(0.8, 12.0), 6200: SetMode(Mode.STOPPING), 7100: SetMode(Mode.PRETENSION)},
     "a latched stop": RUN
     | {6000: SetReferences(0.8, 12.0), 6200: Stop(hard=False), 7000: Reset(), 7100: SetMode(Mode.PRETENSION)},

@@ -11,6 +11,7 @@ from backend.documents.result import Phase
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
+from backend.experiments.composing.multisine import peak_of
 from backend.experiments.composing.numbers import LONGEST_PART_S, Numbers
 from backend.experiments.composing.refused import Lines, at
 from backend.experiments.settings import describe
@@ -295,13 +296,3 @@ class _Layout(Numbers):
             require_within("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
         self._segments.append(segment)
         self._places.append(self._path)
-
-
-def peak_of(lines: int) -> float:
-    """Return the largest value of the sum of so many cosines with Schroeder's phases, of over its period."""
-    import numpy as np
-
-    t = np.arange(0.0, 1.0, 1.0 / (64 * lines))
-    k = np.arange(1, lines + 1)
-    total = np.cos(2.0 * np.pi * np.outer(t, k) - np.pi * k * (k - 1) / lines).sum(axis=1)
-    return float(np.abs(total).max()) * 1.01  # between the points it may be a little more

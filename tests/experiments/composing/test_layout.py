@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.composing.layout import peak_of
+from backend.experiments.composing.multisine import peak_of
 from backend.loop.program import Law, Segment, Shape
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 
