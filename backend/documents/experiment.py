@@ -32,6 +32,7 @@ class Measure(StrEnum):
     BODE = "bode"
     PUSHES = "pushes"
     HOLDS = "holds"
+    IMPACT = "impact"
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

@@ -18,6 +18,7 @@ NAMES = (
     "disturbance_battery",
     "frequency_response",
     "hold_at_rest",
+    "impact",
 )
 """In the order in which they are offered."""
 

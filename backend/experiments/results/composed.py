@@ -15,6 +15,7 @@ from backend.experiments.results.disturbance import disturbance_figures
 from backend.experiments.results.document import figure_documents, tracking_document
 from backend.experiments.results.held import hold_figures
 from backend.experiments.results.in_force import InForce
+from backend.experiments.results.impact import impact_figures
 from backend.experiments.results.measures import FIGURES, known_to_bounds, limit_of
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.pushed import push_figures
@@ -74,6 +75,8 @@ def _measured(measure: Measure, columns: Columns, in_force: InForce, metrics: Me
             figures = push_figures(columns, program, in_force)
         case Measure.HOLDS:
             figures = hold_figures(columns, program, parameters)
+        case Measure.IMPACT:
+            figures = impact_figures(columns)
     return replace(metrics, figures=figure_documents(figures, figures.reasons))
 
 

@@ -13,6 +13,7 @@ from backend.experiments.results.bode import BodeFigures
 from backend.experiments.results.compliance import ComplianceFigures
 from backend.experiments.results.disturbance import DisturbanceFigures
 from backend.experiments.results.held import HoldFigures
+from backend.experiments.results.impact import ImpactFigures
 from backend.experiments.results.metrics import Overall
 from backend.experiments.results.pushed import PushFigures
 from backend.experiments.results.response import ResponseFigures
@@ -30,6 +31,7 @@ FIGURES: dict[Measure, type[Any]] = {
     Measure.BODE: BodeFigures,
     Measure.PUSHES: PushFigures,
     Measure.HOLDS: HoldFigures,
+    Measure.IMPACT: ImpactFigures,
 }
 
 
