@@ -65,6 +65,7 @@ OTHERS = (
     "disturbance_battery",
     "frequency_response",
     "hold_at_rest",
+    "impact",
 )
 IDENTIFICATIONS = ("actuator", "motor", "spring")
 LASTING: dict[str, Values] = {

@@ -42,6 +42,7 @@ def columns(played: ComposedPlan) -> dict[str, Any]:
         "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
         "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
         "limits": 0.0 * ones,
+        "F_wall": np.where([one.wall > 0 for one in np.repeat(segments, ticks)], -3.0, 0.0),
     }  # fmt: skip
 
 
@@ -67,6 +68,7 @@ def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure)
         Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
         Measure.BODE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
         Measure.STEPS: (),
+        Measure.IMPACT: ("{do: wall, q_wall: 0.3}", "{do: hold, duration_s: 0.5}"),
     }
     figures, _ = result(plan(*STEPS, *parts.get(measure, PUSHES), measures=(measure,)))
     assert tuple(figures) == names_of((measure,))

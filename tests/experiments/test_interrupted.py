@@ -37,6 +37,7 @@ AFTER_S = {
     "disturbance_battery": 30.0,
     "frequency_response": 60.0,
     "hold_at_rest": 45.0,
+    "impact": 20.0,
 }
 """Some time in the program of each that is ready-made [s], after the first figure can be had."""
 

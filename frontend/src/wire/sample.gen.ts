@@ -120,6 +120,10 @@ export const FIELDS = [
     "symbol": "F_ext",
     "unit": "N",
     "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off"
+    "name": "F_wall",
+    "symbol": "F_wall",
+    "unit": "N",
+    "meaning": "force of the simulator's obstacle on the joint at r_j, nan on the rig"
   },
   {
     "name": "V_A",
