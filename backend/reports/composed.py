@@ -12,6 +12,7 @@ from backend.experiments.results.bode import Lines, bode_lines
 from backend.experiments.results.held import holds_seen
 from backend.experiments.results.in_force import InForce, kept_tuning
 from backend.experiments.results.pushed import pushes_seen
+from backend.experiments.results.impact import hits_of
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
 from backend.reading import Angles
@@ -21,6 +22,7 @@ from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
 from backend.reports.experiment import experiment_report
+from backend.reports.impact import hits_table, impact_panels
 from backend.reports.robustness import error_panels
 from backend.reports.source import Source
 from backend.reports.tracking import steps_table
@@ -38,11 +40,17 @@ _ON_RESPONSES = (
     "Of a periodic excitation the last period is measured, line by line; of a sweep all of it, smoothed. Gain and "
     "phase are those of the closed loop, from the reference to what is measured, dead time and governor included."
 )
+_ON_IMPACTS = (
+    "F_wall is what the simulated wall does to the joint, tangential at r_j: k_wall δ (1 + c_wall δ') while it is "
+    "δ deep, never pulling. In the first milliseconds the wall stops the joint's own inertia, whatever its stiffness; "
+    "then the motors press on through the springs, and that is what a soft joint keeps small."
+)
 _ON = {
     Measure.RESPONSE: (_ON_RESPONSES,),
     Measure.BODE: bode.NOTES,
     Measure.PUSHES: pushed.NOTES,
     Measure.HOLDS: held.NOTES,
+    Measure.IMPACT: (_ON_IMPACTS,),
 }
 
 
@@ -81,6 +89,8 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
     )
     yield Section("Figures", tuple(drawn))
     yield from _sections(source, plan)
+    if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns)):
+        yield Section("Hits", (hits_table(hits, source.angles),))
     steps = source.result.metrics.steps if source.result else None
     if steps:
         yield Section("Steps", steps_table(steps, source.angles))
@@ -104,6 +114,14 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
             "errors",
             error_panels(columns, "errors", source.angles),
             "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
+        )
+    hits = hits_of(columns) if Measure.IMPACT in measures else ()
+    if hits:
+        yield Figure(
+            "hits",
+            impact_panels(columns, hits, "hits", source.angles),
+            "Hits on the wall: (A) its force on the joint from the touch on, (B) largest force and (C) impulse over "
+            "the speed of approach, at each stiffness.",
         )
     found = responses(columns, program) if Measure.RESPONSE in measures else ()
     if found:
