@@ -152,7 +152,7 @@ def assemble(
 
     replay = Replay(database)
     mirrors = {
-        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest()),
+        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: present.wall),
         "/replay": SceneMirror(parameters, replay.row),
     }
     drawing: list[KeptThread] = []

@@ -53,7 +53,7 @@ FIELDS: tuple[Field, ...] = (
     Field(
         "F_ext_hat", "F_ext", "N", "outside force at r_j as encoders and springs tell it, its learned bias taken off"
     ),
-    Field("F_wall", "F_wall", "N", "force of the simulator's obstacle on the joint at r_j, nan on the rig"),
+    Field("F_wall", "F_wall", "N", "force of a simulated obstacle on the joint at r_j, nan on the rig"),
     Field("V_A", "V_A", "V", "load cell A as the card read it, nan where there is no card"),
     Field("V_B", "V_B", "V", "load cell B as the card read it, nan where there is no card"),
     Field("n_q", "n_q", "1", "counts of the joint's encoder since the start, nan where there is no card"),

@@ -30,7 +30,7 @@ NO_OBSTACLE = Obstacle(0.0, 0.0, 0.0, 0.0)
 
 @runtime_checkable
 class Obstructed(Protocol):
-    """A plant in whose way a wall can be put (the simulator)."""
+    """A plant in whose way a wall can be put (what is simulated)."""
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
         """Put a wall in the joint's way from the next period on, None takes it away. PlantError for what cannot be."""

@@ -147,6 +147,7 @@ class Simulator:
         self._sense = Specialised(_measured, simulated, 0)
         self._exceeds = Specialised(_exceeds, simulated)
         self._x, self._pushed, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
+        self._felt = simulated.field("m").field("F_wall")
 
     @property
     def x(self) -> PlantState:
@@ -218,6 +219,12 @@ class Simulator:
         """The push that is applied now [N]."""
         F_push: float = self._pushed.get()
         return F_push
+
+    @property
+    def F_wall(self) -> float:
+        """The force of a wall on the joint [N], as it was measured last."""
+        F_wall: float = self._felt.get()
+        return F_wall
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""

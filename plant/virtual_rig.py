@@ -7,6 +7,7 @@ from plant.card import WATCHDOG_S, Card, CardState
 from plant.daq import Daq
 from plant.hand import Hand
 from plant.interface import Measurement, ShaftLoad
+from plant.obstacle import Obstacle
 from plant.rig import Rig
 from plant.simulator import Simulator
 from plant.virtual_card import VirtualCard
@@ -77,9 +78,9 @@ class VirtualRig(Rig):
         return self._card_registers.state()
 
     def read(self) -> Measurement:
-        """Return what the sensors say now, and the push. Raises PlantError."""
-        m, F_push = super().read(), self._simulator.F_push
-        return m._replace(F_push=F_push) if F_push else m
+        """Return what the sensors say now, the push, and the force of a wall. Raises PlantError."""
+        m, simulator = super().read(), self._simulator
+        return m._replace(F_push=simulator.F_push, F_wall=simulator.F_wall)
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
@@ -88,6 +89,10 @@ class VirtualRig(Rig):
     def load(self, load: ShaftLoad) -> None:
         """Load the motors' shafts from the next period on. Raises PlantError."""
         self._simulator.load(load)
+
+    def obstacle(self, obstacle: Obstacle | None) -> None:
+        """Put a wall in the joint's way from the next period on, None takes it away. Raises PlantError."""
+        self._simulator.obstacle(obstacle)
 
     def inject(self, broken: Broken | None) -> None:
         """Break something of the card or of the simulated plant, None to mend it."""

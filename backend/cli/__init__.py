@@ -23,6 +23,7 @@ from backend.cli import (
     serve,
     study,
     token,
+    wall,
 )
 from backend.cli.garbage import look_as_usual, look_seldom
 from backend.cli.output import ANGLES, angles, fail
@@ -50,6 +51,7 @@ app.add_typer(report.app, name="report")
 app.add_typer(database.app, name="db")
 app.add_typer(rig.app, name="rig")
 app.command()(foxglove.foxglove)
+app.add_typer(wall.app, name="wall")
 app.add_typer(token.app, name="token")
 app.command()(doctor.doctor)
 

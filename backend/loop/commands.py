@@ -247,6 +247,15 @@ class TuningChanged:
 
 
 @dataclass(frozen=True)
+class WallChanged:
+    """Another wall stands in the joint's way, None: no one; ``number`` is the program's, 0 for the operator's."""
+
+    tick: int
+    number: int
+    wall: Obstacle | None
+
+
+@dataclass(frozen=True)
 class PlantFailing:
     """The plant cannot be read or written since ``tick``; told once, whatever else is latched."""
 
@@ -284,6 +293,7 @@ Event = (
     | Stopped
     | RunEnded
     | TuningChanged
+    | WallChanged
     | PlantFailing
     | PlantAnswers
     | ReadinessChanged

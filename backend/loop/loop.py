@@ -143,7 +143,7 @@ class Loop:
             case Inject():
                 self._plant.inject(command.broken)
             case Obstruct():
-                self._machine.push.obstruct(command.obstacle)
+                self._machine.push.obstruct(command.obstacle, self._tick)
             case Reset():
                 self._reset()
             case Shutdown():
@@ -249,7 +249,7 @@ class Loop:
                 came, _, _ = desk.decide()
             decision = desk.decision
         if came & PUSHES:
-            machine.push.act(decision.target)
+            machine.push.act(decision.target, self._newest_tick)
         if came & TUNES:
             machine.tunings.use(decision.target.tuning, self._newest_tick)
         motion, m = machine.motion, desk.m

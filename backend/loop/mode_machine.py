@@ -84,7 +84,7 @@ class ModeMachine:
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
-        self.push = ProgramPush(plant)
+        self.push = ProgramPush(plant, events)
         self.contact = Contact(desk, events)
         self.reached_told = False
 
@@ -271,7 +271,7 @@ class ModeMachine:
             self._events.append(RunEnded(now.tick, self.run, whole, cause, detail))
         if self._program is not None:
             if self._program.law not in IDENTIFYING:
-                self.push.let_go()
+                self.push.let_go(now.tick)
             self._program = None
             self.tunings.end(now.tick)
         self._events.append(ModeChanged(now.tick, self.mode, mode, cause))

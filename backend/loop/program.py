@@ -114,6 +114,9 @@ def require_few(segments: Collection[Segment]) -> None:
     require_within("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
 
 
+NO_WALL = "no wall can be put in this joint's way by command: play it as a dry run"
+
+
 def require_able(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
     """Raise RefusedError for a push or a load that the plant cannot give, OutOfRangeError for one that nothing can."""
     require_within("F_push", segment.F_push, None, None, "N")

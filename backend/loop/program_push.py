@@ -2,8 +2,9 @@
 
 from contextlib import suppress
 
+from backend.loop.commands import Event, WallChanged
 from backend.loop.mode import RefusedError
-from backend.loop.program import IDENTIFYING, MAX_WALLS, Program
+from backend.loop.program import IDENTIFYING, MAX_WALLS, NO_WALL, Program
 from backend.refusal import require_within
 from backend.tick.decision import Target
 from plant.interface import NO_LOAD, Plant, PlantError, ShaftLoad
@@ -16,19 +17,20 @@ class ProgramPush:
     What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, events: list[Event]) -> None:
         self._plant = plant
+        self._events = events
         self.F_push, self.load, self.wall = 0.0, NO_LOAD, 0
         self._walls: tuple[Obstacle | None, ...] = (None,)  # the operator's first
 
-    def obstruct(self, wall: Obstacle | None) -> None:
+    def obstruct(self, wall: Obstacle | None, tick: int) -> None:
         """Put an operator's wall in the joint's way, None takes it away.
 
         Raises RefusedError while a program puts up its own and on a plant that takes none, PlantError.
         """
         if len(self._walls) > 1:
             raise RefusedError("the program puts up walls by itself: wait for its end or stop it")
-        self._put(wall)
+        self._put(wall, 0, tick)
         self._walls = (wall,)
 
     def require(self, program: Program) -> None:
@@ -47,11 +49,11 @@ class ProgramPush:
         """Be ready for a program's walls, numbered from 1 on."""
         self._walls = (self._walls[0], *program.walls)
 
-    def act(self, target: Target) -> None:
+    def act(self, target: Target, tick: int) -> None:
         """Push, load and obstruct from now on as a program's target says. Raises PlantError."""
         if target.wall != self.wall:
             self.wall = target.wall
-            self._put(self._walls[target.wall])
+            self._put(self._walls[target.wall], target.wall, tick)
         self._act(target.F_push, target.load)
 
     def _act(self, F_push: float, load: ShaftLoad) -> None:
@@ -61,7 +63,7 @@ class ProgramPush:
         if F_push != F_before:
             self._plant.push(F_push)
 
-    def let_go(self) -> None:
+    def let_go(self, tick: int) -> None:
         """End all of it; an operator's wall that has the joint in it now stays away."""
         with suppress(PlantError):  # whoever pushes the plant has let go of it with it
             self._act(0.0, NO_LOAD)
@@ -69,20 +71,21 @@ class ProgramPush:
         if self.wall:
             self.wall = 0
             try:
-                self._put(operators)
+                self._put(operators, 0, tick)
             except PlantError:
                 self._walls = (None,)
                 with suppress(PlantError):
-                    self._put(None)
+                    self._put(None, 0, tick)
 
     def has_become(self, F_push: float, load: ShaftLoad) -> None:
         """Take note of what a batch of ticks has ended with."""
         self.F_push, self.load = F_push, load
 
-    def _put(self, wall: Obstacle | None) -> None:
+    def _put(self, wall: Obstacle | None, number: int, tick: int) -> None:
         self._require_obstructed().obstacle(wall)
+        self._events.append(WallChanged(tick, number, wall))
 
     def _require_obstructed(self) -> Obstructed:
         if not isinstance(self._plant, Obstructed):
-            raise RefusedError("no wall can be put in this joint's way by command: play it as a dry run")
+            raise RefusedError(NO_WALL)
         return self._plant

@@ -62,6 +62,21 @@ class Push(Schema):
     duration_s: float = quantity("s", "time after which the loop lets go by itself", default=1.0, **ANY_SIZE)
 
 
+class Wall(Schema):
+    """An obstacle in a simulated joint's way."""
+
+    q_wall: float = quantity("rad", "where it stands", **ANY_SIZE)
+    side: Literal["above", "below"] = Field(default="above", description="on which side of that angle it stands")
+    k_wall: float = quantity("N/m", "its stiffness, at the joint pulley", default=20000.0, **ANY_SIZE)
+    c_wall: float = quantity("s/m", "its damping, at the joint pulley", default=1.0, **ANY_SIZE)
+
+
+class WallOrder(Schema):
+    """What is to stand in the joint's way; null takes it away."""
+
+    wall: Wall | None
+
+
 class TensionView(Schema):
     """How stiff the joint is at rest with one tension in both tendons, wherever it stands."""
 
@@ -159,6 +174,7 @@ class State(Schema):
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")
+    wall: Wall | None = Field(description="what stands in a simulated joint's way; null where nothing does")
     own_tuning: ChosenTuning | None = Field(
         description="what the operator had chosen, in force again after the run; null while no run has the tuning"
     )

@@ -242,8 +242,12 @@ class Actuator:
 
     async def break_plant(self, broken: Broken | None, who: str) -> None:
         """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
-        accepted = await self._command(commands.Inject(broken))
         text = "mended" if broken is None else f"broken on purpose: {broken.words}"
+        await self.carry_out(commands.Inject(broken), text, who)
+
+    async def carry_out(self, command: Command, text: str, who: str) -> None:
+        """Have the loop carry out what is of a simulated plant alone, and note it. Raises RefusalError."""
+        accepted = await self._command(command)
         self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
 
     def fall_silent(self, duration_s: float, who: str) -> None:

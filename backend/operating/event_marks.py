@@ -19,8 +19,10 @@ from backend.loop.commands import (
     Stopped,
     TouchForgotten,
     TuningChanged,
+    WallChanged,
 )
 from backend.messages.live import MarkKind
+from backend.operating.standing_wall import wall_in_words
 
 
 class Mark(NamedTuple):
@@ -48,6 +50,8 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.TUNING, f"as before the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
         case TuningChanged(tick, _, lam_q, lam_S):
             return Mark(MarkKind.TUNING, f"by the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
+        case WallChanged(tick, number, wall) if number:
+            return Mark(MarkKind.NOTE, f"by the program: {wall_in_words(wall)}", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=seen):
@@ -58,7 +62,7 @@ def mark_of(event: Event | LoopDied, now: int) -> Mark | None:
             return Mark(MarkKind.FAULT, "the plant answers again", tick)
         case LoopDied(reason):
             return Mark(MarkKind.FAULT, f"the control loop died: {reason}", now)
-        case Accepted() | Refused() | RunEnded() | ReadinessChanged():
+        case Accepted() | Refused() | RunEnded() | ReadinessChanged() | WallChanged():
             return None
         case _:
             assert_never(event)

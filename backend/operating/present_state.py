@@ -22,6 +22,7 @@ from backend.loop.commands import (
     Stopped,
     TouchForgotten,
     TuningChanged,
+    WallChanged,
 )
 from backend.loop.contact import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.mode import LEGAL, Mode
@@ -42,8 +43,10 @@ from backend.messages.touch import TouchView
 from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
+from backend.operating.standing_wall import wall_view
 from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view, shown_with
 from plant.choice import PlantChoice, PlantKind
+from plant.obstacle import Obstacle
 from plant.parameters import PlantParameters
 from plant.spring import elongation, slope
 
@@ -58,8 +61,8 @@ class PresentState:
     and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem``
     says why a tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
-    ``occupied`` says what has the rig for itself. ``problems`` tells what is wrong with the service without being a
-    fault of the loop.
+    ``occupied`` says what has the rig for itself, ``wall`` is what stands in a simulated joint's way. ``problems``
+    tells what is wrong with the service without being a fault of the loop.
     """
 
     def __init__(
@@ -82,9 +85,10 @@ class PresentState:
         self.people: Callable[[], list[PersonView]] = list
         self.starts = 1
         self.occupied: Callable[[], str] = str
+        self.wall: Obstacle | None = None
         self._unready = ""
         self.bounds = bounds_for(parameters)
-        self._parameters = parameters
+        self.parameters = parameters
         self._tensions = _tensions(parameters, self.bounds)
         self._supervisor = supervisor
         self._problems = problems
@@ -151,7 +155,10 @@ class PresentState:
                 self._pretension_done = False
             case TuningChanged(_, number):
                 self._tuning_number = number
+            case WallChanged(_, _, wall):
+                self.wall = wall
             case LoopDied():
+                self.wall = None
                 self._pretension_done = False
                 self._tuning_number = 0
                 self._plant_problem = ""
@@ -198,7 +205,7 @@ class PresentState:
             mode=mode,
             legal_modes=self.legal(mode),
             plant=self._plant_view(),
-            parameters=self._parameters.name,
+            parameters=self.parameters.name,
             tick=self.tick,
             link=link,
             timing=self._observation.timing(),
@@ -216,6 +223,7 @@ class PresentState:
             task=self.task,
             trial=self.trial(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
+            wall=wall_view(self.wall),
             earlier=None if self.earlier is None else chosen_view(self.earlier),
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],

@@ -8,7 +8,7 @@ from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.settings import Setting, describe
 from backend.loop.mode import RefusedError
-from backend.loop.program import require_able
+from backend.loop.program import NO_WALL, require_able
 from backend.messages.experiment import ExperimentKind, SettingView
 from backend.messages.identification import IdentificationKind
 from backend.messages.tuning import TuningView
@@ -65,7 +65,10 @@ def _beyond(entry: Entry) -> str:
     if entry.name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
         return ""
     try:
-        for segment in entry.usual.program().segments:
+        program = entry.usual.program()
+        if program.walls:
+            return NO_WALL
+        for segment in program.segments:
             require_able(segment, pushes=False, loads_shafts=False)
     except RefusedError as refused:
         return str(refused)

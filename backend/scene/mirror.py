@@ -14,6 +14,7 @@ from backend.scene.portless import PortlessServer, SceneEndedError, Send
 from backend.scene.pose import can_be_drawn, pose
 from backend.scene.stage import Stage
 from backend.supervision import Part
+from plant.obstacle import Obstacle
 from plant.parameters import PlantParameters
 
 RATE_HZ = 30.0
@@ -27,11 +28,16 @@ PART = Part("A 3D view", "It stood still meanwhile.")
 class SceneMirror:
     """A scene without a port, and ``run``, the work of a thread that moves its nodes while somebody looks.
 
-    ``newest`` returns the newest sample, one value per field, None before the first.
+    ``newest`` returns the newest sample, one value per field, None before the first; ``wall`` what stands in the way.
     """
 
-    def __init__(self, parameters: PlantParameters, newest: Callable[[], NDArray[np.float64] | None]) -> None:
-        self._newest = newest
+    def __init__(
+        self,
+        parameters: PlantParameters,
+        newest: Callable[[], NDArray[np.float64] | None],
+        wall: Callable[[], Obstacle | None] = lambda: None,
+    ) -> None:
+        self._newest, self._wall = newest, wall
         self._geometry = parameters.geometry
         self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
         self._scene: tuple[PortlessServer, Stage] | None = None
@@ -66,6 +72,7 @@ class SceneMirror:
         row = self._newest()
         sample = None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
         if sample is not None and can_be_drawn(sample):
+            stage.show_wall(self._wall())
             stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
     def end(self) -> None:

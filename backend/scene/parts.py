@@ -16,6 +16,8 @@ SPRING = (142, 150, 163)
 BRASS = (190, 164, 108)
 SIDE_COLOURS = {"A": (0, 158, 115), "B": (204, 121, 167)}
 """Hues of F_A and F_B in the charts."""
+WALL, PRESSED = (110, 116, 126), (213, 94, 0)
+"""A wall by itself, and one that is pressed on: in the hue of a push."""
 REFERENCE = (0, 114, 178)
 """Hue of q in the charts; its reference is the ghost."""
 
@@ -86,6 +88,13 @@ def joint(add: Add, parent: str, r_j: float) -> None:
 def ghost(add: Add, parent: str) -> None:
     """Add the see-through link that stands at the reference."""
     add(f"{parent}/link", _bar(layout.LINK_WIDTH + 0.006, layout.LINK_FRONT + 0.008, 0.004), REFERENCE, 0.30)
+
+
+def wall(add: Add, parent: str, side: float) -> Any:
+    """Add a wall whose face stands where the link's flank is at the parent's angle; ``side`` 1 above it, -1 below."""
+    x = -side * (layout.LINK_WIDTH / 2.0 + layout.WALL_THICKNESS / 2.0)
+    outline = rounded(layout.WALL_THICKNESS, 0.55 * layout.LINK_LENGTH, 1.08 * layout.LINK_LENGTH, 0.002)
+    return add(parent, plate(outline, layout.LINK_FRONT - 0.006, 0.012).moved(x=x), WALL)
 
 
 def carriage(add: Add, parent: str, name: str, reel_offset: float) -> None:

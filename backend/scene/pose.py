@@ -8,6 +8,8 @@ from backend.scene import layout
 from plant.spring import Spring
 
 SOLID_FORCE_N = 50.0
+PRESSED_N = 0.05
+"""Force [N] from which on the joint is drawn as pressing on a wall."""
 
 # Dark blue to amber, even in lightness, distinguishable with every kind of colour vision; red is kept for faults.
 _FORCE_COLOURS = ((0.0, (52, 78, 130)), (0.35, (72, 130, 168)), (0.65, (150, 178, 140)), (1.0, (245, 176, 40)))
@@ -35,7 +37,8 @@ class Side:
 class Pose:
     """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields.
 
-    ``F_ext_hat`` [N] is nan where it is not known, as in recordings of earlier versions.
+    ``F_ext_hat`` [N] is nan where it is not known, as in recordings of earlier versions; ``pressed``: it presses on a
+    wall.
     """
 
     q: float
@@ -43,6 +46,7 @@ class Pose:
     fan: float
     F_push: float
     F_ext_hat: float
+    pressed: bool
     A: Side
     B: Side
 
@@ -60,6 +64,7 @@ def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spr
         fan=layout.FAN_TORQUE / max(sample["S"], 1.0),
         F_push=sample["F_push"],
         F_ext_hat=sample.get("F_ext_hat", math.nan),
+        pressed=abs(sample.get("F_wall", math.nan)) >= PRESSED_N,
         A=_side(sample["theta_A"], x_A, sample["F_A"], spring_A),
         B=_side(sample["theta_B"], x_B, sample["F_B"], spring_B),
     )

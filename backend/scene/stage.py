@@ -12,6 +12,7 @@ from backend.scene import layout, parts
 from backend.scene.parts import SPRING
 from backend.scene.pose import SLACK_COLOUR, Pose, Side
 from backend.scene.shapes import Mesh
+from plant.obstacle import Obstacle
 
 SCALE = 10.0
 """Scene units per metre: the renderer's clipping planes are made for bodies of about this size."""
@@ -65,6 +66,7 @@ class Stage:
         self._r_m = r_m
         self._drawn = _Drawn()
         self._frame = 0
+        self._wall: Obstacle | None = None
         self._set_up()
         parts.fixed(self._add, r_j)
         self._joint = self._scene.add_frame("/joint", show_axes=False)
@@ -81,6 +83,8 @@ class Stage:
         self._touch = self._scene.add_arrows(
             "/touch", np.zeros((1, 2, 3)), parts.TOUCH, shaft_radius=0.03, head_radius=0.09, head_length=0.16
         )
+        self._walls = self._scene.add_frame("/wall", show_axes=False, visible=False)
+        self._faces = {side: parts.wall(self._add, f"/wall/{side:+.0f}", side) for side in (1.0, -1.0)}
         self._A = self._side("A", -1.0)
         self._B = self._side("B", +1.0)
 
@@ -98,10 +102,25 @@ class Stage:
                 draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
             if self._drawn.changes("F_ext_hat", _known(pose.F_ext_hat), _FORCE_STEP):
                 draw_force(self._touch, _known(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
+            if self._drawn.changes("pressed", pose.pressed, 1):
+                for face in self._faces.values():
+                    face.color = parts.PRESSED if pose.pressed else parts.WALL
             self._show_side(self._A, pose.A)
             self._show_side(self._B, pose.B)
             if self._frame % _TEXT_PERIOD_FRAMES == 1:
                 self._stiffness.text = f"S {layout.FAN_TORQUE / pose.fan:.1f} N·m/rad"
+
+    def show_wall(self, wall: Obstacle | None) -> None:
+        """Let a wall stand where it stands, None: nowhere."""
+        if wall == self._wall:
+            return
+        self._wall = wall
+        with self._server.atomic():
+            self._walls.visible = wall is not None
+            if wall is not None:
+                self._walls.wxyz = _turn(wall.q_wall)
+                for side, face in self._faces.items():
+                    face.visible = side == wall.side
 
     def _set_up(self) -> None:
         scene = self._scene

@@ -81,7 +81,9 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
             told = why_not(kind)
             assert "pushes the joint by command" in told["compliance"]
             assert "load its motors' shafts" in told["robustness"]
-            assert {name for name, why in told.items() if why} == {"compliance", "robustness", "disturbance_battery"}
+            assert "no wall can be put in this joint's way" in told["impact"]
+            beyond = {"compliance", "robustness", "disturbance_battery", "impact"}
+            assert {name for name, why in told.items() if why} == beyond
 
     stepped(database, load_parameters("ideal"), offered)
 

@@ -66,6 +66,7 @@ def test_health_is_open_and_tells_no_secret(service: Service, operator: httpx.Cl
         ("PUT", "/api/references", {"q_ref": 0.0, "S_ref": 10.0}),
         ("PUT", "/api/tuning", {"lam_q": 0.5}),
         ("POST", "/api/push", {"F_push": 1.0}),
+        ("PUT", "/api/wall", {"wall": None}),
         ("POST", "/api/experiments", {"name": "tracking"}),
         ("POST", "/api/identifications", {"tension_N": 20.0}),
         ("POST", "/api/banks", {"name": "b", "identifications": [1]}),

@@ -30,6 +30,14 @@ REFUSED: list[tuple[str, str, dict[str, Any], list[str | int], str]] = [
     ("PUT", "tuning", {"lam_q": 0.1}, ["lam_q"], "λ_q: 0.1 s is outside "),
     ("POST", "push", {"F_push": 1000}, ["F_push"], "push: 1000 N is outside "),
     (
+        "PUT",
+        "wall",
+        {"wall": {"q_wall": 2 * math.pi / 3}},
+        ["wall", "q_wall"],
+        "angle of the wall: 120 deg is outside ",
+    ),
+    ("PUT", "wall", {"wall": {"q_wall": 0.4, "k_wall": 1e6}}, ["wall", "k_wall"], "stiffness of the wall: "),
+    (
         "POST",
         "experiments/queue",
         {"name": "tracking", "settings": {"q_amplitude": 2 * math.pi / 3}},

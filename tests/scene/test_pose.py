@@ -10,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.scene import layout
+from backend.scene.portless import PortlessServer
 from backend.scene.pose import SLACK_COLOUR, can_be_drawn, force_colour, pose
-from backend.scene.stage import draw_force
+from backend.scene.stage import SCALE, Stage, draw_force
+from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from plant.spring import elongation
 
@@ -22,7 +24,7 @@ SPRINGS = IDEAL.identified_spring("A"), IDEAL.identified_spring("B")
 
 def sample(q: float, x_A: float, x_B: float, **others: float) -> dict[str, float]:
     """A sample with elongations x_A, x_B [m] at joint position q [rad]."""
-    given_values = {"q_ref": q, "S": 10.0, "F_A": 0.0, "F_B": 0.0, "F_push": 0.0, **others}
+    given_values = {"q_ref": q, "S": 10.0, "F_A": 0.0, "F_B": 0.0, "F_push": 0.0, "F_wall": math.nan, **others}
     return {"q": q, "theta_A": (x_A + R_J * q) / R_M, "theta_B": (x_B - R_J * q) / R_M, **given_values}
 
 
@@ -102,3 +104,33 @@ def test_an_arrow_comes_from_where_the_force_comes_and_ends_at_the_joint() -> No
         assert tip[0] == 0.0
         assert tail[1:] == pytest.approx(tip[1:])
         assert arrow.visible is visible
+
+
+@pytest.mark.parametrize(
+    ("F_wall", "pressed"), [(math.nan, False), (0.0, False), (0.04, False), (-3.0, True), (0.2, True)]
+)
+def test_a_wall_is_drawn_as_pressed_on_where_it_is(F_wall: float, pressed: bool) -> None:
+    assert pose(sample(0.0, 0.02, 0.02, F_wall=F_wall), R_M, R_J, *SPRINGS).pressed is pressed
+
+
+@pytest.mark.parametrize("q_wall", [-0.7, 0.0, 0.4])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_wall_begins_where_the_links_flank_is_at_its_angle(side: float, q_wall: float) -> None:
+    """The link points to z at q = 0 and turns from z to −x: the wall's face lies along its flank, the rest beyond."""
+    server = PortlessServer()
+    stage = Stage(server, R_J, R_M)
+    stage.show_wall(Obstacle(side, q_wall, 1e4, 0.0))
+    stands = [stage._walls.visible]
+    assert [face.visible for face in stage._faces.values()] == [side > 0.0, side < 0.0]
+    w, _, y, _ = stage._walls.wxyz
+    q = -2.0 * math.atan2(y, w)
+    assert q == pytest.approx(q_wall)
+    x, z = stage._faces[side].vertices[:, 0], stage._faces[side].vertices[:, 2]
+    beyond = -side * x / SCALE - layout.LINK_WIDTH / 2.0  # along the flank's normal, in the wall's own frame
+    assert beyond.min() == pytest.approx(0.0, abs=1e-6)
+    assert beyond.max() == pytest.approx(layout.WALL_THICKNESS, abs=1e-6)
+    assert z.min() / SCALE > R_J
+    stage.show_wall(None)
+    stands.append(stage._walls.visible)
+    assert stands == [True, False]
+    server.stop()

@@ -1,11 +1,12 @@
-"""State, STOP, reset, mode, references, push."""
+"""State, STOP, reset, mode, references, push, wall."""
 
 from fastapi import APIRouter
 
 from backend.api.auth import MayStop, SignedIn
 from backend.api.service import InControl, ServiceInUse
-from backend.messages.state import ModeRequest, Push, References, State, StopProof
+from backend.messages.state import ModeRequest, Push, References, State, StopProof, WallOrder
 from backend.messages.touch import TouchOrder, TouchView
+from backend.operating.obstruction import obstruct
 
 router = APIRouter(prefix="/api", tags=["operate"])
 
@@ -42,7 +43,7 @@ async def set_references(body: References, service: ServiceInUse, person: InCont
 
 @router.post("/push")
 async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
-    """Push a simulated joint from outside, in run and compliance; let go after the time, and when control is lost."""
+    """Push a simulated joint, in run and compliance; the loop lets go after the time, and when control is lost."""
     return await service.actuator.push(body, person.name)
 
 
@@ -50,3 +51,9 @@ async def push(body: Push, service: ServiceInUse, person: InControl) -> Push:
 async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) -> TouchView:
     """Learn what the outside force reads with nothing outside, and from what force on the joint gives way."""
     return await service.actuator.touching.order(body, person.name)
+
+
+@router.put("/wall")
+async def set_wall(body: WallOrder, service: ServiceInUse, person: InControl) -> WallOrder:
+    """Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated."""
+    return await obstruct(service.actuator, body, person.name)

@@ -123,7 +123,7 @@ export const FIELDS = [
     "name": "F_wall",
     "symbol": "F_wall",
     "unit": "N",
-    "meaning": "force of the simulator's obstacle on the joint at r_j, nan on the rig"
+    "meaning": "force of a simulated obstacle on the joint at r_j, nan on the rig"
   },
   {
     "name": "V_A",

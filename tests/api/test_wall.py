@@ -1,0 +1,123 @@
+"""A wall in the simulated joint's way: ordered in flight, shown, taken away, refused where nothing is simulated."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import pytest
+
+from backend.loop.commands import RunProgram
+from backend.loop.program import Law, Program, Segment
+from backend.messages.state import Wall, WallOrder
+from backend.operating.obstruction import obstruct
+from backend.refusal import OutOfRangeError, RefusalError
+from backend.sample import INDEX
+from backend.storage import Database, events, open_database
+from plant.choice import PlantChoice, PlantKind
+from plant.obstacle import Obstacle
+from plant.parameters import load_parameters
+from tests.api.conftest import problem, wait_for
+from tests.api.stepped_service import Parts, stepped
+from tests.api.test_push import in_run
+from tests.cli.test_report import sinew
+from tests.e2e.service import Service
+
+UP = WallOrder(wall=Wall(q_wall=0.05))
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    database = open_database(tmp_path)
+    yield database
+    database.close()
+
+
+def pressed(parts: Parts) -> float:
+    row = parts.supervisor.ring.newest()
+    assert row is not None
+    return float(row[INDEX["F_wall"]])
+
+
+def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -> None:
+    async def session(parts: Parts) -> None:
+        await in_run(parts)
+        assert parts.present.state().wall is None
+        assert await obstruct(parts.actuator, UP, "Ana") == UP
+        assert parts.present.wall == Obstacle(1.0, 0.05, 20000.0, 1.0)
+        assert parts.present.state().wall == UP.wall
+        await parts.actuator.set_references(0.08, 10.0, "Ana")
+        await parts.supervisor.advance(1.5)
+        assert pressed(parts) < -1.0
+        await obstruct(parts.actuator, WallOrder(wall=None), "Ana")
+        await parts.supervisor.advance(0.2)
+        assert (pressed(parts), parts.present.state().wall) == (0.0, None)
+        with pytest.raises(RefusalError, match=r"in a wall at 0\.05 rad: bring it below that first"):
+            await obstruct(parts.actuator, UP, "Ana")
+        assert parts.present.wall is None
+
+    stepped(database, load_parameters("ideal"), session)
+    with database.reading() as session_of_database:
+        told = [event.text for event in events.find(session_of_database)]
+    assert "wall above 0.05 rad, 2e+04 N/m, 1 s/m" in told
+    assert "no wall" in told
+
+
+def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(database: Database) -> None:
+    async def session(parts: Parts) -> None:
+        await in_run(parts)
+        below = Wall(q_wall=-0.5, side="below", k_wall=1e4, c_wall=0.0)
+        await obstruct(parts.actuator, WallOrder(wall=below), "Ana")
+        walls = (Obstacle(1.0, 0.3, 2e4, 1.0),)
+        segments = (Segment(0.2, 0.0, 10.0), Segment(0.3, 0.0, 10.0, wall=1))
+        await parts.supervisor.send(RunProgram(Program(Law.CASCADE, segments, walls=walls)))
+        seen = []
+        for _ in range(80):
+            await parts.supervisor.advance(0.01)
+            seen.append(parts.present.state().wall)
+        above = Wall(q_wall=0.3)
+        assert [wall for n, wall in enumerate(seen) if n == 0 or seen[n - 1] != wall] == [below, above, below]
+
+    stepped(database, load_parameters("ideal"), session)
+
+
+def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database) -> None:
+    async def session(parts: Parts) -> None:
+        for wall, quantity in (
+            (Wall(q_wall=2.0), "q_wall"),
+            (Wall(q_wall=0.5, k_wall=4e4), "k_wall"),
+            (Wall(q_wall=0.5, k_wall=1.0), "k_wall"),
+            (Wall(q_wall=0.5, c_wall=9.0), "c_wall"),
+            (Wall(q_wall=0.5, c_wall=-1.0), "c_wall"),
+        ):
+            with pytest.raises(OutOfRangeError) as refused:
+                await obstruct(parts.actuator, WallOrder(wall=wall), "Ana")
+            assert refused.value.path == ("wall", quantity)
+        for kind in (PlantKind.REPLAY, PlantKind.RIG):
+            parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
+            for order in (UP, WallOrder(wall=None)):
+                with pytest.raises(RefusalError, match=f"what is simulated, and what is driven is the {kind}"):
+                    await obstruct(parts.actuator, order, "Ana")
+
+    stepped(database, load_parameters("ideal"), session)
+
+
+@pytest.mark.live
+def test_over_http_and_from_the_command_line(service: Service, running: httpx.Client) -> None:
+    order = {"wall": {"q_wall": 0.9, "side": "above", "k_wall": 10000.0, "c_wall": 2.0}}
+    assert running.put("/api/wall", json=order).json() == order
+    assert wait_for(running, "wall", order["wall"])
+    refused = running.put("/api/wall", json={"wall": {"q_wall": 0.9, "k_wall": 1e9}})
+    assert (refused.status_code, problem(refused)["unit"]) == (422, "N/m")
+    up = sinew("wall", "up", "60deg", "--stiffness", "5000", "--json", folder=service.data)
+    assert json.loads(up.stdout)["wall"] == {
+        "q_wall": pytest.approx(1.0472, abs=1e-4),
+        "side": "above",
+        "k_wall": 5000.0,
+        "c_wall": 1.0,
+    }
+    assert "is no number" in sinew("wall", "up", "far", folder=service.data).stderr
+    down = sinew("wall", "down", folder=service.data)
+    assert "no wall stands in the joint's way" in down.stdout
+    assert wait_for(running, "wall", None)["wall"] is None
