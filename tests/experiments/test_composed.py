@@ -42,7 +42,7 @@ def columns(played: ComposedPlan) -> dict[str, Any]:
         "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
         "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
         "limits": 0.0 * ones,
-        "F_wall": np.where([one.wall > 0 for one in np.repeat(segments, ticks)], -3.0, 0.0),
+        "F_wall": np.where(np.repeat([one.wall for one in segments], ticks) > 0, -3.0, 0.0),
     }  # fmt: skip
 
 

@@ -121,7 +121,7 @@ def columns(*hits: tuple[float, float, float], ticks: int = 1000) -> dict[str, A
     """A second for each hit of S_ref [N·m/rad], speed [rad/s] and peak [N]: a half-sine of 100 ms, half of it again
     50 ms later."""
     n = ticks * len(hits)
-    t = np.arange(n) * T_s
+    t = T_s * np.arange(n, dtype=np.float64)
     F_wall, q, S_ref = np.zeros(n), np.zeros(n), np.zeros(n)
     bump = np.sin(np.pi * (np.arange(100) + 0.5) / 100.0)
     for place, (S, speed, peak) in enumerate(hits):
