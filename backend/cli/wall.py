@@ -14,7 +14,7 @@ app = typer.Typer(
 )
 
 
-@app.command()
+@app.command(context_settings={"ignore_unknown_options": True})  # -0.4 is an angle
 def up(
     q_wall: Annotated[str, typer.Argument(help="Where it stands, in rad; 15deg is an angle.")],
     below: Annotated[bool, typer.Option("--below", help="It stands below that angle, not above it.")] = False,

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from backend.experiments.plans.stored_plan import ready_plan
+from backend.experiments.results.impact import hits_of
 from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.fidelity import default_plan, gain_rows, motor_rows
 from tests.bench.fidelity_experiments import loaded_row, pushed_row
 from tests.bench.fidelity_runs import Bench
+from tests.experiments.test_impact import impacts
 
 PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
 
@@ -88,3 +90,15 @@ def test_published_columns_are_table_1() -> None:
     ):
         assert q[:3] == [f"{tension:g} N", f"{row.K_q:g}", f"{row.T_q:g}"]
         assert S[:3] == [f"{tension:g} N", f"{row.K_S:g}", f"{row.T_S:g}"]
+
+
+def test_hits_on_the_page_are_those_of_the_code() -> None:
+    found = re.search(r"<!-- impact -->\n((?:\|.*\n)+)", PAGE)
+    assert found
+    on_page = [[cell.strip() for cell in line.strip("|").split("|")] for line in found[1].splitlines()[2:]]
+    hits = hits_of(impacts("lab").columns)
+    for row, soft, stiff in zip(on_page, hits[:3], hits[3:], strict=True):
+        peaks, impulses = (soft.peak_N, stiff.peak_N), (soft.impulse_Ns, stiff.impulse_Ns)
+        expected = [*peaks, peaks[0] / peaks[1], *impulses, impulses[0] / impulses[1]]
+        assert numbers(row) == pytest.approx(expected, rel=0.01)
+        assert float(row[0].split()[0]) == pytest.approx(soft.speed, rel=0.03)
