@@ -27,11 +27,12 @@ from backend.loop.channel import (
 from backend.loop.channel_ends import MAX_BYTES, Channel, ChannelClosedError, channel_pair
 from backend.loop.commands import Accepted, RunProgram, SetMode, Shutdown
 from backend.loop.mode import Mode, RefusedError
-from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, Excitation, Law, Program, Segment, Shape
+from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Excitation, Law, Program, Segment, Shape
 from backend.loop.program_parts import ProgramParts
 from backend.loop.set_tuning import EntryGains, MotorGains, SetTuning
 from backend.refusal import OutOfRangeError
 from plant.hand import Hand
+from plant.obstacle import Obstacle
 
 # As they are sent: a tuning is a packet of its own.
 st.register_type_strategy(Program, st.builds(Program, tunings=st.just(())))
@@ -159,11 +160,14 @@ def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Chan
         count=1000,
         peak=-1.0471975511965976e-100,
         tuning=50,
+        wall=50,
     )
     gains = EntryGains(*(-1.0471975511965976e-100 for _ in range(7)))
     motor = MotorGains(*(-1.0471975511965976e-100 for _ in range(4)))
     tuning = SetTuning(0.5, 0.5, motor, motor, (gains,) * 40, interpolate=False)
-    longest = RunProgram(Program(Law.CASCADE, (segment,) * MAX_SEGMENTS, tunings=(tuning,) * MAX_TUNINGS), 7)
+    walls = (Obstacle(-1.0, *(-1.0471975511965976e-100 for _ in range(3))),) * MAX_WALLS
+    program = Program(Law.CASCADE, (segment,) * MAX_SEGMENTS, tunings=(tuning,) * MAX_TUNINGS, walls=walls)
+    longest = RunProgram(program, 7)
     sent = packets(longest, 3)
     assert max(map(len, sent)) <= MAX_BYTES
     parts = ProgramParts()

@@ -64,7 +64,7 @@ def session() -> Session:
     return Session()
 
 
-@pytest.mark.parametrize("name", ["q", "F_A", "F_B", "S_true", "F_push"])
+@pytest.mark.parametrize("name", ["q", "F_A", "F_B", "S_true", "F_push", "F_wall"])
 def test_what_is_measured_is_what_the_plant_said(session: Session, name: str) -> None:
     said = [getattr(m, name) for m in session.plant.said[-1000:]]  # one more was said at the start, before a tick
     np.testing.assert_array_equal(session.column(name)[-1000:], said)
@@ -147,7 +147,6 @@ def test_a_fault_has_its_number_once_it_is_latched() -> None:
 
 def test_no_column_is_left_out_here() -> None:
     seen = "tick t mode run q q_ref q_ref_gov q_dot S S_ref S_ref_gov S_true theta_A theta_A_ref theta_B theta_B_ref"
-    seen += (
-        " F_A F_B u_A u_B F_push F_ext_hat V_A V_B n_q n_A n_B lam_q lam_S bank_entry limits fault lateness_s overruns"
-    )
+    seen += " F_A F_B u_A u_B F_push F_ext_hat F_wall V_A V_B n_q n_A n_B"
+    seen += " lam_q lam_S bank_entry limits fault lateness_s overruns"
     assert tuple(seen.split()) == NAMES
