@@ -24,11 +24,10 @@ _NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
 
 
 class Admission:
-    """ASGI middleware before the routes.
+    """ASGI middleware before the routes: nobody who is not signed in has a body or a websocket taken.
 
-    A body and a websocket of somebody who is not signed in are refused before either is taken. Whoever is signed in
-    gets a place. A body is read here: more than ``MAX_BODY_BYTES`` is refused whatever its head said, and
-    so is JSON that holds what cannot be written down again, half a character or the one of code 0.
+    Whoever is signed in gets a place. A body is read here: refused are more than ``MAX_BODY_BYTES`` whatever its head
+    said, and JSON that holds what cannot be written down again, half a character or the one of code 0.
     """
 
     def __init__(self, app: ASGIApp) -> None:

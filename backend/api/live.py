@@ -1,7 +1,4 @@
-"""The websocket /api/live: sends what the live stream has for its client.
-
-One that reads nothing for ``PATIENCE_S`` is dropped.
-"""
+"""The websocket /api/live: sends what the live stream has; who reads nothing for ``PATIENCE_S`` is dropped."""
 
 import asyncio
 import logging

@@ -31,11 +31,12 @@ MAX_POINTS = 64
 
 
 class Acting(NamedTuple):
-    """Push [N], loads [N·m] and number of the tuning as they are in force."""
+    """Push [N], loads [N·m] and numbers of tuning and wall as a program has them in force."""
 
     F_push: float
     load: ShaftLoad
     tuning: int
+    wall: int
 
 
 class Contact:
@@ -86,8 +87,8 @@ def giving_way(tuning: Tuning, carry: Carry, m: Measurement, bounds: Bounds, act
     """Return the motion of a joint that gives way where it is; for TAIL_S under what is ``acting``, else for good."""
     q = min(max(m.q, bounds.q_min), bounds.q_max)
     if acting is not None:
-        F_push, (load_A, load_B), number = acting
-        tail = Segment(TAIL_S, q, bounds.S_min, F_push, load_A=load_A, load_B=load_B, tuning=number)
+        F_push, (load_A, load_B), number, wall = acting
+        tail = Segment(TAIL_S, q, bounds.S_min, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall)
         return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, (tail,)))
     motion = Tracking(tuning, carry, m, bounds, False)
     motion.first = motion.first._replace(target=Target(q, bounds.S_min, 0.0))

@@ -61,11 +61,10 @@ class Loop:
         self._known = known = knowledge(parameters)
         self.bounds = known.bounds
         self._checks, self._plant_watch = Checks(parameters), PlantWatch()
-        self._row = np.zeros(len(FIELDS))
         self._tick = self._newest_tick = self._overruns = 0
         self._command = ZERO_VOLTS  # what was written last
         self._changed = True  # whether the desk may not know yet what has become of the machine
-        self._hand = HandPush(plant)
+        self._hand, self._row = HandPush(plant), np.zeros(len(FIELDS))
         self._events: list[Event] = []
         gains = tuning_of(tuning, self._known)
         try:
@@ -132,8 +131,7 @@ class Loop:
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
-                gains = tuning_of(command, self._known)
-                self._machine.set_tuning(gains, Lambdas(command.lam_q, command.lam_S))
+                self._machine.set_tuning(tuning_of(command, self._known), Lambdas(command.lam_q, command.lam_S))
             case SetTouch():
                 self._machine.contact.put(command)
             case RunProgram():

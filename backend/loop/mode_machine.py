@@ -67,26 +67,23 @@ class ModeMachine:
         lambdas: Lambdas,
         events: list[Event],
     ) -> None:
-        self.mode = Mode.OFF
-        self.fault = Fault.NONE
+        self.mode, self.fault = Mode.OFF, Fault.NONE
         self._desk = desk
         self._rest = Rest(tuning.motors)
         self.motion = None
-        self.run = 0
+        self.run, self.reached_told = 0, False
         self.tunings = Tunings(desk, events, tuning, lambdas)
         self._known = knowledge(parameters)
         self.bounds = self._known.bounds
         self.zeros = Zeros()
         self.drives_off = False
         self._pending_stop: PendingStop | None = None
-        self._events = events
-        self._plant = plant
+        self._events, self._plant = events, plant
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
         self.push = ProgramPush(plant, events)
         self.contact = Contact(desk, events)
-        self.reached_told = False
 
     @property
     def motion(self) -> Motion | None:
@@ -191,7 +188,8 @@ class ModeMachine:
     def give_way(self, now: Now) -> None:
         """React to a contact: the joint goes soft where it is, at once, and for good where no program's run goes on."""
         playing, begins = self._program is not None, self.contact.feel(now.tick)
-        acting = Acting(self.push.F_push, self.push.load, self.tunings.number) if playing and begins else None
+        push, number = self.push, self.tunings.number
+        acting = Acting(push.F_push, push.load, number, push.wall) if playing and begins else None
         motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting)
         if acting is not None:
             self.motion = motion

@@ -63,18 +63,14 @@ class Actuator:
         self.present = present
         self.occupied: Callable[[], str] = str
         self.in_effect: Callable[[], BroughtUp] = lambda: supervisor.setup.brought_up
-        self._supervisor = supervisor
-        self._session_runs = session_runs
-        self._journal = journal
+        self._supervisor, self._session_runs, self._journal = supervisor, session_runs, journal
         self._on_new_ring = on_new_ring
-        self._supervision = supervision
-        self._hands = hands
+        self._supervision, self._hands = supervision, hands
         self._pushed = False
         self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
-        self._turn = asyncio.Lock()
-        self.starting = asyncio.Lock()
+        self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
         self.retuning = Retuning(
             supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
         )

@@ -10,9 +10,9 @@ from backend.experiments.plans.composed_plan import KIND, ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.bode import Lines, bode_lines
 from backend.experiments.results.held import holds_seen
+from backend.experiments.results.impact import hits_of
 from backend.experiments.results.in_force import InForce, kept_tuning
 from backend.experiments.results.pushed import pushes_seen
-from backend.experiments.results.impact import hits_of
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
 from backend.reading import Angles

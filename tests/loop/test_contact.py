@@ -24,6 +24,7 @@ from backend.loop.commands import (
 from backend.loop.contact import TAIL_S
 from backend.loop.mode import MODE_CODE, Mode
 from backend.loop.program import Law, Program, Segment
+from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
 
@@ -176,3 +177,20 @@ def test_what_makes_no_sense_is_refused_and_what_was_stays(command: SetTouch, wo
     bench.send(Push(5.0, 0.5))
     bench.advance(0.1)
     assert len(told(bench, ContactFelt)) == 1
+
+
+def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> None:
+    bench = armed()
+    segments = (Segment(1.0, 0.3, 12.0, wall=1), Segment(3.0, 0.8, 12.0))
+    program = Program(Law.CASCADE, segments, walls=(Obstacle(1.0, 0.5, 5e3, 0.0),))
+    assert isinstance(bench.send(RunProgram(program, 8)), Accepted)
+    bench.advance(4.0)
+    (felt,) = told(bench, ContactFelt)
+    ended = told(bench, RunEnded)[-1]
+    F_wall = bench.column("F_wall")
+    assert F_wall[felt.tick - 15 : felt.tick].min() < -FROM_N  # it was felt a moment after it was touched
+    pressing = F_wall[felt.tick : ended.tick]
+    assert pressing.min() < -FROM_N
+    assert abs(pressing[-1]) < abs(pressing.min())  # softer and softer
+    assert ended.why is Cause.CONTACT
+    assert F_wall[-1] == 0.0

@@ -33,10 +33,7 @@ async def start_experiment(body: ExperimentRequest, service: ServiceInUse, perso
 async def dry_run_experiment(
     request: Request, body: ExperimentRequest, service: ServiceInUse, person: SignedIn
 ) -> DryRunView:
-    """Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored.
-
-    One per person at a time, of ten minutes at most; it ends when the connection does.
-    """
+    """Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands."""
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 

@@ -137,11 +137,10 @@ async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn)
 
 @router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
 async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> Response:
-    """Return what ``samples`` returns in binary, a tenth of the size, for drawing.
+    """Return what ``samples`` returns in binary, little endian.
 
-    Little endian: float64 bucket width [s], uint64 number of the first bucket, uint32 buckets, uint32 values per bucket
-    (1: samples, 2: smallest and largest); then float32 per signal in the order asked for: the smallest values, then, of
-    2, the largest.
+    float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
+    largest); then float32 per signal in the order asked for: the smallest values, then, of 2, the largest.
     """
     return Response(await service.runs.packed_samples(asked), media_type=BINARY)
 

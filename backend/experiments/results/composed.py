@@ -14,8 +14,8 @@ from backend.experiments.results.criteria import ended_early, judge, unseen
 from backend.experiments.results.disturbance import disturbance_figures
 from backend.experiments.results.document import figure_documents, tracking_document
 from backend.experiments.results.held import hold_figures
-from backend.experiments.results.in_force import InForce
 from backend.experiments.results.impact import impact_figures
+from backend.experiments.results.in_force import InForce
 from backend.experiments.results.measures import FIGURES, known_to_bounds, limit_of
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.experiments.results.pushed import push_figures

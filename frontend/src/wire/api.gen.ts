@@ -271,7 +271,7 @@ export interface paths {
         put?: never;
         /**
          * Push
-         * @description Push a simulated joint from outside, in run and compliance; let go after the time, and when control is lost.
+         * @description Push a simulated joint, in run and compliance; the loop lets go after the time, and when control is lost.
          */
         post: operations["push"];
         delete?: never;
@@ -293,6 +293,26 @@ export interface paths {
          * @description Learn what the outside force reads with nothing outside, and from what force on the joint gives way.
          */
         put: operations["set_touch"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/wall": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Set Wall
+         * @description Put a wall in a simulated joint's way, in flight, or take it away; refused where nothing is simulated.
+         */
+        put: operations["set_wall"];
         post?: never;
         delete?: never;
         options?: never;
@@ -5048,6 +5068,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description what stands in a simulated joint's way; null where nothing does */
+            wall: components["schemas"]["Wall"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -5105,6 +5127,8 @@ export interface components {
             task: components["schemas"]["TaskView"] | null;
             /** @description a tuning that is reverted by itself */
             trial: components["schemas"]["TrialView"] | null;
+            /** @description what stands in a simulated joint's way; null where nothing does */
+            wall: components["schemas"]["Wall"] | null;
             /** @description what the operator had chosen, in force again after the run; null while no run has the tuning */
             own_tuning: components["schemas"]["ChosenTuning"] | null;
             /** @description what was in force before the last change, and is again once that is undone; null for nothing */
@@ -5837,6 +5861,43 @@ export interface components {
             meaning: string;
             /** Value */
             value: boolean | number | string;
+        };
+        /**
+         * Wall
+         * @description An obstacle in a simulated joint's way.
+         */
+        Wall: {
+            /**
+             * Q Wall
+             * @description where it stands [rad]
+             */
+            q_wall: number;
+            /**
+             * Side
+             * @description on which side of that angle it stands
+             * @default above
+             * @enum {string}
+             */
+            side: "above" | "below";
+            /**
+             * K Wall
+             * @description its stiffness, at the joint pulley [N/m]
+             * @default 20000
+             */
+            k_wall: number;
+            /**
+             * C Wall
+             * @description its damping, at the joint pulley [s/m]
+             * @default 1
+             */
+            c_wall: number;
+        };
+        /**
+         * WallOrder
+         * @description What is to stand in the joint's way; null takes it away.
+         */
+        WallOrder: {
+            wall: components["schemas"]["Wall"] | null;
         };
     };
     responses: never;
@@ -7783,6 +7844,123 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["TouchView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    set_wall: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WallOrder"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WallOrder"];
                 };
             };
             /** @description the body cannot be parsed */

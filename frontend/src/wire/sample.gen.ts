@@ -120,6 +120,8 @@ export const FIELDS = [
     "symbol": "F_ext",
     "unit": "N",
     "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off"
+  },
+  {
     "name": "F_wall",
     "symbol": "F_wall",
     "unit": "N",
