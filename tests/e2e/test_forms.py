@@ -223,6 +223,22 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     assert 5.5 < pushed[-1] - pushed[0] < 6.0  # a busy machine skips ticks, at either end too
 
 
+def test_a_wall_is_what_its_boxes_say(stage: Stage, state: str) -> None:
+    page = stage.page
+    stage.operator.go("Operate")
+    stage.operator.enter("Wall at [deg]", -40.0)
+    stage.operator.enter("Stiffness of the wall [N/m]", 8000.0)
+    group = page.get_by_role("group", name="Wall", exact=True)
+    group.get_by_role("combobox", name="Side of the wall").select_option("below")
+    sent, _ = forms.pressed(page, group.get_by_role("button", name="Put up", exact=True), "/api/wall")
+    wanted = {"side": "below", "k_wall": 8000.0, "c_wall": 1.0, "q_wall": pytest.approx(-40.0 * TO_SI["deg"][1])}
+    assert sent["wall"] == wanted
+    expect(page.get_by_text("A wall stands below \u221240.0")).to_be_visible()
+    assert stage.get("/api/state")["wall"] == wanted
+    forms.pressed(page, group.get_by_role("button", name="Take away", exact=True), "/api/wall")
+    stage.operator.wait(lambda: stage.get("/api/state")["wall"] is None)
+
+
 def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:
     stage.bring("after a restart")
     own = stage.in_force()

@@ -17,6 +17,7 @@ import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import { ModeCard } from "../pages/operate/ModeCard";
 import { PushCard } from "../pages/operate/PushCard";
+import { WallCard } from "../pages/operate/WallCard";
 import DeveloperPage from "../pages/system/DeveloperPage";
 import type { PlantView, State } from "../wire/types";
 import { Navigation } from "./Navigation";
@@ -116,6 +117,11 @@ it.each([
 it.each(KINDS)("offers a push by command where the joint is simulated: %s", (kind) => {
   open(<PushCard />, kind);
   expect(screen.queryByText("simulated plants only") !== null).toBe(PLANTS[kind].simulated);
+});
+
+it.each(KINDS)("offers a wall where the joint is simulated: %s", (kind) => {
+  open(<WallCard />, kind);
+  expect(screen.queryByRole("button", { name: "Put up" }) !== null).toBe(PLANTS[kind].simulated);
 });
 
 it("breaks a fault's cause and a part of the card by the same button", async () => {

@@ -15,6 +15,8 @@ export const STATE = {
   mode: "run",
   legal_modes: ["experiment", "identify"],
   limits: { F_push_max: 30 },
+  plant: { simulated: true },
+  wall: null,
   tuning: { ...TUNING, lam_motor_min: 0.05, lam_motor_max: 0.2 },
   own_tuning: null,
   task: null,

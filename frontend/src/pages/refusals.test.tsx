@@ -34,6 +34,7 @@ import { IdentificationForm } from "./identify/IdentificationForm";
 import { SpringTableForm } from "./identify/SpringTableForm";
 import { PushCard } from "./operate/PushCard";
 import { TuningChanges } from "./operate/TuningChanges";
+import { WallCard } from "./operate/WallCard";
 import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/NoteCard";
 
@@ -119,6 +120,22 @@ it.each<Case>([
     field("Length of the trial [s]"),
   ],
   ["push", <PushCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
+  [
+    "angle of a wall",
+    <WallCard key="" />,
+    [press("Put up")],
+    "/api/wall",
+    ["wall", "q_wall"],
+    field("Wall at [deg]"),
+  ],
+  [
+    "stiffness of a wall",
+    <WallCard key="" />,
+    [press("Put up")],
+    "/api/wall",
+    ["wall", "k_wall"],
+    field("Stiffness of the wall [N/m]"),
+  ],
   [
     "time of a push",
     <PushCard key="" />,

@@ -10,6 +10,7 @@ import type {
   References,
   TouchOrder,
   TuningRequest,
+  Wall,
 } from "../wire/types";
 import { sessionQuery } from "./queries";
 
@@ -37,6 +38,13 @@ export function useTouch() {
   return useMutation({
     mutationFn: (what: Partial<TouchOrder>) =>
       answered(api.PUT("/api/touch", { body: { learn: false, forget: false, ...what } })),
+  });
+}
+
+/** A wall in the way of a simulated joint; null takes it away. */
+export function useSetWall() {
+  return useMutation({
+    mutationFn: (body: { wall: Wall | null }) => answered(api.PUT("/api/wall", { body })),
   });
 }
 

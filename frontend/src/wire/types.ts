@@ -12,6 +12,7 @@ export type TuningRequest = Schemas["TuningRequest"];
 export type TuningPreview = Schemas["TuningPreview"];
 export type MotorMargins = Schemas["MotorPreview"];
 export type LoopPreview = Schemas["LoopPreview"];
+export type Wall = Schemas["Wall"];
 export type References = Schemas["References"];
 export type StopProof = Schemas["StopProof"];
 export type Task = Schemas["TaskView"];

@@ -11,6 +11,7 @@ import { SceneCard } from "./SceneCard";
 import { TouchCard } from "./TouchCard";
 import { TuningCard } from "./TuningCard";
 import { ViewOnly } from "./ViewOnly";
+import { WallCard } from "./WallCard";
 
 export function OperatePage() {
   return (
@@ -29,6 +30,7 @@ export function OperatePage() {
           <ReferencesCard />
           <TuningCard />
           <PushCard />
+          <WallCard />
           <TouchCard />
         </OperatorsOnly>
       </div>

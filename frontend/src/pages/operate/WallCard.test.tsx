@@ -1,0 +1,84 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  return replacement;
+});
+
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { State } from "../../wire/types";
+import { WallCard } from "./WallCard";
+
+function open(wall: State["wall"]): void {
+  const store = new LiveStore(0);
+  store.setState({
+    plant: { simulated: true },
+    wall,
+    link: { alive: true },
+    fault: null,
+  } as unknown as State);
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={store}>
+          <WallCard />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+async function ordered(): Promise<unknown[]> {
+  const puts = fetched.mock.calls
+    .map(([request]) => request)
+    .filter(({ url }) => new URL(url).pathname === "/api/wall");
+  return Promise.all(puts.map((request) => request.clone().json()));
+}
+
+beforeEach(() => {
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const path = new URL(url).pathname;
+    return Response.json(path === "/api/control" ? { epoch: 1, page: "k".repeat(16), name: "Ana" } : {});
+  });
+});
+afterEach(cleanup);
+
+function enter(label: RegExp, value: string): void {
+  const box = screen.getByRole("textbox", { name: label });
+  fireEvent.change(box, { target: { value } });
+  fireEvent.blur(box);
+}
+
+it("puts up what stands in the boxes, in SI, and takes it away", async () => {
+  open(null);
+  enter(/^Wall at/, "-30");
+  enter(/^Stiffness/, "5000");
+  fireEvent.change(screen.getByRole("combobox", { name: "Side of the wall" }), {
+    target: { value: "below" },
+  });
+  fireEvent.click(screen.getByRole("button", { name: "Put up" }));
+  await waitFor(async () => expect(await ordered()).toHaveLength(1));
+  const [{ wall }] = (await ordered()) as [{ wall: { q_wall: number } }];
+  expect(wall).toEqual({ q_wall: expect.closeTo(-Math.PI / 6, 10), side: "below", k_wall: 5000, c_wall: 1 });
+  fireEvent.click(screen.getByRole("button", { name: "Take away" }));
+  await waitFor(async () => expect((await ordered())[1]).toEqual({ wall: null }));
+});
+
+it("says what stands, and puts nothing up that is no number", async () => {
+  open({ q_wall: Math.PI / 9, side: "above", k_wall: 20000, c_wall: 1 });
+  const said = screen.getByRole("status", { name: "Refusal" });
+  expect(said.textContent).toContain("A wall stands above 20.0");
+  enter(/^Wall at/, "far");
+  fireEvent.click(screen.getByRole("button", { name: "Put up" }));
+  await act(() => new Promise((resolve) => setTimeout(resolve, 20)));
+  expect(await ordered()).toEqual([]);
+  expect(said.textContent).toContain("nothing was sent");
+});

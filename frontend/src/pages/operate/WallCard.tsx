@@ -1,0 +1,101 @@
+/** A wall in the joint's way, where the plant is simulated: put up and taken away in flight. */
+
+import { Button, NativeSelect } from "@mantine/core";
+import { useState } from "react";
+import { Card } from "../../components/Card";
+import { Refusal } from "../../components/Refusal";
+import { ValueBox } from "../../components/ValueBox";
+import { useLive } from "../../live/react";
+import { angleText, FINER, readingOf, toSI } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
+import { useSetWall } from "../../service/commands";
+import { RefusedFields } from "../../service/refusedFields";
+import type { Wall } from "../../wire/types";
+import styles from "./Operate.module.css";
+
+type Side = Wall["side"];
+
+export function WallCard() {
+  const simulated = useLive((live) => live.state?.plant.simulated ?? false);
+  const { unit } = readingOf("rad", useAngles());
+  return simulated ? <WallControls key={unit} /> : null;
+}
+
+function WallControls() {
+  const stands = useLive((live) => live.state?.wall ?? null);
+  const order = useSetWall();
+  const angles = useAngles();
+  const { unit } = readingOf("rad", angles);
+  const decimals = angles === "deg" ? 1 : 1 + FINER;
+  const [q_wall, setAngle] = useState(angles === "deg" ? 20 : 0.35);
+  const [side, setSide] = useState<Side>("above");
+  const [k_wall, setStiffness] = useState(20000);
+  const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
+  const problem = problems.find((one) => one !== null) ?? null;
+  const refusal = problem === null ? order.error : null;
+  const about = [q_wall, side, k_wall];
+  return (
+    <Card title="Wall" aside={<span className={styles.bounds}>simulated plants only</span>}>
+      <RefusedFields error={refusal} about={about}>
+        {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
+        <div className={styles.wallRow} role="group" aria-label="Wall">
+          <NativeSelect
+            aria-label="Side of the wall"
+            value={side}
+            onChange={(event) => setSide(event.currentTarget.value as Side)}
+            data={["above", "below"]}
+            w={84}
+          />
+          <ValueBox
+            label={`Wall at [${unit}]`}
+            unit={unit}
+            value={q_wall}
+            decimals={decimals}
+            step={angles === "deg" ? 1 : 0.02}
+            width={92}
+            saidAt="refusal-of-wall"
+            place="wall.q_wall"
+            onCommit={setAngle}
+            onProblem={(found) => setProblems((before) => before.with(0, found))}
+          />
+          <ValueBox
+            label="Stiffness of the wall [N/m]"
+            unit="N/m"
+            value={k_wall}
+            decimals={0}
+            step={1000}
+            width={104}
+            saidAt="refusal-of-wall"
+            place="wall.k_wall"
+            onCommit={setStiffness}
+            onProblem={(found) => setProblems((before) => before.with(1, found))}
+          />
+          <Button
+            size="compact-sm"
+            variant="default"
+            onClick={() => {
+              const wall = { q_wall: toSI(q_wall, "rad", angles), side, k_wall, c_wall: 1 };
+              if (problem === null) order.mutate({ wall });
+            }}
+          >
+            Put up
+          </Button>
+          <Button size="compact-sm" variant="default" onClick={() => order.mutate({ wall: null })}>
+            Take away
+          </Button>
+        </div>
+        <Refusal
+          id="refusal-of-wall"
+          error={refusal}
+          about={about}
+          forFields
+          text={
+            problem ??
+            (stands && `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)}.`)
+          }
+          hint="where the joint runs into it; its force is F_wall"
+        />
+      </RefusedFields>
+    </Card>
+  );
+}
