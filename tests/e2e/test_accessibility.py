@@ -63,7 +63,7 @@ def test_the_keyboard_reaches_everything_and_its_focus_is_seen(operator: Operato
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     reached = set()
-    for _ in range(70):
+    for _ in range(80):
         page.keyboard.press("Tab")
         name, outlined = page.evaluate(
             "() => { const at = document.activeElement; if (at === document.body) return [null, false];"
