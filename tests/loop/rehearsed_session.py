@@ -9,6 +9,7 @@ from numba.core.dispatcher import Dispatcher
 from backend.loop.commands import (
     Command,
     Home,
+    Obstruct,
     ProveDirections,
     Push,
     Refused,
@@ -28,6 +29,7 @@ from backend.loop.rehearsal import rehearse
 from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
+from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_rig import VirtualRig
@@ -35,6 +37,7 @@ from tests.bring_up.rigs import WIRING
 
 SINE = Segment(0.02, q_ref=0.1, S_ref=10.0, F_push=1.0, shape=Shape.SINE, period_s=0.01)
 PUSHED = Segment(0.1, q_ref=0.0, S_ref=10.0, F_push=6.0)
+WALL = Obstacle(1.0, 0.2, 2e4, 1.0)
 EXCITATION = Excitation(amplitude_rad=0.1, chip_s=0.002, levels="+-", periods=2)
 RESTS = (Mode.OFF, Mode.RUN, Mode.COMPLIANCE, Mode.TRIPPED)
 
@@ -82,10 +85,14 @@ def main() -> None:
             RunProgram(Program(Law.FORCE_HOLD, tension_N=12.0, settle_s=0.01, excitation=EXCITATION)),
             RunProgram(Program(Law.CASCADE, (SINE,))),
             RunProgram(Program(Law.COMPLIANCE, (SINE,))),
+            RunProgram(Program(Law.CASCADE, (dataclasses.replace(SINE, wall=1),), walls=(WALL,))),
             SetMode(Mode.RUN),
             SetReferences(0.1, 11.0),
             dataclasses.replace(tuning, entries=tuning.entries * 2, interpolate=True),
             Push(2.0, 1.0),
+            Obstruct(WALL),
+            SetReferences(0.3, 11.0),
+            Obstruct(None),
             SetMode(Mode.COMPLIANCE),
             SetTouch(((10.0, 0.1),), 2.0),
             Push(6.0, 0.02),

@@ -1147,9 +1147,7 @@ export interface paths {
         put?: never;
         /**
          * Dry Run Experiment
-         * @description Play an experiment on a simulator of its own, faster than real time; nothing real moves, nothing is stored.
-         *
-         *     One per person at a time, of ten minutes at most; it ends when the connection does.
+         * @description Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands.
          */
         post: operations["dry_run_experiment"];
         delete?: never;
@@ -1639,11 +1637,10 @@ export interface paths {
         };
         /**
          * Get Packed Samples
-         * @description Return what ``samples`` returns in binary, a tenth of the size, for drawing.
+         * @description Return what ``samples`` returns in binary, little endian.
          *
-         *     Little endian: float64 bucket width [s], uint64 number of the first bucket, uint32 buckets, uint32 values per bucket
-         *     (1: samples, 2: smallest and largest); then float32 per signal in the order asked for: the smallest values, then, of
-         *     2, the largest.
+         *     float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
+         *     largest); then float32 per signal in the order asked for: the smallest values, then, of 2, the largest.
          */
         get: operations["get_packed_samples"];
         put?: never;
