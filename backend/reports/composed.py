@@ -5,13 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from backend.documents.experiment import Measure
-from backend.experiments.banks.bank_building import points_of
 from backend.experiments.plans.composed_plan import KIND, ComposedPlan
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.bode import Lines, bode_lines
 from backend.experiments.results.held import holds_seen
 from backend.experiments.results.impact import hits_of
-from backend.experiments.results.in_force import InForce, kept_tuning
+from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.pushed import pushes_seen
 from backend.experiments.results.response import Response, responses
 from backend.experiments.results.windows import pushes
@@ -156,7 +155,7 @@ def _sections(source: Source, plan: ComposedPlan) -> Iterator[Section]:
 def _in_force(source: Source, plan: ComposedPlan) -> InForce:
     run = source.run
     parameters = parameters_of(run.parameters_name, run.parameters)
-    return InForce(parameters, plan, kept_tuning(run.set_to.loop), points_of(source.bank))
+    return InForce(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
 
 
 def response_panels(found: tuple[Response, ...], name: str) -> str:

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 from backend.documents.result import CRITERIA, METRICS, Criterion, Metrics
-from backend.experiments.banks.bank_building import points_of
 from backend.experiments.plans.stored_plan import stored_plan
 from backend.experiments.results.evaluation import computed
+from backend.experiments.results.in_force import points_in
 from backend.experiments.results.metrics import NoSamplesError
 from backend.recording.columns import Columns, missing_between
 from backend.reports.build import build_report
@@ -131,7 +131,7 @@ def _again(evidence: Evidence, columns: Columns) -> _Result:
     parameters = parameters_of(run.parameters_name, run.parameters)
     missed = evidence.missed_before + missing_between(columns)
     try:
-        result, estimate = computed(columns, missed, parameters, plan, run, points_of(evidence.bank))
+        result, estimate = computed(columns, missed, parameters, plan, run, points_in(evidence.bank))
     except NoSamplesError:
         return None, (), None
     return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)

@@ -1,19 +1,22 @@
 """Measured frequency responses beside the predicted ones, and when a line is not measured."""
 
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from backend.documents.run_settings import KeptLoop
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
 from backend.experiments.playing.in_memory import Played, play_in_memory
 from backend.experiments.results.bode import BodeFigures, bode_figures, bode_lines
-from backend.experiments.results.in_force import InForce
+from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError
 from backend.faults import Limit
+from backend.storage.banks import Bank, BankEntry
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.experiments.composing.written import plan_of, with_parts
@@ -170,8 +173,14 @@ def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_h
     )
     lost = made(LEAD_IN, MULTISINE, tuning=TuningChoice(bank=3))
     told = figures(lost, seen(lost))
-    assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run"
+    assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run, or cannot be read"
     assert told.bandwidth_q_Hz is not None
+
+
+def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result() -> None:
+    broken = Bank(3, "old", 1, "", "A. Operator", datetime.now(UTC), (BankEntry(10.0, {"version": 99}),))
+    assert points_in(broken) == ()
+    assert kept_tuning(KeptLoop(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningChoice(lam_q=0.6, lam_motor=0.0258)
 
 
 def test_what_was_not_played_to_its_end_is_not_measured() -> None:

@@ -41,7 +41,7 @@ def columns(played: ComposedPlan) -> dict[str, Any]:
         "t": np.arange(q_ref.size) / 1000.0, "q": q_ref + 0.05 * (push != 0.0), "q_ref": q_ref, "S": S_ref,
         "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
         "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
-        "limits": 0.0 * ones,
+        "limits": 0.0 * ones, "F_push": push,
         "F_wall": np.where(np.repeat([one.wall for one in segments], ticks) > 0, -3.0, 0.0),
     }  # fmt: skip
 
@@ -67,6 +67,7 @@ def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure)
         Measure.LOADS: ("{do: load, load_A: 0.2, duration_s: 0.5}",),
         Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
         Measure.BODE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
+        Measure.HOLDS: ("{do: hold, duration_s: 1.5}",),
         Measure.STEPS: (),
         Measure.IMPACT: ("{do: wall, q_wall: 0.3}", "{do: hold, duration_s: 0.5}"),
     }

@@ -6,7 +6,6 @@ from functools import partial
 
 from backend import __version__
 from backend.documents.result import Criterion, Metrics
-from backend.experiments.banks.bank_building import points_of
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.identification_plans import MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.plans.plan import ActuatorIdentificationPlan, IdentificationPlan, Plan
@@ -14,7 +13,7 @@ from backend.experiments.plans.sequence_plan import SequencePlan
 from backend.experiments.results import actuator_identification, motor_identification, spring_identification
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.document import figure_documents, tracking_document
-from backend.experiments.results.in_force import InForce, kept_tuning
+from backend.experiments.results.in_force import InForce, kept_tuning, points_in
 from backend.experiments.results.metrics import NoSamplesError, tracking_metrics
 from backend.identification.fit import Method
 from backend.recording.columns import Columns, recorded_columns
@@ -95,7 +94,7 @@ def _points(database: Database, run: Run) -> tuple[PointModel, ...]:
     if run.bank_id is None:
         return ()
     with database.reading() as session:
-        return points_of(banks.get(session, run.bank_id))
+        return points_in(banks.get(session, run.bank_id))
 
 
 def _identified(

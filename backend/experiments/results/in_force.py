@@ -5,7 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.controllers import cascade
+from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import KeptLoop
+from backend.experiments.banks.bank_building import HasEntries, points_of
+from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import NAMES, TuningChoice
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.results.windows import timed
@@ -24,6 +27,14 @@ def kept_tuning(loop: KeptLoop) -> TuningChoice:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
     known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
     return TuningChoice(**known)
+
+
+def points_in(bank: HasEntries | None) -> tuple[PointModel, ...]:
+    """Return the models of a bank; of one that cannot be read none, so that all but the prediction is told."""
+    try:
+        return points_of(bank)
+    except (BankError, UnreadableDocumentError):
+        return ()
 
 
 @dataclass(frozen=True)
@@ -66,7 +77,7 @@ class InForce:
         if choice.bank != self.tuning.bank:
             raise NotPredictedError("a bank was in use that the run did not begin with")
         if choice.bank and not self.points:
-            raise NotPredictedError("the bank that was in use is not stored with the run")
+            raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
         try:
             return cascade_tuning(self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.u_plan)
         except TuningError as error:
