@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.kept_choice import NAME
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TuningParts, TuningRequest
@@ -70,7 +71,7 @@ def test_another_plant_starts_with_its_defaults(
     kept.put(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = kept.restore(lab)
-    assert restored.choice == TuningChoice()
+    assert restored.choice == default_choice(lab).choice
     assert "other parameters" in said
 
 
@@ -118,7 +119,8 @@ def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: 
     kept = KeptTuning(database)
     kept.put(chosen, "A. Operator")
     restored, said = kept.restore(load_parameters(str(weak_motors(tmp_path))))
-    assert restored.choice == replace(TuningChoice(), lam_q=restored.choice.lam_q)
+    assert restored.choice == replace(TuningChoice(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
+    assert restored.choice.u_plan > 0.0
     assert said == (
         "defaults in force: the tuning of last time was for other parameters; the method's default is not offered for "
         f"these models, the nearest that is: λ_q 0.5 → {restored.choice.lam_q:g} s"
@@ -136,5 +138,5 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
         assert stored is not None
         settings.put(session, NAME, {**stored.value, name: value}, "A. Operator")
     restored, said = kept.restore(ideal)
-    assert restored.choice == TuningChoice()
+    assert restored.choice == default_choice(ideal).choice
     assert str(value) in said

@@ -2,10 +2,12 @@
 
 import asyncio
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import TrialRequest, TuningRequest
 from backend.refusal import RefusalError
@@ -15,6 +17,7 @@ from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
 IDEAL = load_parameters("ideal")
+DEFAULT = default_choice(IDEAL).choice
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 WHO = OPERATOR.name
 CHANGES = [
@@ -23,6 +26,7 @@ CHANGES = [
     TuningRequest(lam_motor=0.09),
     TuningRequest(b=0.25),
     TuningRequest(interpolate=True),
+    TuningRequest(u_plan=0.0),
 ]
 
 
@@ -101,7 +105,7 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
 
     stepped(database, IDEAL, work)
     # the next start has the same tuning, and knows the one before it
-    assert stepped(database, IDEAL, started_again) == (TuningChoice(), TuningChoice(bank=bank.id))
+    assert stepped(database, IDEAL, started_again) == (DEFAULT, replace(DEFAULT, bank=bank.id))
 
 
 def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
@@ -110,17 +114,17 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
         await retuning.set(TuningRequest(lam_q=0.6), WHO)
         for lam_q in (0.7, 0.8):
             await retuning.try_out(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
-            assert earlier(parts) == TuningChoice()
+            assert earlier(parts) == DEFAULT
             with pytest.raises(RefusalError, match="on trial"):
                 await retuning.undo(WHO)
         await retuning.end_trial(True, WHO)
-        assert earlier(parts) == TuningChoice(lam_q=0.6)
+        assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
         await retuning.undo(WHO)
-        assert in_force(parts) == TuningChoice(lam_q=0.6)
+        assert in_force(parts) == replace(DEFAULT, lam_q=0.6)
         await retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         await retuning.set(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
-        assert in_force(parts) == TuningChoice(lam_q=0.9, b=0.5)
-        assert earlier(parts) == TuningChoice(lam_q=0.6)
+        assert in_force(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
+        assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
 
     stepped(database, IDEAL, work)
 
@@ -133,6 +137,6 @@ def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
         with pytest.raises(RefusalError, match="its tuning is part of its record"):
             await retuning.undo(WHO)
         await asyncio.gather(retuning.give_back(), retuning.give_back())
-        assert (in_force(parts), earlier(parts)) == (TuningChoice(lam_q=0.6), TuningChoice())
+        assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)
 
     stepped(database, IDEAL, work)

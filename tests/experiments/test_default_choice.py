@@ -21,6 +21,7 @@ from plant.parameters import PlantParameters, load_parameters
 from tests.experiments.parameter_files import quick_motors, weak_motors
 
 METHOD = TuningChoice()
+"""The method's λ; what a stored document without them means. Nobody's choice has the plan as well."""
 POINT = PointModel(10.55, 0.05, 0.342, 0.7209, 0.342)
 
 
@@ -37,14 +38,24 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
     default = default_choice(load_parameters(name))
-    assert (default.choice, default.moved) == (METHOD, "")
+    assert (default.choice, default.moved) == (replace(METHOD, u_plan=8.5), "")
+
+
+def test_what_is_stored_without_a_budget_had_the_governor() -> None:
+    assert TuningChoice.of({"lam_q": 0.6}).u_plan == 0.0
+
+
+def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:
+    for parameters in (weak, replace(weak, motor=replace(weak.motor, u_max=5.0))):
+        u_max = parameters.motor.u_max
+        assert 0.5 * u_max < default_choice(parameters).choice.u_plan < u_max
 
 
 def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
     tmp_path: Path, weak: PlantParameters
 ) -> None:
     default = default_choice(weak)
-    assert replace(default.choice, lam_q=METHOD.lam_q) == METHOD
+    assert replace(default.choice, lam_q=METHOD.lam_q, u_plan=METHOD.u_plan) == METHOD
     assert default.moved.endswith(f"λ_q 0.5 → {default.choice.lam_q:g} s")
     settings = LoopSettings(**default.choice.document())
     with closing(open_database(tmp_path)) as database:

@@ -1,4 +1,8 @@
-"""The tuning where nobody has chosen one: the method's defaults, each λ moved into what the plant's numbers leave."""
+"""The tuning where nobody has chosen one: the method's defaults, each λ moved into what the plant's numbers leave.
+
+References are followed by a plan of the usual budget. What is stored without a budget had none: ``TuningChoice`` reads
+it as 0, the governor of the paper.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,6 +11,7 @@ from math import ceil, floor
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.tuning.models import LAM_MAX, PointModel, motor_model
 from backend.tuning.motor_loop import common_range
+from backend.tuning.plan_budget import usual_budget
 from backend.tuning.preview import Previewer
 from plant.parameter_sections import SIDES
 from plant.parameters import PlantParameters
@@ -45,8 +50,9 @@ def default_choice(
         lam_q=_into(method.lam_q, lam_q_min, LAM_MAX, _STEP),
         lam_S=_into(method.lam_S, lam_S_min, LAM_MAX, _STEP),
         lam_motor=lam_motor,
+        u_plan=usual_budget(parameters),
     )
-    moved = choice.differences(method)
+    moved = replace(choice, u_plan=method.u_plan).differences(method)
     said = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
     return DefaultChoice(choice, said if moved else "", known)
 
