@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Response, expect
 
+from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.composing.ready_made import text_of
 from backend.experiments.composing.text import read
 from backend.experiments.plans.catalogue import entry_of
@@ -98,8 +99,9 @@ def by_command(folder: Path) -> dict[str, float | None]:
     """The same as from the command line, in another installation."""
     plan = entry_of(*read(OWN)).usual
     database = open_database(folder)
-    settings = LoopSettings()
-    with headless_station(database, load_parameters("lab"), settings) as station:
+    lab = load_parameters("lab")
+    settings = LoopSettings(**default_choice(lab).choice.document())
+    with headless_station(database, lab, settings) as station:
         result = asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator"))).evaluation.result
     database.close()
     assert result is not None
