@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from backend.controllers import decoupler
 from backend.controllers.cascade import Tuning
 from backend.controllers.limits import Bounds
 from backend.loop.commands import ContactFelt, Event, SetTouch, TouchForgotten
@@ -18,11 +19,14 @@ from backend.loop.motion import Tracking
 from backend.loop.program import Law, Program, Segment
 from backend.loop.tick_desk import TickDesk
 from backend.refusal import require_within
-from backend.tick.decision import Carry, Target
-from plant.interface import Measurement, ShaftLoad
+from backend.tick.decision import Carry
+from plant.interface import NO_LOAD, Measurement, ShaftLoad
 
 CONTACT_MIN_N, CONTACT_MAX_N = 1.0, 30.0
 """Force that may count as a contact [N]: with less, the estimate's own error in a fast move could."""
+
+STAND_S = 0.15
+"""How long the motors have to themselves for bringing the joint to a stand [s], before it gets soft."""
 
 TAIL_S = 0.5
 """How long a program's run goes on after a contact [s], so that it holds what came of it."""
@@ -31,12 +35,15 @@ MAX_POINTS = 64
 
 
 class Acting(NamedTuple):
-    """Push [N], loads [N·m] and numbers of tuning and wall as a program has them in force."""
+    """Push [N], loads [N·m] and numbers of tuning and wall as a program has them in force, if any."""
 
     F_push: float
     load: ShaftLoad
     tuning: int
     wall: int
+
+
+NOTHING = Acting(0.0, NO_LOAD, 0, 0)
 
 
 class Contact:
@@ -83,13 +90,17 @@ class Contact:
         return begins
 
 
-def giving_way(tuning: Tuning, carry: Carry, m: Measurement, bounds: Bounds, acting: Acting | None = None) -> Tracking:
-    """Return the motion of a joint that gives way where it is; for TAIL_S under what is ``acting``, else for good."""
+def giving_way(tuning: Tuning, carry: Carry, m: Measurement, bounds: Bounds, acting: Acting) -> Tracking:
+    """Return the motion of a joint that gives way where it is, under what is ``acting``; it is done after TAIL_S.
+
+    First the joint stands, then it gets soft: with both at once the motors would share their voltage between them.
+    """
+    F_push, (load_A, load_B), number, wall = acting
     q = min(max(m.q, bounds.q_min), bounds.q_max)
-    if acting is not None:
-        F_push, (load_A, load_B), number, wall = acting
-        tail = Segment(TAIL_S, q, bounds.S_min, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall)
-        return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, (tail,)))
-    motion = Tracking(tuning, carry, m, bounds, False)
-    motion.first = motion.first._replace(target=Target(q, bounds.S_min, 0.0))
-    return motion
+    S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+    as_it_is = min(max(S, bounds.S_min), bounds.S_max)
+    parts = tuple(
+        Segment(duration_s, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall)
+        for duration_s, S_ref in ((STAND_S, as_it_is), (TAIL_S - STAND_S, bounds.S_min))
+    )
+    return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, parts))

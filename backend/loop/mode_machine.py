@@ -18,7 +18,7 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
-from backend.loop.contact import Acting, Contact, giving_way
+from backend.loop.contact import NOTHING, Acting, Contact, giving_way
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import (
@@ -188,10 +188,10 @@ class ModeMachine:
     def give_way(self, now: Now) -> None:
         """React to a contact: the joint goes soft where it is, at once, and for good where no program's run goes on."""
         playing, begins = self._program is not None, self.contact.feel(now.tick)
-        push, number = self.push, self.tunings.number
-        acting = Acting(push.F_push, push.load, number, push.wall) if playing and begins else None
+        push, number, goes_on = self.push, self.tunings.number, playing and begins
+        acting = Acting(push.F_push, push.load, number, push.wall) if goes_on else NOTHING
         motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting)
-        if acting is not None:
+        if goes_on:
             self.motion = motion
         else:
             self._enter(now, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if playing else self.run)

@@ -23,7 +23,9 @@ from backend.loop.commands import (
 )
 from backend.loop.contact import TAIL_S
 from backend.loop.mode import MODE_CODE, Mode
-from backend.loop.program import Law, Program, Segment
+from backend.loop.program import Law, Program, Segment, Shape
+from backend.loop.tuned import tuning_for
+from backend.tuning.models import Lambdas
 from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
@@ -78,8 +80,8 @@ def test_nothing_is_known_before_the_motors_have_their_zeros() -> None:
 def test_the_joint_gives_way_in_the_tick_in_which_a_contact_is_felt(F_push: float) -> None:
     bench = armed()
     begun = len(bench.samples.rows)
-    bench.send(Push(F_push, 3.0))
-    bench.advance(2.0)
+    bench.send(Push(F_push, 4.0))
+    bench.advance(2.6)
     (felt,) = told(bench, ContactFelt)
     assert felt.tick - begun <= 15
     assert math.copysign(1.0, felt.F_ext_hat) == math.copysign(1.0, F_push)
@@ -194,3 +196,42 @@ def test_a_wall_that_a_program_has_put_up_stays_until_its_run_has_ended() -> Non
     assert abs(pressing[-1]) < abs(pressing.min())  # softer and softer
     assert ended.why is Cause.CONTACT
     assert F_wall[-1] == 0.0
+
+
+def hit(v: float, contact_N: float) -> tuple[float, float, BenchTop]:
+    """Peak [N] and impulse [N·s] of half a second from the touch of a wall at ``v`` [rad/s], at 15 N·m/rad."""
+    lab = load_parameters("lab")
+    bench = BenchTop(lab, tuning_for(lab, Lambdas(), u_plan=8.5))
+    bench.run()
+    bench.send(SetReferences(-0.3, 15.0))
+    bench.advance(4.0)
+    bench.send(SetTouch(((15.0, float(np.mean(bench.column("F_ext_hat", last=1000)))),), contact_N))
+    way = 0.51 + 0.025 * v
+    parts = (
+        Segment(0.5, -0.3, 15.0, wall=1),
+        Segment(way / v, way - 0.3, 15.0, shape=Shape.RAMP),
+        Segment(0.1, way - 0.3, 15.0),
+        Segment(1.0, -0.3, 15.0, shape=Shape.RAMP),
+    )
+    begun = len(bench.samples.rows)
+    bench.send(RunProgram(Program(Law.CASCADE, parts, walls=(Obstacle(1.0, 0.2, 2e4, 1.0),)), 8))
+    bench.advance(0.5 + way / v + 0.6)
+    F_wall = -bench.column("F_wall")[begun:]
+    pressed = F_wall[int(np.argmax(F_wall > 0.0)) :][:500]
+    return float(pressed.max()), float(pressed.sum()) * 1e-3, bench
+
+
+def test_giving_way_takes_a_third_of_the_impulse_and_something_of_the_peak() -> None:
+    for v in (0.2, 0.6):
+        peak, impulse, _ = hit(v, 0.0)
+        softer_peak, softer_impulse, bench = hit(v, FROM_N)
+        assert softer_impulse < 0.67 * impulse
+        assert softer_peak < peak
+        assert len(told(bench, ContactFelt)) == 1
+
+
+def test_giving_way_saves_a_stiff_joint_from_a_trip() -> None:
+    _, _, bench = hit(1.0, 0.0)
+    assert bench.loop.mode is Mode.TRIPPED
+    _, _, bench = hit(1.0, FROM_N)
+    assert bench.loop.mode is Mode.COMPLIANCE
