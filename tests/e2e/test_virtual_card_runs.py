@@ -9,20 +9,25 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, expect
 
+from backend.experiments.banks.default_choice import default_choice
 from backend.experiments.plans.catalogue import IDENTIFICATIONS, experiment, experiments
+from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import Plan
 from backend.experiments.settings import from_values
 from plant.choice import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service
-from tests.experiments.test_virtual_card import ALIKE, figures, performed
+from tests.experiments.test_virtual_card import ALIKE, PARAMETERS, figures, performed
 
 RUN_TIMEOUT_MS = 180_000
 """Ten times what the longest of these takes by the loop's own time."""
 
 HELD_S = 8.0
 """The simulator's pretension is held for some seconds too before it begins: a person is not as fast as a program."""
+
+BY_DEFAULT = LoopSettings(**default_choice(PARAMETERS).choice.document())
+"""Of a data folder in which nobody has chosen a tuning."""
 
 ORDERS: dict[str, Mapping[str, Any]] = {
     "compliance": {"S_ref": 12.0, "profile": "steps", "hold_s": 0.6},
@@ -49,7 +54,8 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
     expect(page.get_by_role("status", name="Status", exact=True)).to_contain_text("Ready to run")
     with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
         for name, settings in ORDERS.items():
-            simulated = beside.submit(performed, tmp_path / name, planned(name, settings), SIMULATOR, HELD_S)
+            plan = planned(name, settings)
+            simulated = beside.submit(performed, tmp_path / name, plan, SIMULATOR, HELD_S, BY_DEFAULT)
             run = (
                 experimented(operator, name, settings)
                 if name in experiments()

@@ -37,18 +37,18 @@ PLANS: dict[str, Plan] = {
 
 
 def performed(
-    folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0
+    folder: Path, plan: Plan, plant: PlantChoice, held_s: float = 0.0, loop: LoopSettings | None = None
 ) -> tuple[Outcome, dict[str, np.ndarray]]:
     """Return what a plan came to on a plant, and its samples; ``held_s`` [s] after winding up began, 0 for at once."""
-    database = open_database(folder)
+    settings, database = loop or LoopSettings(), open_database(folder)
 
     async def played(station: Station) -> Outcome:
         if held_s > 0.0:
             await station.loop.send(SetMode(Mode.PRETENSION))
             await station.loop.advance(held_s)
-        return await run_experiment(station, Order(plan, LoopSettings(), "Ana"))
+        return await run_experiment(station, Order(plan, settings, "Ana"))
 
-    with headless_station(database, PARAMETERS, LoopSettings(), plant) as station:
+    with headless_station(database, PARAMETERS, settings, plant) as station:
         outcome = asyncio.run(played(station))
     with database.reading() as session:
         columns = read_samples(session, outcome.run.id).columns
