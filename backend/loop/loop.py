@@ -56,8 +56,7 @@ class Loop:
     """Control of one plant. ``finished`` tells that a Shutdown has been asked for."""
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
-        self.finished = False
-        self._plant, self._ring = plant, ring
+        self._plant, self._ring, self.finished = plant, ring, False
         self._known = known = knowledge(parameters)
         self.bounds = known.bounds
         self._checks, self._plant_watch = Checks(parameters), PlantWatch()
@@ -67,9 +66,10 @@ class Loop:
         self._hand, self._row = HandPush(plant), np.zeros(len(FIELDS))
         self._events: list[Event] = []
         gains = tuning_of(tuning, self._known)
+        self._desk = TickDesk(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
         try:
             plant.open()
-            self._desk = TickDesk(parameters, plant.unattended_max_s, gains, plant.read())
+            self._desk.begin(plant.read())
             self._machine = ModeMachine(
                 plant, parameters, self._desk, gains, Lambdas(tuning.lam_q, tuning.lam_S), self._events
             )

@@ -39,7 +39,6 @@ class TickDesk:
         parameters: PlantParameters,
         unattended_max_s: float,
         tuning: cascade.Tuning,
-        raw: Measurement,
     ) -> None:
         self.cell = cell = Cell(
             Desk(
@@ -48,8 +47,8 @@ class TickDesk:
                 NO_ORDERS,
                 checks.State(0.0, False, NOT_MEASURED, NOT_MEASURED, plausibility.nothing_remembered()),
                 checks.CLEAR,
-                velocity.State(0.0, raw.q),
-                raw,
+                velocity.State(0.0, math.nan),
+                NOT_MEASURED,
                 ZERO_VOLTS,
                 AT_REST,
                 touch.observer_for(parameters),
@@ -69,6 +68,11 @@ class TickDesk:
         row = np.zeros(len(FIELDS))
         self.look: _Look = partial(Specialised(desk.look, cell, NOT_MEASURED, 0), cell)
         self.write_row: _WriteRow = partial(Specialised(desk.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell)
+
+    def begin(self, raw: Measurement) -> None:
+        """Take in what is measured before the first tick."""
+        self._m.put(raw)
+        self._velocity.put(velocity.State(0.0, raw.q))
 
     def lay(self, motion: Motion) -> None:
         """Let a motion be the one that is under way."""
