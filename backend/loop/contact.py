@@ -1,8 +1,8 @@
 """What comes of an outside force that is a contact: the joint gives way, until somebody says otherwise.
 
-The reaction is the loop's own and takes one tick: position loop open, lowest stiffness, reference where the joint is. A
-program is played no further; TAIL_S of what follows still belong to its run. It stays so until an operator chooses a
-mode again.
+The reaction is the loop's own and takes one tick: position loop open, reference where the joint is. Once it stands it
+goes to the lowest stiffness. A program is played no further; TAIL_S of what follows still belong to its run. It stays
+so until an operator chooses a mode again.
 """
 
 import math

@@ -186,7 +186,7 @@ class ModeMachine:
         self.motion.aim(Target(float(command.q_ref), float(command.S_ref), 0.0))
 
     def give_way(self, now: Now) -> None:
-        """React to a contact: the joint goes soft where it is, at once, and for good where no program's run goes on."""
+        """React to a contact: the joint gives way where it is, and for good where no program's run goes on."""
         playing, begins = self._program is not None, self.contact.feel(now.tick)
         push, number, goes_on = self.push, self.tunings.number, playing and begins
         acting = Acting(push.F_push, push.load, number, push.wall) if goes_on else NOTHING

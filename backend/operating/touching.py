@@ -119,13 +119,15 @@ def _why_not(rows: NDArray[np.float64], since: int) -> str:
     """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
     if len(rows) < LEARNED_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
         return "the outside force is not known yet, the motors' zeros come with pretension"
-    column = {name: rows[:, INDEX[name]] for name in ("mode", "q", "S", "F_push")}
+    column = {name: rows[:, INDEX[name]] for name in ("mode", "q", "S", "F_push", "F_wall")}
     if set(column["mode"].astype(int)) != {MODES.index(Mode.RUN)}:
         return f"the joint has to be held in run for {LEARNED_TICKS / 1000:g} s"
     if rows[0, INDEX["tick"]] < since:
         return f"something else was put into force less than {LEARNED_TICKS / 1000:g} s ago"
     if np.any(column["F_push"] != 0.0):
         return "the joint is pushed"
+    if np.any(np.nan_to_num(column["F_wall"]) != 0.0):  # nan on a rig, where nobody simulates one
+        return "the joint presses on a wall"
     if np.ptp(column["q"]) > _MOVING_RAD or np.ptp(column["S"]) > _MOVING_S:
         return f"joint and stiffness have to be at rest for {LEARNED_TICKS / 1000:g} s"
     return ""

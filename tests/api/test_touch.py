@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from backend.loop.access import LoopDied
+from backend.loop.commands import Obstruct
 from backend.loop.commands import Push as PushCommand
 from backend.loop.mode import Mode
 from backend.messages.touch import TouchOrder, TouchView
@@ -13,6 +14,7 @@ from backend.refusal import OutOfRangeError, RefusalError
 from backend.sample import INDEX
 from backend.storage import Database, events, open_database, runs
 from plant.breakage import Breakage, Broken
+from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
@@ -98,6 +100,11 @@ def test_nothing_is_learned_where_something_acts_or_moves(database: Database) ->
         await at_rest(parts)
         await push(parts, 1.0, 0.5)
         assert "pushed" in await why()
+        await parts.supervisor.send(Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
+        await parts.actuator.set_references(0.27, 10.0, WHO)
+        await parts.supervisor.advance(6.0)
+        assert "presses on a wall" in await why()
+        await parts.supervisor.send(Obstruct(None))
         await parts.actuator.set_references(0.6, 10.0, WHO)
         await parts.supervisor.advance(1.0)
         assert "at rest" in await why()

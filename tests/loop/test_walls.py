@@ -85,7 +85,7 @@ class Bare:
 
 
 def test_a_plant_that_takes_no_wall_says_so_to_operator_and_program(ideal: PlantParameters) -> None:
-    bench = BenchTop(ideal, plant=Bare(Simulator(ideal)))  # type: ignore[arg-type]
+    bench = BenchTop(ideal, plant=Bare(Simulator(ideal)))  # type: ignore[arg-type]  # by its attributes it is one
     bench.wind_up()
     program = Program(Law.CASCADE, (Segment(0.1, 0.0, 10.0, wall=1),), walls=(ABOVE,))
     for command in (Obstruct(ABOVE), Obstruct(None), RunProgram(program)):
