@@ -38,11 +38,13 @@ def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> Non
 
     operator.enter("Push [N]", PUSH_N)
     operator.press("Push")
+    pushed = page.get_by_text("Pushed with")
+    expect(pushed).to_be_visible()  # before it is told it is hidden as well
     operator.expect_mode("compliance")
     felt = in_force()["felt"]
     assert 2.5 < felt["F_ext_hat"] < PUSH_N
     expect(said).to_contain_text(f"Contact: {felt['F_ext_hat']:.1f} N. The joint gives way")
-    expect(page.get_by_text("Pushed with")).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
+    expect(pushed).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     operator.press("Run")
     operator.expect_mode("run")
     expect(said).not_to_contain_text("Contact:")

@@ -22,7 +22,6 @@ export function TouchCard() {
 }
 
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
-  const force = useForce();
   const order = useTouch();
   const armed = touch.contact_N > 0;
   const [chosen, setChosen] = useState<number | null>(null);
@@ -31,7 +30,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
   const about = [contact_N, touch.learned.length];
   const refusal = problem === null ? order.error : null;
   return (
-    <Card title="Touch" aside={<span className={styles.bounds}>{reading(force, touch)}</span>}>
+    <Card title="Touch" aside={<ForceNow touch={touch} />}>
       <RefusedFields error={refusal} about={about}>
         {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
         <div className={styles.touchRows} role="group" aria-label="Touch">
@@ -86,6 +85,11 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
       </RefusedFields>
     </Card>
   );
+}
+
+/** By itself, as it changes ten times a second: the boxes beside it are not rendered for it. */
+function ForceNow({ touch }: { touch: TouchView }) {
+  return <span className={styles.bounds}>{reading(useForce(), touch)}</span>;
 }
 
 /** What stands out: a contact that is given way to, or that nothing is known yet. */
