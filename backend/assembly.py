@@ -3,6 +3,7 @@
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from fastapi import APIRouter
@@ -26,6 +27,7 @@ from backend.archive.run_library import RunLibrary
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
+from backend.archive.timeline import StoredTimeline
 from backend.data_folder import PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
 from backend.experiments.playing.runner import Station
@@ -57,6 +59,7 @@ from backend.scene.mirror import PART as SCENE
 from backend.scene.mirror import SceneMirror
 from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
+from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
 
 
@@ -107,6 +110,7 @@ def assemble(
     journal = Journal(database)
     stack.callback(journal.close)
     keep(JOURNAL, journal.run)
+    authentication.tell = partial(journal.record, EventKind.ACCESS)
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
     present = PresentState(supervisor, parameters, tuning, problems)
@@ -190,6 +194,7 @@ def assemble(
         banks=banks,
         preferences=StoredPreferences(database),
         history=history,
+        timeline=StoredTimeline(database),
         replay=replay,
         downloads=downloads,
         maintenance=Maintenance(database, settings.data, supervisor),

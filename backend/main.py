@@ -80,8 +80,9 @@ async def _serve(
         await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
         from backend.access.authentication import Authentication
         from backend.access.sessions import Sessions
-        from backend.api.app import create_app, put_routes_together
+        from backend.api.app import create_app
         from backend.assembly import assemble
+        from backend.web_server.first_request import put_routes_together
         from backend.web_server.server import Server
 
         authentication = Authentication(files, Sessions(settings.data))

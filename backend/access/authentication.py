@@ -71,6 +71,8 @@ class Authentication:
         self._turn = asyncio.Lock()
         self.sessions = sessions or Sessions()
         self.people = People()
+        self.tell: Callable[[str, str], None] = lambda _text, _who: None
+        """Told of who signs in and out and of new tokens, for the log: what happened, and by whom."""
 
     def sign_in(self, shown: Shown, token: str, name: str = "") -> Person:
         """Return who ``token`` belongs to. Raises RefusalError for a wrong one, 429 after too many of them.
@@ -93,7 +95,9 @@ class Authentication:
             self._dismiss()
         session = secrets.token_urlsafe(12)
         self.sessions.begin(session, role)
-        return Person(self.people.shown(called, role, session), role, session, called or role)
+        person = Person(self.people.shown(called, role, session), role, session, called or role)
+        self.tell(f"signed in as {role}", person.name)
+        return person
 
     def cookie(self, person: Person) -> str | None:
         """Return what a browser shows from now on to be recognised as ``person``; None where it needs no cookie."""
@@ -108,6 +112,7 @@ class Authentication:
         person = self._genuine(shown)
         if person is not None:
             self.sessions.end(person.session)
+            self.tell("signed out", person.name)
             self._dismiss()
 
     def recognise(self, shown: Shown) -> Person | None:
@@ -144,6 +149,7 @@ class Authentication:
                     Because.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
                 ) from error
             await self._refresh(but=person.session)
+        self.tell(f"new tokens for {' and '.join(roles)}", person.name)
         await self.sessions.save()
         return self._files.tokens
 

@@ -1,17 +1,13 @@
 """Who sends a request is known before anything of its body is taken; then the body is read, whole and in time."""
 
-import re
-from typing import Any
-
-import pydantic_core
 from starlette.requests import ClientDisconnect, HTTPConnection
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from backend.api.auth import authentication_of, signed_in
 from backend.api.cookies import shown_by
 from backend.api.errors import answer_to
 from backend.refusal import Because, RefusalError
-from backend.web_server.guard import MAX_BODY_BYTES
+from backend.web_server.bodies import has_body, once_more, read_whole
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
 
@@ -19,8 +15,6 @@ OPEN = {"/api/session", "/api/health"}
 """What may be asked, and sent a body, by somebody who is not signed in."""
 
 CLOSED = ("/api/", "/scene", "/replay")
-
-_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
 
 
 class Admission:
@@ -41,8 +35,8 @@ class Admission:
         connection = HTTPConnection(scope)
         try:
             _show_in(connection)
-            if _has_body(connection):
-                receive = _once_more(await _read(receive), receive)
+            if has_body(connection):
+                receive = once_more(await read_whole(receive), receive)
         except RefusalError as error:
             await answer_to(error)(scope, receive, send)
         except ClientDisconnect:
@@ -59,7 +53,7 @@ def _show_in(connection: HTTPConnection) -> None:
         return
     person = authentication_of(connection).recognise(shown_by(connection))
     if person is None:
-        if is_socket or _has_body(connection):
+        if is_socket or has_body(connection):
             signed_in(connection)  # says what is to be done
         return  # a route may still let in somebody whose session is over, to press STOP
     state = scope.get("state", {})
@@ -72,42 +66,3 @@ def _show_in(connection: HTTPConnection) -> None:
         f"{person.name} has too many connections open: close other pages first",
         code="too_many_connections",
     )
-
-
-def _has_body(connection: HTTPConnection) -> bool:
-    return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
-
-
-async def _read(receive: Receive) -> bytes:
-    """Return the whole body. Raises RefusalError, ClientDisconnect."""
-    body = bytearray()
-    while True:
-        message = await receive()
-        if message["type"] == "http.disconnect":
-            raise ClientDisconnect
-        body += message.get("body", b"")
-        if len(body) > MAX_BODY_BYTES:
-            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {MAX_BODY_BYTES} bytes")
-        if not message.get("more_body", False):
-            break
-    _require_writable(bytes(body))
-    return bytes(body)
-
-
-def _require_writable(body: bytes) -> None:
-    if _NUL.search(body):
-        raise RefusalError(Because.BAD_VALUE, "body: a text holds the character of code 0, which cannot be stored")
-    try:
-        pydantic_core.from_json(body)
-    except ValueError as error:
-        raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
-
-
-def _once_more(body: bytes, receive: Receive) -> Receive:
-    """Return a ``receive`` that gives ``body`` first."""
-    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
-
-    async def again() -> Message:
-        return messages.pop() if messages else await receive()
-
-    return again

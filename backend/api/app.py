@@ -18,8 +18,8 @@ from backend.api.routes import (
     control,
     experiments,
     faults,
-    flights,
     identifications,
+    log,
     operate,
     own_experiments,
     preferences,
@@ -83,7 +83,7 @@ def create_app(
         operate,
         bring_up,
         faults,
-        flights,
+        log,
         tuning,
         identifications,
         banks,
@@ -107,22 +107,3 @@ def create_app(
 
 def _operation_id(route: APIRoute) -> str:
     return route.name
-
-
-async def put_routes_together(app: FastAPI) -> None:
-    """Send the application its first request: FastAPI prepares its routes only then, for a third of a second."""
-    request = {
-        "type": "http",
-        "method": "GET",
-        "path": "/api/docs",
-        "query_string": b"",
-        "headers": [(b"host", b"localhost")],
-    }
-
-    async def receive() -> dict[str, object]:
-        return {"type": "http.request", "body": b""}
-
-    async def send(_message: object) -> None:
-        return None
-
-    await app(request, receive, send)

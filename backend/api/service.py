@@ -22,6 +22,7 @@ from backend.archive.run_library import RunLibrary
 from backend.archive.stored_banks import StoredBanks
 from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
+from backend.archive.timeline import StoredTimeline
 from backend.operating.actuator import Actuator
 from backend.operating.bring_up import BringUp
 from backend.operating.live_stream import LiveStream
@@ -50,6 +51,7 @@ class Service:
     banks: StoredBanks
     preferences: StoredPreferences
     history: History
+    timeline: StoredTimeline
     replay: Replay
     downloads: Downloads
     maintenance: Maintenance

@@ -28,10 +28,9 @@ class SessionEnds:
             return
         connection = HTTPConnection(scope)
         authentication = authentication_of(connection)
-        try:
+        person = None
+        with suppress(RefusalError):
             person = authentication.recognise(shown_by(connection))
-        except RefusalError:
-            person = None
         if person is None:
             await self._app(scope, receive, send)
             return

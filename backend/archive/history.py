@@ -6,10 +6,10 @@ from collections.abc import Callable
 from backend.archive import checklist
 from backend.archive.lineage import READ_AT_ONCE_BYTES, LineageGraph, SampleDigests
 from backend.messages.history import Checklist, Lineage, LineageBank, LineageEntry, RunMark, RunMarks
-from backend.recording.flight import TRIP_EVENT
 from backend.storage import Database, Session, banks, events, identifications, recordings, runs
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
+from backend.storage.events import EventKind
 from backend.storage.records import UnknownRecordError
 from plant.parameters import PlantParameters
 
@@ -74,7 +74,9 @@ class History:
             RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
             for event in found
             # ticks begin anew with each loop process: those of another one do not fit this recording
-            if event.tick is not None and event.kind != TRIP_EVENT and span.first_tick <= event.tick <= span.end_tick
+            if event.tick is not None
+            and event.kind != EventKind.TRIP
+            and span.first_tick <= event.tick <= span.end_tick
         ]
         return RunMarks(marks=marks)
 

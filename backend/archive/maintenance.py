@@ -20,7 +20,8 @@ from backend.messages.system import (
     LatenessClass,
     SystemView,
 )
-from backend.storage import Database
+from backend.storage import Database, events
+from backend.storage.events import EventKind
 from backend.storage.maintenance import backup, check, next_copy
 from backend.storage.migrate import revision
 
@@ -43,10 +44,15 @@ class Maintenance:
         """Check the whole database."""
         return DatabaseCheck(problems=await asyncio.to_thread(check, self._database.engine))
 
-    async def backup(self) -> BackupView:
+    async def backup(self, who: str) -> BackupView:
         """Copy the database to the data folder. Raises BackupError."""
+        return await asyncio.to_thread(self._backup, who)
+
+    def _backup(self, who: str) -> BackupView:
         target = next_copy(self._data)
-        await asyncio.to_thread(backup, self._database.engine, target)
+        backup(self._database.engine, target)
+        with self._database.session() as session:
+            events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
         return _backup_view(target)
 
     def _view(self) -> SystemView:

@@ -10,6 +10,7 @@ from itertools import islice
 
 from backend.messages.live import EventMessage, MarkKind
 from backend.storage import Database, UnfitError, events
+from backend.storage.events import EventKind
 from backend.supervision import Part
 
 PART = Part("The journal", "Events wait in memory meanwhile.")
@@ -24,9 +25,11 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class _Entry:
-    """One event; ``lost`` is how many others it stands for."""
+    """One event; ``lost`` is how many others it stands for, ``tick`` None where no sample is the one."""
 
-    mark: EventMessage
+    kind: EventKind
+    text: str
+    tick: int | None
     who: str
     run: int | None
     at: datetime
@@ -68,7 +71,11 @@ class Journal:
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
         for announce in self._announce:
             announce(mark)
-        self._keep(_Entry(mark.model_copy(update={"text": text}), who, run, datetime.now(UTC)))
+        self._keep(_Entry(EventKind(kind), text, tick, who, run, datetime.now(UTC)))
+
+    def record(self, kind: EventKind, text: str, who: str = "") -> None:
+        """Keep an event that is nothing on the time axis: for the log alone."""
+        self._keep(_Entry(kind, text, None, who, None, datetime.now(UTC)))
 
     async def run(self) -> None:
         """Write until cancelled; a transaction that is under way then is waited for."""
@@ -88,7 +95,7 @@ class Journal:
             if done < len(batch):
                 break
         for entry in self._waiting:
-            _log.error("event not stored: %s", entry.mark.text)
+            _log.error("event not stored: %s", entry.text)
 
     def _keep(self, entry: _Entry) -> None:
         if len(self._waiting) - self._under_way < self._bound:
@@ -97,9 +104,8 @@ class Journal:
             counts = self._waiting[-1].lost and len(self._waiting) > self._under_way
             lost = self._waiting.pop().lost + 1 if counts else 1
             text = f"{lost} events that followed could not be kept"
-            mark = EventMessage(tick=entry.mark.tick, kind=MarkKind.NOTE, text=text)
-            self._waiting.append(_Entry(mark, "", None, entry.at, lost))
-            _log.error("event lost: %s", entry.mark.text)
+            self._waiting.append(_Entry(EventKind.NOTE, text, entry.tick, "", None, entry.at, lost))
+            _log.error("event lost: %s", entry.text)
         self._arrived.set()
 
     async def _write_next(self) -> bool:
@@ -136,7 +142,7 @@ class Journal:
     def _write_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
         """Write what can be written; what never can is logged and left out, so that it does not hold up the rest."""
         if len(batch) == 1:
-            _log.error("event not stored: %s: %r", error, batch[0].mark.text)
+            _log.error("event not stored: %s: %r", error, batch[0].text)
             return 1
         for position, entry in enumerate(batch):
             if not self._write([entry]):
@@ -146,5 +152,5 @@ class Journal:
     def _store(self, batch: Sequence[_Entry]) -> None:
         with self._database.session() as session:
             for entry in batch:
-                mark = entry.mark
-                events.add(session, mark.kind, mark.text, who=entry.who, run_id=entry.run, tick=mark.tick, at=entry.at)
+                who, run, tick, at = entry.who, entry.run, entry.tick, entry.at
+                events.add(session, entry.kind, entry.text, who=who, run_id=run, tick=tick, at=at)

@@ -21,6 +21,7 @@ from backend.recording.codec import pack, unpack
 from backend.recording.columns import Columns
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, StorageError, events, flights, runs
+from backend.storage.events import EventKind
 from backend.storage.flights import NewFlight
 from backend.storage.records import UnknownRecordError
 from backend.supervision import Part
@@ -29,8 +30,6 @@ from plant.interface import T_s
 BEFORE_S = 10.0
 AFTER_S = 5.0
 LOOK_S = 0.25
-TRIP_EVENT = "trip"
-"""Kind of the event that a record hangs on; the journal tells of the trip by itself."""
 DIED = "loop_died"
 """What stands in place of the fault when the loop process died."""
 
@@ -170,13 +169,16 @@ class FlightRecorder:
                 known = runs.get(session, run_id).id if run_id else None
             except UnknownRecordError:
                 known = None
-            event = events.add(session, TRIP_EVENT, trip.told, run_id=known, tick=trip.tick, at=trip.at)
+            # what a record hangs on; the journal tells of the trip by itself
+            event = events.add(session, EventKind.TRIP, trip.told, run_id=known, tick=trip.tick, at=trip.at)
             samples = pack(rows[:, STORED_COLUMNS].astype(np.float32))
             flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
             flights.add(session, flight)
             gone = flights.give_way(session, self._quota.records, self._quota.size_bytes)
             if gone:
-                events.add(session, "flight_quota", f"the {gone} oldest flight records gave way: {self._quota_told}")
+                events.add(
+                    session, EventKind.FLIGHT_QUOTA, f"the {gone} oldest flight records gave way: {self._quota_told}"
+                )
 
     @property
     def _quota_told(self) -> str:

@@ -23,6 +23,7 @@ from backend.loop.ring import Ring
 from backend.recording.codec import Table, pack, summarise
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
+from backend.storage.events import EventKind
 from backend.storage.recordings import Chunk, NotRecordableError
 from backend.storage.records import UnknownRecordError
 from backend.storage.runs import EndState
@@ -199,7 +200,7 @@ class Recorder:
                         recordings.add_gap(session, run, missed, f"up to {missed} samples before the first were lost")
         except (UnknownRecordError, NotRecordableError) as error:
             with self._database.session() as session:
-                events.add(session, "recording", f"samples of run {run} are not recorded: {error}", tick=tick)
+                events.add(session, EventKind.RECORDING, f"samples of run {run} are not recorded: {error}", tick=tick)
             self._refused_run = run
         else:
             self._run, self._next_tick = run, tick

@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 
 from backend.reading import counted
 from backend.storage import Database, events, retention
+from backend.storage.events import EventKind
 from backend.storage.retention import Held
 
 _CHUNKS_AT_ONCE = 200
@@ -92,7 +93,7 @@ def _remove(database: Database, run: Held, who: str) -> None:
             raise NotRemovableError(f"run {run.run_id} has come into use meanwhile; its samples stay")
         retention.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
         text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"
-        events.add(session, "retention", text, who=who, run_id=run.run_id)
+        events.add(session, EventKind.RETENTION, text, who=who, run_id=run.run_id)
     more = True
     while more:
         with database.session() as session:

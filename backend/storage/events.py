@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -9,6 +10,25 @@ from sqlalchemy.orm import Session
 from backend.storage.records import to_record
 from backend.storage.schema import Document, EventRow
 from backend.storage.stations import station_of
+
+
+class EventKind(StrEnum):
+    """What an event is about. Those that are marks on the time axis too are called as ``MarkKind`` calls them."""
+
+    MODE = "mode"
+    TUNING = "tuning"
+    BANK = "bank"
+    FAULT = "fault"
+    REFERENCES = "references"
+    NOTE = "note"
+    TRIP = "trip"
+    RECORDING = "recording"
+    RETENTION = "retention"
+    FLIGHT_QUOTA = "flight_quota"
+    BACKUP = "backup"
+    ACCESS = "access"
+    RUN = "run"
+    """Not stored as an event: runs say themselves when they began and ended."""
 
 
 @dataclass(frozen=True)

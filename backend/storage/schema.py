@@ -226,6 +226,18 @@ class EventRow(OfStation, Numbered, Base):
     detail: Mapped[Document]
 
 
+class RemarkRow(Base):
+    """What a person says of an event: a note, and tags as single words between blanks."""
+
+    __tablename__ = "event_remark"
+
+    event_id: Mapped[int] = mapped_column(ForeignKey("event.id"), primary_key=True, autoincrement=False)
+    note: Mapped[str] = mapped_column(Text)
+    tags: Mapped[str] = mapped_column(Text)
+    who: Mapped[str] = mapped_column(String(200))
+    at: Mapped[datetime]
+
+
 class FlightRow(Base):
     """The samples around a trip, kept with its event."""
 

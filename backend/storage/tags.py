@@ -34,20 +34,20 @@ class TagError(RefusalError):
 def put(session: Session, run_id: int, tag: str) -> None:
     """Put a tag on a run of the station, which may have it already. Raises TagError, UnknownRecordError."""
     runs.own(session, run_id)
-    insert_new(session, RunTagRow, [{"run_id": run_id, "tag": _read(tag)}])
+    insert_new(session, RunTagRow, [{"run_id": run_id, "tag": read_tag(tag)}])
     touch(session, run_id)
 
 
 def take(session: Session, run_id: int, tag: str) -> None:
     """Take a tag off a run of the station, which may not have it. Raises TagError, UnknownRecordError."""
     runs.own(session, run_id)
-    session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == _read(tag)))
+    session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == read_tag(tag)))
     touch(session, run_id)
 
 
 def rename(session: Session, before: str, after: str) -> int:
     """Call a tag otherwise on all runs of the station; return on how many. Raises TagError, UnknownRecordError."""
-    old, new = _read(before), _read(after)
+    old, new = read_tag(before), read_tag(after)
     mine = select(RunTagRow.run_id).join(RunRow, RunRow.id == RunTagRow.run_id)
     of_station = mine.where(RunTagRow.tag == old, RunRow.station == station_of(session)).order_by(RunTagRow.run_id)
     tagged = list(session.scalars(of_station))
@@ -69,7 +69,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
     return found
 
 
-def _read(tag: str) -> str:
+def read_tag(tag: str) -> str:
     """Return a tag as it is kept. Raises TagError."""
     kept = tag.casefold()
     if not _TAG.fullmatch(kept) or len(kept) > TAG_MAX or kept == NONE:

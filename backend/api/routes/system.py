@@ -22,9 +22,9 @@ async def check_database(service: ServiceInUse, _person: Operator) -> DatabaseCh
 
 
 @router.post("/backups", status_code=201)
-async def make_backup(service: ServiceInUse, _person: Operator) -> BackupView:
+async def make_backup(service: ServiceInUse, person: Operator) -> BackupView:
     """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
-    return await service.maintenance.backup()
+    return await service.maintenance.backup(person.name)
 
 
 @router.get("/recordings")

@@ -1,0 +1,39 @@
+"""Everything that happened, as the log shows it."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from backend.messages.base import Schema, quantity
+from backend.storage.events import EventKind
+from backend.storage.index_schema import TAG_MAX
+
+
+class TimelineEntry(Schema):
+    """One thing that happened."""
+
+    at: datetime
+    kind: EventKind
+    who: str = Field(description="who asked for it; empty where nobody did")
+    text: str
+    event: int | None = Field(description="its number; null of a run that began or ended")
+    run: int | None
+    t: float | None = quantity("s", "where it stands in the recording of the run, since its first sample")
+    flight: bool = Field(description="a flight record of this number was kept")
+    note: str
+    tags: list[str]
+    remark_by: str = Field(description="whose note and tags these are")
+
+
+class Timeline(Schema):
+    """A page of it, newest first."""
+
+    entries: list[TimelineEntry]
+    more_before: datetime | None = Field(description="ask for what was before this; null where there is no more")
+
+
+class Remark(Schema):
+    """What a person says of an event; with neither note nor tags it is taken off."""
+
+    note: str = Field(default="", max_length=10_000)
+    tags: list[str] = Field(default=[], max_length=100, description=f"words of at most {TAG_MAX} characters")

@@ -1,0 +1,53 @@
+"""Bodies of requests: read whole, and refused where they are too large or hold what cannot be written down again."""
+
+import re
+from typing import Any
+
+import pydantic_core
+from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.types import Message, Receive
+
+from backend.refusal import Because, RefusalError
+from backend.web_server.guard import MAX_BODY_BYTES
+
+_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
+
+
+def has_body(connection: HTTPConnection) -> bool:
+    """Tell whether a request brings one."""
+    return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
+
+
+async def read_whole(receive: Receive) -> bytes:
+    """Return the whole body. Raises RefusalError, ClientDisconnect."""
+    body = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] == "http.disconnect":
+            raise ClientDisconnect
+        body += message.get("body", b"")
+        if len(body) > MAX_BODY_BYTES:
+            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {MAX_BODY_BYTES} bytes")
+        if not message.get("more_body", False):
+            break
+    _require_writable(bytes(body))
+    return bytes(body)
+
+
+def _require_writable(body: bytes) -> None:
+    if _NUL.search(body):
+        raise RefusalError(Because.BAD_VALUE, "body: a text holds the character of code 0, which cannot be stored")
+    try:
+        pydantic_core.from_json(body)
+    except ValueError as error:
+        raise RefusalError(Because.BAD_VALUE, f"body: this is not JSON: {error}", code="json_invalid") from None
+
+
+def once_more(body: bytes, receive: Receive) -> Receive:
+    """Return a ``receive`` that gives ``body`` first."""
+    messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
+
+    async def again() -> Message:
+        return messages.pop() if messages else await receive()
+
+    return again

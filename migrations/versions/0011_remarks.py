@@ -1,0 +1,26 @@
+"""What people say of an event: a note and tags, beside the event, which never changes."""
+
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0011_remarks"
+down_revision = "0010_origin"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Make the table."""
+    op.create_table(
+        "event_remark",
+        sa.Column("event_id", sa.Integer(), sa.ForeignKey("event.id"), primary_key=True, autoincrement=False),
+        sa.Column("note", sa.Text(), nullable=False),
+        sa.Column("tags", sa.Text(), nullable=False),
+        sa.Column("who", sa.String(200), nullable=False),
+        sa.Column("at", sa.DateTime(), nullable=False),
+    )
+
+
+def downgrade() -> None:
+    """Drop it; the events stay."""
+    op.drop_table("event_remark")
