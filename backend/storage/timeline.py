@@ -20,6 +20,7 @@ from backend.storage.tags import read_tag
 
 NOTE_MAX = 2000
 TAGS_MAX = 20
+_NEXT = timedelta(microseconds=1)
 AFTER = timedelta(seconds=2)
 """So long after a run ended what ended it may be written: a flight record is, once its seconds are over."""
 
@@ -58,18 +59,23 @@ class Happening:
 
 def find(session: Session, asked: Asked, limit: int) -> tuple[list[Happening], datetime | None]:
     """Return the newest of the station, and before which time there is more; None where there is none."""
-    wanted = set(asked.kinds) or set(EventKind)
-    found: list[Happening] = []
-    if wanted - {EventKind.RUN}:
-        found += _events(session, asked, limit + 1)
-    if EventKind.RUN in wanted:
-        found += _began(session, asked, limit + 1) + _ended(session, asked, limit + 1)
-    found.sort(key=lambda one: (one.at, one.event_id or 0), reverse=True)
-    if len(found) <= limit:
+    found = _merged(session, asked, limit)
+    if len(found) < limit:
         return _placed(session, found), None
-    last = found[limit - 1].at
-    page = [one for one in found if one.at >= last]  # what happened at one moment is not torn apart
-    return _placed(session, page), last if len(found) > len(page) else None
+    last = found[-1].at  # what happened at one moment is not torn apart
+    newer = [one for one in found if one.at > last]
+    at_once = _merged(session, replace(asked, since=last, before=last + _NEXT), None)
+    more = _merged(session, replace(asked, before=last), 1)
+    return _placed(session, newer + at_once), last if more else None
+
+
+def _merged(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
+    wanted = set(asked.kinds) or set(EventKind)
+    found = _events(session, asked, limit) if wanted - {EventKind.RUN} else []
+    if EventKind.RUN in wanted:
+        found += _began(session, asked, limit) + _ended(session, asked, limit)
+    found.sort(key=lambda one: (one.at, one.event_id or 0), reverse=True)
+    return found[:limit]
 
 
 def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
@@ -94,7 +100,7 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
     session.merge(RemarkRow(event_id=event_id, note=note, tags=f" {words} ", who=who, at=datetime.now(UTC)))
 
 
-def _events(session: Session, asked: Asked, limit: int) -> list[Happening]:
+def _events(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
     query = (
         select(EventRow, RemarkRow, FlightRow.event_id)
         .outerjoin(RemarkRow, RemarkRow.event_id == EventRow.id)
@@ -126,12 +132,12 @@ def _events(session: Session, asked: Asked, limit: int) -> list[Happening]:
     ]
 
 
-def _began(session: Session, asked: Asked, limit: int) -> list[Happening]:
+def _began(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
     rows = _runs(session, RunRow.started_at, asked, limit)
     return [Happening(run.at, EventKind.RUN, run.who, f"{run.title} began", run_id=run.id) for run in rows]
 
 
-def _ended(session: Session, asked: Asked, limit: int) -> list[Happening]:
+def _ended(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
     rows = _runs(session, RunRow.ended_at, asked, limit)
     return [Happening(run.at, EventKind.RUN, "", f"{run.title}: {run.end}", run_id=run.id) for run in rows]
 
@@ -146,7 +152,7 @@ class _Run(NamedTuple):
     end: str
 
 
-def _runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked, limit: int) -> list[_Run]:
+def _runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked, limit: int | None) -> list[_Run]:
     query = (
         select(RunRow.id, moment, RunRow.who, RunIndexRow.title, RunRow.end_state, RunRow.end_detail)
         .join(RunIndexRow, RunIndexRow.run_id == RunRow.id)

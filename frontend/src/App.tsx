@@ -32,6 +32,7 @@ const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage")
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
 const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
+const LogPage = lazy(() => import("./pages/log/LogPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 
 /** A page of its own, or one about the thing with a number; what is no number is no address. */
@@ -100,6 +101,7 @@ function Shell() {
                 <Route path={EXPERIMENTS} component={ExperimentsPage} />
                 <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
+                <Route path="/log" component={LogPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />
                 <Route>

@@ -3,9 +3,10 @@
 import { useSyncExternalStore } from "react";
 
 export class Playhead {
-  private at = 0;
   private running = false;
   private readonly listeners = new Set<() => void>();
+
+  constructor(private at = 0) {}
 
   get at_s(): number {
     return this.at;

@@ -8,6 +8,7 @@ import {
   TbFlask,
   TbGridDots,
   TbListCheck,
+  TbListDetails,
   TbPlugConnected,
   TbServerCog,
   TbWaveSine,
@@ -34,6 +35,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
   { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
   { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
+  { path: "/log", name: "Log", key: "g", Icon: TbListDetails },
   { path: "/system", name: "System", key: "s", Icon: TbServerCog },
 ];
 

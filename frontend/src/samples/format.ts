@@ -101,6 +101,13 @@ export function dateTime(iso: string): string {
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
 }
 
+/** The same to the millisecond, for what happens within one second. */
+export function instant(iso: string): string {
+  const when = new Date(iso);
+  const ms = String(when.getMilliseconds()).padStart(3, "0");
+  return Number.isNaN(when.getTime()) ? dateTime(iso) : `${dateTime(iso)}.${ms}`;
+}
+
 /** Bytes as people buy disks: 1 GB is 10⁹ bytes, as in the settings. */
 export function bytes(count: number | null): string {
   if (count === null) return "size unknown";

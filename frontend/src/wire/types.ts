@@ -79,3 +79,4 @@ export type BringUp = Schemas["BringUpView"];
 export type BringUpStep = BringUp["steps"][number];
 export type BringUpResult = NonNullable<BringUpStep["result"]>;
 export type BringUpRunning = NonNullable<BringUpStep["running"]>;
+export type LogEntry = Schemas["TimelineEntry"];

@@ -30,8 +30,15 @@ const NO_OTHERS: readonly number[] = [];
 /** What the pieces of curves in the key are of. */
 const MEASURED: Trace = { name: "q", hue: HUES.q, dashed: false };
 
+interface RunChartsProps {
+  readonly run: number;
+  /** Where the playhead stands first. */
+  readonly at_s?: number | null;
+  readonly others?: readonly number[];
+}
+
 /** `others` has to be the same array as long as it says the same. */
-export function RunCharts({ run, others = NO_OTHERS }: { run: number; others?: readonly number[] }) {
+export function RunCharts({ run, at_s = null, others = NO_OTHERS }: RunChartsProps) {
   const asked = useQueries({ queries: [run, ...others].map((id) => runQuery(id)) });
   const error = asked.find((one) => one.error)?.error;
   if (error) return <p className={page.empty}>{error.message}</p>;
@@ -42,19 +49,25 @@ export function RunCharts({ run, others = NO_OTHERS }: { run: number; others?: r
   const drawn = found.filter(({ samples }) => samples > 0).map(({ id, duration_s }) => ({ id, duration_s }));
   const key = drawn.map(({ id, duration_s }) => `${id}:${duration_s}`).join(" ");
   return drawn.length === 1 ? (
-    <OneRun key={key} run={run} duration_s={(drawn[0] as Recorded).duration_s} silent={silent} />
+    <OneRun
+      key={`${key} ${at_s}`}
+      run={run}
+      at_s={at_s ?? 0}
+      duration_s={(drawn[0] as Recorded).duration_s}
+      silent={silent}
+    />
   ) : (
     <SeveralRuns key={key} runs={drawn} silent={silent} />
   );
 }
 
-function OneRun({ run, duration_s, silent }: OneRunProps) {
+function OneRun({ run, at_s, duration_s, silent }: OneRunProps) {
   const home = useMemo(() => ({ span_s: duration_s, end_s: duration_s }), [duration_s]);
-  const control = useViewport(home);
+  const control = useViewport(around(home, at_s));
   const runs = useMemo(() => [{ id: run, duration_s }], [run, duration_s]);
   const { sources, resolution } = useRecordings(runs, control.view);
   const source = sources[0] as PlotSource;
-  const [playhead] = useState(() => new Playhead());
+  const [playhead] = useState(() => new Playhead(Math.min(at_s, duration_s)));
   return (
     <div className={replay.beside}>
       <RecordedCharts
@@ -71,8 +84,18 @@ function OneRun({ run, duration_s, silent }: OneRunProps) {
   );
 }
 
+/** Seconds in sight of a long recording that is looked at for one moment. */
+const AROUND_S = 20;
+
+function around(home: { span_s: number; end_s: number }, at_s: number): Viewport {
+  if (at_s === 0 || home.span_s <= AROUND_S) return home;
+  const end_s = Math.min(Math.max(at_s + AROUND_S / 2, AROUND_S), home.end_s);
+  return { span_s: AROUND_S, end_s };
+}
+
 interface OneRunProps {
   readonly run: number;
+  readonly at_s: number;
   readonly duration_s: number;
   readonly silent: readonly number[];
 }

@@ -21,12 +21,14 @@ import { Tags } from "./Tags";
 
 interface RunDetailProps {
   readonly id: number;
+  /** The second of the recording to be shown first; its begin where left out. */
+  readonly at_s?: number | null;
   readonly others: readonly number[];
   /** What of the address could not be followed. */
   readonly problem?: string;
 }
 
-export function RunDetail({ id, others, problem = "" }: RunDetailProps) {
+export function RunDetail({ id, at_s = null, others, problem = "" }: RunDetailProps) {
   const { data, error } = useQuery(runQuery(id));
   return (
     <div className={page.page}>
@@ -44,7 +46,7 @@ export function RunDetail({ id, others, problem = "" }: RunDetailProps) {
           <RunResult run={data} />
           <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
             <div className={page.charts}>
-              <RunCharts run={id} others={others} />
+              <RunCharts run={id} at_s={at_s} others={others} />
             </div>
           </Card>
           {others.length > 0 && <ComparisonCard runs={[id, ...others]} />}

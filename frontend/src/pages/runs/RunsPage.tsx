@@ -8,12 +8,18 @@ import { RunDetail } from "./RunDetail";
 import { RunTable } from "./RunTable";
 
 export default function RunsPage() {
-  const { id, others, chart } = useParams();
+  const { id, at, others, chart } = useParams();
   const beside = useMemo(() => othersIn(others, Number(id)), [others, id]);
   if (chart !== undefined) return <MetricChart />;
   return id === undefined ? (
     <RunTable />
   ) : (
-    <RunDetail key={id} id={Number(id)} others={beside.numbers} problem={beside.problem} />
+    <RunDetail
+      key={id}
+      id={Number(id)}
+      at_s={at === undefined ? null : Number(at)}
+      others={beside.numbers}
+      problem={beside.problem}
+    />
   );
 }

@@ -1,11 +1,13 @@
 /** Addresses of runs on the page. Pure. */
 
-/** All runs, their metrics, a run, a run beside others, whatever these are: `othersIn` says what is wrong with them. */
-export const RUNS = /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:\/(?<others>[^/]+))?))?$/;
+/** All runs, their metrics, a run, a run at a second of it, a run beside others, whatever these are: `othersIn` says what is wrong with them. */
+export const RUNS =
+  /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+))?))?$/;
 
-/** A run by itself, or beside others. */
-export function addressOf(run: number, others: readonly number[] = []): string {
-  return others.length === 0 ? `/runs/${run}` : `/runs/${run}/${others.join(",")}`;
+/** A run by itself, at a second of its recording where one is given, or beside others. */
+export function addressOf(run: number, others: readonly number[] = [], at_s: number | null = null): string {
+  const own = at_s === null ? `/runs/${run}` : `/runs/${run}@${Math.max(0, at_s).toFixed(3)}`;
+  return others.length === 0 ? own : `${own}/${others.join(",")}`;
 }
 
 /** As many as the service sets beside each other. */

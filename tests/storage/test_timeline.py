@@ -1,0 +1,144 @@
+"""Everything that happened in one list: nothing twice, nothing left out at the edge of a page, each at its second."""
+
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+
+import pytest
+from sqlalchemy import update
+
+from backend.messages.live import MarkKind
+from backend.refusal import RefusalError
+from backend.storage import Database, Session, events, recordings, runs, timeline
+from backend.storage.events import EventKind
+from backend.storage.recordings import Chunk
+from backend.storage.records import UnknownRecordError
+from backend.storage.schema import RunRow
+from backend.storage.tags import TagError
+from backend.storage.timeline import Asked, Happening
+from tests.storage.test_run_search import NEW
+
+NOON = datetime(2026, 3, 31, 12, tzinfo=UTC)
+
+
+def after(seconds: float) -> datetime:
+    return NOON + timedelta(seconds=seconds)
+
+
+def record(session: Session, began: float, first_tick: int, count: int) -> int:
+    """Store a run of ``count`` ticks that began ``began`` seconds after noon."""
+    number = runs.create(session, NEW).id
+    recordings.begin(session, number, ["q"], 0.001)
+    recordings.add_chunks(session, number, [Chunk(first_tick, count, b"", b"")])
+    runs.end(session, number, runs.EndState.COMPLETED)
+    ended = after(began + count / 1000)
+    session.execute(update(RunRow).where(RunRow.id == number).values(started_at=after(began), ended_at=ended))
+    return number
+
+
+def all_of(database: Database, asked: Asked | None = None) -> list[Happening]:
+    with database.reading() as session:
+        found, more = timeline.find(session, asked or Asked(), 500)
+    assert more is None
+    return found
+
+
+def test_every_mark_on_the_time_axis_has_its_kind_in_the_log() -> None:
+    assert {str(kind) for kind in MarkKind} <= {str(kind) for kind in EventKind}
+
+
+def test_an_event_stands_at_its_second_of_the_run_that_was_recorded_then(database: Database) -> None:
+    with database.session() as session:
+        first = record(session, 0.0, 5000, 4000)
+        second = record(session, 60.0, 5000, 4000)  # the same ticks, of another loop process
+        events.add(session, EventKind.MODE, "run → off", tick=7500, at=after(2.5))
+        events.add(session, EventKind.MODE, "off → run", tick=5250, at=after(60.25))
+        events.add(session, EventKind.NOTE, "between", tick=7500, at=after(30.0))
+        events.add(session, EventKind.ACCESS, "signed in as operator", who="Ana", at=after(61.0))
+    placed = {one.text: (one.run_id, one.t) for one in all_of(database) if one.kind is not EventKind.RUN}
+    assert placed == {
+        "run → off": (first, pytest.approx(2.5)),
+        "off → run": (second, pytest.approx(0.25)),
+        "between": (None, None),
+        "signed in as operator": (None, None),
+    }
+    told = [(one.at, one.run_id) for one in all_of(database, Asked(kinds=[EventKind.RUN]))]
+    assert told == [(after(64.0), second), (after(60.0), second), (after(4.0), first), (after(0.0), first)]
+
+
+def test_pages_follow_each_other_without_a_gap_or_a_double(database: Database) -> None:
+    with database.session() as session:
+        for number in range(40):
+            events.add(session, EventKind.NOTE, f"event {number}", at=after(number // 3))
+        record(session, 5.0, 0, 3000)
+    whole = all_of(database)
+    assert len(whole) == 42
+    assert all(later.at >= earlier.at for later, earlier in pairwise(whole))
+    found: list[Happening] = []
+    asked = Asked()
+    with database.reading() as session:
+        while True:
+            page, more = timeline.find(session, asked, 7)
+            found += page
+            if more is None:
+                break
+            asked = Asked(before=more)
+    assert found == whole
+
+
+def test_words_kinds_and_times_narrow_it(database: Database) -> None:
+    with database.session() as session:
+        events.add(session, EventKind.TUNING, "λ_q 0.5 → 0.7 s", who="Ana", at=after(1))
+        events.add(session, EventKind.FAULT, "STOP", who="Bo", at=after(2))
+        kept = events.add(session, EventKind.NOTE, "100 % of it", who="Ana", at=after(3))
+        timeline.remark(session, kept.id, "tendon changed", ["Worn"], "Cy")
+    texts = {
+        ("ana",): ["100 % of it", "λ_q 0.5 → 0.7 s"],
+        ("ana", "λ_q"): ["λ_q 0.5 → 0.7 s"],
+        ("stop",): ["STOP"],
+        ("%",): ["100 % of it"],
+        ("_",): ["λ_q 0.5 → 0.7 s"],
+        ("tendon",): ["100 % of it"],
+        ("worn",): ["100 % of it"],
+        ("nothing",): [],
+    }
+    for words, expected in texts.items():
+        assert [one.text for one in all_of(database, Asked(words=words))] == expected, words
+    assert [one.text for one in all_of(database, Asked(kinds=[EventKind.FAULT]))] == ["STOP"]
+    assert [one.text for one in all_of(database, Asked(since=after(2), before=after(3)))] == ["STOP"]
+
+
+def test_what_is_said_of_an_event_is_replaced_and_taken_off_and_the_event_stays(database: Database) -> None:
+    with database.session() as session:
+        stop = events.add(session, EventKind.FAULT, "STOP", who="Bo", at=NOON)
+        timeline.remark(session, stop.id, "a finger", ["near", "Near"], "Ana")
+        timeline.remark(session, stop.id, "a hand", ["near", "miss"], "Cy")
+    (said,) = all_of(database)
+    assert (said.text, said.note, said.tags, said.remark_by) == ("STOP", "a hand", ("near", "miss"), "Cy")
+    with database.session() as session:
+        timeline.remark(session, stop.id, "", [], "Ana")
+    (bare,) = all_of(database)
+    assert (bare.text, bare.note, bare.tags, bare.remark_by) == ("STOP", "", (), "")
+
+
+def test_a_bad_remark_is_refused_and_the_one_before_stays(database: Database) -> None:
+    with database.session() as session:
+        stop = events.add(session, EventKind.FAULT, "STOP", at=NOON)
+        timeline.remark(session, stop.id, "kept", [], "Ana")
+    for number, note, tags, refusal in (
+        (stop.id, "x" * (timeline.NOTE_MAX + 1), [], RefusalError),
+        (stop.id, "", ["two words"], TagError),
+        (stop.id, "", [f"t{n}" for n in range(timeline.TAGS_MAX + 1)], RefusalError),
+        (stop.id + 1, "of what", [], UnknownRecordError),
+    ):
+        with pytest.raises(refusal), database.session() as session:
+            timeline.remark(session, number, note, tags, "Bo")
+    assert [one.note for one in all_of(database)] == ["kept"]
+
+
+def test_another_station_has_a_log_of_its_own(sqlite: Database) -> None:
+    with sqlite.session() as session:
+        here = events.add(session, EventKind.NOTE, "here", at=NOON)
+    elsewhere = Database(sqlite.engine, station="elsewhere")
+    assert all_of(elsewhere) == []
+    with pytest.raises(UnknownRecordError), elsewhere.session() as session:
+        timeline.remark(session, here.id, "theirs", [], "Bo")
