@@ -139,7 +139,7 @@ def _began(session: Session, asked: Asked, limit: int | None) -> list[Happening]
 
 def _ended(session: Session, asked: Asked, limit: int | None) -> list[Happening]:
     rows = _runs(session, RunRow.ended_at, asked, limit)
-    return [Happening(run.at, EventKind.RUN, "", f"{run.title}: {run.end}", run_id=run.id) for run in rows]
+    return [Happening(run.at, EventKind.RUN, "", f"{run.title} {run.end}", run_id=run.id) for run in rows]
 
 
 class _Run(NamedTuple):
@@ -164,9 +164,16 @@ def _runs(session: Session, moment: InstrumentedAttribute[Any], asked: Asked, li
         named = RunIndexRow.words.contains(word.casefold(), autoescape=True)
         query = query.where(or_(named, _holds(RunRow.end_detail, word)))
     return [
-        _Run(run, at, who, title, state.replace("_", " ") + (f": {detail}" if detail else ""))
+        _Run(run, at, who, title, _in_words(state, detail))
         for run, at, who, title, state, detail in session.execute(query)
     ]
+
+
+def _in_words(end_state: str, detail: str) -> str:
+    """Return how a run ended; what a fault is called stands before the colon of ``detail``, symbols behind it."""
+    fault, colon, seen = detail.partition(":")
+    why = f"{fault.replace('_', ' ')}{colon}{seen}"
+    return end_state.replace("_", " ") + (f", {why}" if detail else "")
 
 
 def _within(moment: InstrumentedAttribute[Any], asked: Asked) -> list[Condition]:

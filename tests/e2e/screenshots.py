@@ -15,7 +15,7 @@ from tests.e2e.service import Service, running_service
 from tests.e2e.test_session import build_and_activate_a_bank, identify, track
 
 FOLDER = Path(__file__).parents[2] / "docs" / "screenshots"
-PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "System")
+PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
 LOOKS: tuple[tuple[str, str, ViewportSize], ...] = (
     ("light", "light", DESKTOP),
     ("dark", "dark", DESKTOP),

@@ -15,7 +15,7 @@ from tests.e2e.test_viewer import SEEN
 
 AXE = (Path(__file__).parents[2] / "frontend" / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
-PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "System")
+PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
 PHONE = ViewportSize(width=390, height=844)
 
 

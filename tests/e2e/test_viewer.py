@@ -18,6 +18,7 @@ SEEN = {
     "experiments": "Settings of the loop: λ_q",
     "studies": "No study yet|Study",
     "runs": "Nothing recorded yet|session",
+    "log": "What happened",
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
 }

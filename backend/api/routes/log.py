@@ -21,14 +21,14 @@ router = APIRouter(prefix="/api", tags=["log"])
 async def get_log(
     service: ServiceInUse,
     _person: SignedIn,
-    kind: Annotated[list[EventKind], Query(max_length=50, description="of these kinds only")] = [],  # noqa: B006
+    kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
     words: Annotated[str, Query(max_length=400, description="each of these words, in text, person, note or tag")] = "",
     since: Annotated[AwareDatetime | None, Query(description="from this time on")] = None,
     before: Annotated[AwareDatetime | None, Query(description="before this time")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
-    return await service.timeline.page(Asked(kind, words.split(), since, before), limit)
+    return await service.timeline.page(Asked(kind or (), words.split(), since, before), limit)
 
 
 @router.put("/log/{id}/remark", status_code=204)

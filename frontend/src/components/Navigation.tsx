@@ -21,6 +21,8 @@ import styles from "./Navigation.module.css";
 interface PageEntry {
   readonly path: string;
   readonly name: string;
+  /** What fits below the icon where a phone has room for little. */
+  readonly short?: string;
   readonly key: string;
   readonly Icon: IconType;
   /** What is driven where there is something to do on it; on everything where left out. */
@@ -32,7 +34,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/bring-up", name: "Bring-up", key: "u", Icon: TbPlugConnected, only: ["rig", "virtual_card"] },
   { path: "/identify", name: "Identify", key: "i", Icon: TbWaveSine },
   { path: "/banks", name: "Banks", key: "b", Icon: TbAdjustmentsHorizontal },
-  { path: "/experiments", name: "Experiments", key: "e", Icon: TbFlask },
+  { path: "/experiments", name: "Experiments", short: "Exper.", key: "e", Icon: TbFlask },
   { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
   { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
   { path: "/log", name: "Log", key: "g", Icon: TbListDetails },
@@ -50,12 +52,14 @@ export function Navigation({ onSetup }: { onSetup: () => void }) {
   const pages = usePages();
   return (
     <nav className={styles.nav} aria-label="Main">
-      {pages.map(({ path, name, Icon }) => {
+      {pages.map(({ path, name, short = name, Icon }) => {
         const here = location === path || location.startsWith(`${path}/`);
         return (
           <Link key={path} href={path} className={styles.link} aria-current={here ? "page" : undefined}>
             <Icon size={22} strokeWidth={1.6} aria-hidden="true" />
-            {name}
+            <span className={styles.name} data-short={short}>
+              {name}
+            </span>
           </Link>
         );
       })}

@@ -9085,7 +9085,7 @@ export interface operations {
         parameters: {
             query?: {
                 /** @description of these kinds only */
-                kind?: components["schemas"]["EventKind"][];
+                kind?: components["schemas"]["EventKind"][] | null;
                 /** @description each of these words, in text, person, note or tag */
                 words?: string;
                 /** @description from this time on */

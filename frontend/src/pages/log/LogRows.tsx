@@ -7,6 +7,8 @@ import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Told } from "../../components/Told";
 import { fixed, instant } from "../../samples/format";
+import { inWords } from "../../samples/quantity";
+import { useAngles } from "../../service/angles";
 import type { LogEntry } from "../../wire/types";
 import page from "../Page.module.css";
 import { addressOf } from "../runs/address";
@@ -88,6 +90,7 @@ function Recording({ entry: { run, t, flight, event } }: { entry: LogEntry }) {
 
 function Said({ entry }: { entry: LogEntry }) {
   const [writing, setWriting] = useState(false);
+  const angles = useAngles();
   if (writing) return <RemarkForm entry={entry} onDone={() => setWriting(false)} />;
   return (
     <span className={styles.said}>
@@ -103,7 +106,7 @@ function Said({ entry }: { entry: LogEntry }) {
           size={20}
           variant="subtle"
           color="gray"
-          aria-label={`Say something of: ${entry.text}`}
+          aria-label={`Say something of: ${inWords(entry.text, angles)}`}
           onClick={() => setWriting(true)}
         >
           <TbPencil size={13} />
