@@ -127,6 +127,15 @@ class ChainLinkView(Schema):
     says: str
 
 
+class PartView(Schema):
+    """The named part of a program that is being played."""
+
+    title: str
+    number: int = Field(description="which of the parts it is, from 1 on")
+    of: int
+    left_s: float = quantity("s", "time until the part is over")
+
+
 class TaskView(Schema):
     """The identification or experiment that is running."""
 
@@ -135,6 +144,8 @@ class TaskView(Schema):
     elapsed_s: float = quantity("s", "time since the task began")
     duration_s: float = quantity("s", "expected length of the task")
     phase: Doing
+    part: PartView | None = Field(description="null where the program has no parts, or is not played")
+    number: int = Field(description="which run of its order this is, from 1 on")
     following: int = Field(default=0, description="runs of the same order that follow this one")
 
 

@@ -29,7 +29,7 @@ from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
 from backend.operating.experiment_queue import Queue
 from backend.operating.identification_orders import plans_of, prediction_of
-from backend.operating.run_progress import run_progress
+from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
 from backend.operating.tuning_in_use import Chosen
 from backend.refusal import Because, RefusalError, RefusedValueError
@@ -197,7 +197,7 @@ class OrderedRuns:
             await self._actuator.retuning.give_back()
             raise
         self._problem, self._without_result = "", None
-        progress = await self._progress(orders[0], run, len(orders) - 1)
+        progress = await self._progress(orders, 0, run)
         progress(Doing.STARTING, 0.0)
         self._running = asyncio.create_task(self._perform(orders, run, progress))
         self._prepare_report()
@@ -214,7 +214,7 @@ class OrderedRuns:
             for position, order in enumerate(orders):
                 if position > 0:
                     run = await asyncio.to_thread(create_run, self._station, order)
-                    show = await self._progress(order, run, len(orders) - 1 - position)
+                    show = await self._progress(orders, position, run)
                 self._actuator.present.on_the_way = await self._on_the_way(order)
                 over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
                 closed = await played(self._station, order, run, show, over)
@@ -271,11 +271,11 @@ class OrderedRuns:
         await asyncio.gather(*waiting, return_exceptions=True)
         self._evaluating.clear()
 
-    async def _progress(self, order: Order, run: Run, following: int) -> Notify:
+    async def _progress(self, orders: Sequence[Order], position: int, run: Run) -> Notify:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
-        start = start_from(self._station.loop.ring.newest())
-        duration_s = await asyncio.to_thread(expected_s, order.plan, self._station.parameters, start)
-        return run_progress(self._actuator.present, order.plan.kind, run.id, duration_s, following)
+        plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
+        duration_s = await asyncio.to_thread(expected_s, plan, self._station.parameters, start)
+        return run_progress(self._actuator.present, Ordered(plan, run.id, duration_s, position + 1, len(orders)))
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:

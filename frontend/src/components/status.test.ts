@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { State } from "../wire/types";
-import { currentStatus, stopSentence, taskProgress } from "./status";
+import { currentStatus, partOf, stopSentence, taskProgress, taskTitle, timeLeft } from "./status";
 
 const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83 };
 
@@ -25,6 +25,8 @@ const TASK = {
   elapsed_s: 6,
   duration_s: 24,
   phase: "program",
+  part: null,
+  number: 1,
   following: 0,
 } as const;
 
@@ -54,6 +56,21 @@ describe("currentStatus", () => {
   it("names the task and how far it is", () => {
     expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: program");
     expect(taskProgress(TASK)).toBe(0.25);
+  });
+
+  it("says which part is played, and which of several runs", () => {
+    const part = { title: "Breaths", number: 2, of: 3, left_s: 12.04 };
+    expect(partOf({ ...TASK, part })).toBe("part 2 of 3, Breaths, 12.0 s left");
+    expect(partOf({ ...TASK, part: { ...part, number: 1, of: 1 } })).toBe("Breaths");
+    expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");
+    expect(taskTitle({ ...TASK, number: 2, following: 2 })).toBe("Tracking, run 12, 2 of 4");
+    expect(taskTitle({ ...TASK, number: 4, following: 0 })).toBe("Tracking, run 12, 4 of 4");
+  });
+
+  it("never says that less than nothing is left", () => {
+    expect(timeLeft(TASK)).toBe("18.0 s left of 24.0 s");
+    expect(timeLeft({ ...TASK, elapsed_s: 25.5 })).toBe("1.5 s longer than expected");
+    expect(timeLeft({ ...TASK, phase: "evaluation", elapsed_s: 24 })).toBe("computing the result");
   });
 
   it("does not hide problems of the service behind a task", () => {

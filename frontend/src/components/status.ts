@@ -1,7 +1,7 @@
 /** The one sentence that matters most right now. Pure. */
 
 import type { Health } from "../live/link";
-import { age, fixed } from "../samples/format";
+import { age, duration, fixed } from "../samples/format";
 import { capital, counted, inWordsOf } from "../samples/words";
 import type { StopState } from "../service/stop";
 import type { State, StopProof, Task } from "../wire/types";
@@ -72,9 +72,29 @@ export function currentStatus(
 }
 
 export function taskName(task: Task): string {
-  const name = inWordsOf(task.kind);
-  const begun = name.charAt(0).toUpperCase() + name.slice(1);
-  return `${begun}, run ${task.run}: ${inWordsOf(task.phase)}`;
+  return `${taskTitle(task)}: ${partOf(task)}`;
+}
+
+/** Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". */
+export function taskTitle({ kind, run, number, following }: Task): string {
+  const place = following > 0 || number > 1 ? `, ${number} of ${number + following}` : "";
+  return `${capital(inWordsOf(kind))}, run ${run}${place}`;
+}
+
+/** What is being done for it: "part 2 of 3, Breaths, 12 s left", or "pretension". */
+export function partOf({ phase, part }: Task): string {
+  if (part === null) return inWordsOf(phase);
+  const place = part.of > 1 ? `part ${part.number} of ${part.of}, ` : "";
+  return `${place}${part.title}${part.of > 1 ? `, ${duration(part.left_s)} left` : ""}`;
+}
+
+/** Of the whole run, as it was expected when it was ordered. */
+export function timeLeft({ phase, elapsed_s, duration_s }: Task): string {
+  if (phase === "evaluation") return "computing the result";
+  const left_s = duration_s - elapsed_s;
+  return left_s >= 0
+    ? `${duration(left_s)} left of ${duration(duration_s)}`
+    : `${duration(-left_s)} longer than expected`;
 }
 
 /** Part of a task that is done, 0 to 1. */

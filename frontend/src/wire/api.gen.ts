@@ -4080,6 +4080,26 @@ export interface components {
             experiments: components["schemas"]["OwnExperiment"][];
         };
         /**
+         * PartView
+         * @description The named part of a program that is being played.
+         */
+        PartView: {
+            /** Title */
+            title: string;
+            /**
+             * Number
+             * @description which of the parts it is, from 1 on
+             */
+            number: number;
+            /** Of */
+            of: number;
+            /**
+             * Left S
+             * @description time until the part is over [s]
+             */
+            left_s: number;
+        };
+        /**
          * PathPoint
          * @description A point of the way that the joint is expected to go.
          */
@@ -5547,6 +5567,13 @@ export interface components {
              */
             duration_s: number;
             phase: components["schemas"]["Doing"];
+            /** @description null where the program has no parts, or is not played */
+            part: components["schemas"]["PartView"] | null;
+            /**
+             * Number
+             * @description which run of its order this is, from 1 on
+             */
+            number: number;
             /**
              * Following
              * @description runs of the same order that follow this one

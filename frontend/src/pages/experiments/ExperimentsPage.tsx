@@ -8,6 +8,7 @@ import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
 import { useDryRun } from "../../service/commands";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
+import { RunningCard } from "../operate/RunningCard";
 import page from "../Page.module.css";
 import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
@@ -62,6 +63,7 @@ export default function ExperimentsPage() {
           <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
+          <RunningCard />
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />

@@ -5,6 +5,7 @@ import { useState } from "react";
 import { useLocation, useParams } from "wouter";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { identificationsQuery, springTablesQuery } from "../../service/queries";
+import { RunningCard } from "../operate/RunningCard";
 import styles from "../Page.module.css";
 import { BankBuilder } from "./BankBuilder";
 import { IdentificationForm } from "./IdentificationForm";
@@ -55,6 +56,7 @@ export default function IdentifyPage() {
           </OperatorsOnly>
         </div>
         <div className={styles.column}>
+          <RunningCard />
           <OperatorsOnly>
             <PredictionView {...told} />
           </OperatorsOnly>
