@@ -1,16 +1,13 @@
 /** One experiment: progress while it runs, then pass or fail per criterion, metrics, curves and downloads. */
 
-import { Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
 import { Downloads } from "../../components/Downloads";
 import { RunState } from "../../components/RunState";
-import { taskProgress } from "../../components/status";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { useLive } from "../../live/react";
-import { dateTime, duration } from "../../samples/format";
-import { heading } from "../../samples/words";
+import { dateTime } from "../../samples/format";
 import { experimentQuery, isRunning } from "../../service/queries";
 import type { Experiment } from "../../wire/types";
 import page from "../Page.module.css";
@@ -52,22 +49,8 @@ export function ExperimentResult({ id }: { id: number }) {
 
 function ExperimentProgress({ experiment }: { experiment: Experiment }) {
   const task = useLive((live) => live.state?.task ?? null);
-  const mine = task !== null && task.run === experiment.id;
-  return (
-    <div className={page.fields}>
-      <Progress.Root size={10}>
-        <Progress.Section
-          value={100 * (mine ? taskProgress(task) : experiment.progress)}
-          aria-label="Experiment progress"
-        />
-      </Progress.Root>
-      <span>
-        {mine
-          ? `${heading(task.phase)}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
-          : "computing the result …"}
-      </span>
-    </div>
-  );
+  const mine = task !== null && task.run === experiment.id && task.phase !== "evaluation";
+  return <span>{mine ? "It runs; what it comes to stands here afterwards." : "computing the result …"}</span>;
 }
 
 function Findings({ experiment }: { experiment: Experiment }) {

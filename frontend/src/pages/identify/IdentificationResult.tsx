@@ -1,15 +1,12 @@
 /** One identification: progress while it runs, then a verdict and what came out, by kind. */
 
-import { Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
-import { taskProgress } from "../../components/status";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
-import { dateTime, duration, fixed } from "../../samples/format";
-import { heading } from "../../samples/words";
+import { dateTime, fixed } from "../../samples/format";
 import { identificationQuery, isRunning } from "../../service/queries";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
@@ -48,20 +45,11 @@ export function IdentificationResult({ id }: { id: number }) {
 
 function RunProgress({ identification }: { identification: Identification }) {
   const task = useLive((live) => live.state?.task ?? null);
-  const mine = task !== null && task.run === identification.run;
-  const done = mine ? taskProgress(task) : identification.progress;
+  const mine = task !== null && task.run === identification.run && task.phase !== "evaluation";
   return (
-    <div className={page.fields} style={{ padding: "16px 0" }}>
-      <Progress.Root size={10}>
-        <Progress.Section value={100 * done} aria-label="Identification progress" />
-      </Progress.Root>
-      <span>
-        {mine
-          ? `${heading(task.phase)}: ${duration(task.elapsed_s)} of ${duration(task.duration_s)}`
-          : "estimating models …"}
-        {mine && task.following > 0 && `, ${task.following} more to follow`}
-      </span>
-    </div>
+    <p className={page.empty}>
+      {mine ? "It runs; its models stand here afterwards." : "estimating models …"}
+    </p>
   );
 }
 
