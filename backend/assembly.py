@@ -19,6 +19,7 @@ from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
+from backend.archive.planned import PlannedRuns
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import PART as RETENTION
@@ -196,6 +197,7 @@ def assemble(
         history=history,
         timeline=StoredTimeline(database),
         replay=replay,
+        planned=PlannedRuns(database),
         downloads=downloads,
         maintenance=Maintenance(database, settings.data, supervisor),
         retention=retention,

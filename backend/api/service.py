@@ -15,6 +15,7 @@ from backend.archive.evaluations import Evaluations
 from backend.archive.history import History
 from backend.archive.maintenance import Maintenance
 from backend.archive.own_experiments import OwnExperiments
+from backend.archive.planned import PlannedRuns
 from backend.archive.preferences import StoredPreferences
 from backend.archive.replay import Replay
 from backend.archive.retention import Retention
@@ -53,6 +54,7 @@ class Service:
     history: History
     timeline: StoredTimeline
     replay: Replay
+    planned: PlannedRuns
     downloads: Downloads
     maintenance: Maintenance
     retention: Retention

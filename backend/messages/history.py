@@ -84,6 +84,23 @@ class RunMarks(Schema):
     marks: list[RunMark]
 
 
+class PlannedPart(Schema):
+    """A named part of a program."""
+
+    title: str
+    start_s: float = quantity("s", "begin, from that of the program")
+    end_s: float = quantity("s", "end, from the begin of the program")
+
+
+class Planned(Schema):
+    """The references of a program over its whole length; empty of one that has none, as identifications."""
+
+    t: list[float] = Field(description="times since the program began [s]")
+    q_ref: list[float] = Field(description="joint position reference [rad]")
+    S_ref: list[float] = Field(description="joint stiffness reference [N·m/rad]")
+    parts: list[PlannedPart]
+
+
 class ReplayRequest(Schema):
     """The moment to show."""
 

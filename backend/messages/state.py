@@ -134,6 +134,7 @@ class PartView(Schema):
     number: int = Field(description="which of the parts it is, from 1 on")
     of: int
     left_s: float = quantity("s", "time until the part is over")
+    t: float = quantity("s", "time since the program began")
 
 
 class TaskView(Schema):

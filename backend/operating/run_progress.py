@@ -62,4 +62,4 @@ def part_at(parts: tuple[Phase, ...], t: float) -> PartView | None:
         return None
     at = next((place for place, part in enumerate(parts) if t < part.end_s), len(parts) - 1)
     left_s = max(0.0, parts[at].end_s - t)
-    return PartView(title=parts[at].title, number=at + 1, of=len(parts), left_s=left_s)
+    return PartView(title=parts[at].title, number=at + 1, of=len(parts), left_s=left_s, t=t)

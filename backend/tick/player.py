@@ -51,9 +51,9 @@ def play(player: Player, last: Target) -> tuple[bool, Target, Player]:
             if segment[_SHAPE] == PRBS and elapsed > 0 and elapsed % round(segment[_PERIOD] / T_s) == 0:
                 register = waveforms.next_register(register, int(segment[_COUNT]))
             elapsed += 1
-            target = _within(segment, start, elapsed * T_s, register)
+            target = within(segment, start, elapsed * T_s, register)
             return False, target, Player(segments, position, elapsed, register, start)
-        start = _after(segment, start)
+        start = after(segment, start)
         position += 1
         elapsed, register = 0, waveforms.FIRST
     return True, last, Player(segments, position, elapsed, register, start)
@@ -79,7 +79,8 @@ def announced(player: Player) -> tuple[float, float]:
 
 
 @compiled
-def _within(segment: NDArray[np.float64], start: Target, time_s: float, register: int) -> Target:
+def within(segment: NDArray[np.float64], start: Target, time_s: float, register: int) -> Target:
+    """Return the target ``time_s`` [s] into a segment that began at ``start``; ``register`` is that of a PRBS."""
     share = 1.0
     if segment[_SHAPE] == RAMP:
         share = min(time_s / segment[_DURATION], 1.0)
@@ -95,7 +96,7 @@ def _within(segment: NDArray[np.float64], start: Target, time_s: float, register
 
 
 @compiled
-def _after(segment: NDArray[np.float64], start: Target) -> Target:
+def after(segment: NDArray[np.float64], start: Target) -> Target:
     """Return what is left when a segment is over: an excitation leaves the references where they were."""
     if segment[_SHAPE] == SINE:
         return _at(segment, start, waveforms.sine(segment[_DURATION], segment[_PERIOD]))

@@ -1,7 +1,9 @@
 """What runs is looked at on the page that started it: in words, with the time left, live, and with a soft way out."""
 
+import math
 import re
 import time
+from bisect import bisect
 from typing import Any
 
 import pytest
@@ -20,6 +22,7 @@ SHOWN = """() => fetch('./api/state').then(answer => answer.json()).then(state =
   task: state.task,
   words: document.querySelector("output[aria-label='What runs now']")?.innerText,
   left: document.querySelector("output[aria-label='Time left']")?.innerText,
+  planned: document.querySelector("figure[aria-label='Planned profile'] [role=img]")?.getAttribute("aria-label"),
 }))"""
 """The service's state and what the page says in the same moment."""
 
@@ -43,6 +46,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     card = page.get_by_role("region", name="Running now", exact=True)
     expect(card.get_by_role("figure", name="Joint position")).to_be_visible()
     operator.wait(lambda: page.evaluate(SHOWN)["task"]["part"] is not None)
+    expect(card.get_by_role("figure", name="Planned profile")).to_be_visible()
     begun, ends = time.monotonic(), dict[int, list[float]]()
     while len(ends) < 2:  # into the second part
         assert time.monotonic() - begun < 120
@@ -61,6 +65,14 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
         assert seconds(told[2]) == pytest.approx(task["duration_s"], abs=1.0)
         ends.setdefault(task["part"]["number"], []).append(task["elapsed_s"] + task["part"]["left_s"])
         page.wait_for_timeout(300)
+    planned = page.evaluate(f"fetch('./api/runs/{task['run']}/planned').then(answer => answer.json())")
+    now = planned["q_ref"][bisect(planned["t"], task["part"]["t"]) - 1]
+    low, high = (math.degrees(value) for value in (min(planned["q_ref"]), max(planned["q_ref"])))
+    minus = str.maketrans("-", "−")
+    assert shown["planned"] in {
+        f"q_ref from {low:.1f} to {high:.1f} deg, now {value:.1f}".translate(minus)
+        for value in (math.degrees(now), operator.reading("Joint position", "q_ref"))
+    }
     assert all(max(told) - min(told) < 0.5 for told in ends.values())  # a part ends when it was said to
 
     card.get_by_role("button", name="Abort softly").click()

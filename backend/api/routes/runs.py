@@ -15,7 +15,7 @@ from backend.archive.stored_runs import Asked, Excerpt
 from backend.exports.formats import MEDIA_TYPES, DataFormat
 from backend.exports.foxglove_layout import layout
 from backend.messages.base import Finite
-from backend.messages.history import LONGEST_S, Lineage, ReplayRequest, RunMarks
+from backend.messages.history import LONGEST_S, Lineage, Planned, ReplayRequest, RunMarks
 from backend.messages.run import NoteRequest, RunList, RunView, SamplesView
 from backend.messages.run_search import TagRequest
 from backend.storage.index_schema import TAG_MAX
@@ -104,6 +104,12 @@ async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Li
 async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
     """Return what happened during a run, on its own time axis."""
     return await service.history.marks(id)
+
+
+@router.get("/{id}/planned")
+async def get_planned(id: RowId, service: ServiceInUse, _person: SignedIn) -> Planned:
+    """Return the references that a run was to follow, from begin to end."""
+    return await service.planned.of(id)
 
 
 @router.post("/{id}/replay", status_code=204)

@@ -10,6 +10,7 @@ import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
+import { Link } from "wouter";
 import type { Task } from "../wire/types";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
@@ -35,6 +36,11 @@ export function StatusStrip() {
     <div className={styles.strip} data-tone={status.tone}>
       <Icon size={18} aria-hidden="true" className={styles.icon} />
       <Message status={status} instead={status.resettable ? refused?.message : undefined} />
+      {status.tone === "fault" && (
+        <Link href="/log" className={styles.more}>
+          What happened
+        </Link>
+      )}
       {status.task !== null && <TaskProgress task={status.task} />}
       {status.resettable && may !== false && (
         <Button

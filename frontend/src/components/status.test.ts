@@ -59,7 +59,7 @@ describe("currentStatus", () => {
   });
 
   it("says which part is played, and which of several runs", () => {
-    const part = { title: "Breaths", number: 2, of: 3, left_s: 12.04 };
+    const part = { title: "Breaths", number: 2, of: 3, left_s: 12.04, t: 20 };
     expect(partOf({ ...TASK, part })).toBe("part 2 of 3, Breaths, 12.0 s left");
     expect(partOf({ ...TASK, part: { ...part, number: 1, of: 1 } })).toBe("Breaths");
     expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");

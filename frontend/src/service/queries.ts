@@ -243,6 +243,16 @@ export function metricHistoryQuery(kind: string, metric: string, where: string, 
   });
 }
 
+/** What a run was to follow; `recorded`: its first samples are stored, from which it is known where it began. */
+export function plannedQuery(id: number, recorded: boolean) {
+  return queryOptions({
+    queryKey: ["runs", id, "planned", recorded],
+    queryFn: () => answered(api.GET("/api/runs/{id}/planned", { params: { path: { id } } })),
+    placeholderData: (before) => before,
+    staleTime: Number.POSITIVE_INFINITY,
+  });
+}
+
 export function runMarksQuery(id: number) {
   return queryOptions({
     queryKey: ["runs", id, "marks"],

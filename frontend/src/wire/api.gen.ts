@@ -1628,6 +1628,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/runs/{id}/planned": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Planned
+         * @description Return the references that a run was to follow, from begin to end.
+         */
+        get: operations["get_planned"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/runs/{id}/replay": {
         parameters: {
             query?: never;
@@ -4098,6 +4118,11 @@ export interface components {
              * @description time until the part is over [s]
              */
             left_s: number;
+            /**
+             * T
+             * @description time since the program began [s]
+             */
+            t: number;
         };
         /**
          * PathPoint
@@ -4147,6 +4172,47 @@ export interface components {
              * @default null
              */
             control: string | null;
+        };
+        /**
+         * Planned
+         * @description The references of a program over its whole length; empty of one that has none, as identifications.
+         */
+        Planned: {
+            /**
+             * T
+             * @description times since the program began [s]
+             */
+            t: number[];
+            /**
+             * Q Ref
+             * @description joint position reference [rad]
+             */
+            q_ref: number[];
+            /**
+             * S Ref
+             * @description joint stiffness reference [N·m/rad]
+             */
+            S_ref: number[];
+            /** Parts */
+            parts: components["schemas"]["PlannedPart"][];
+        };
+        /**
+         * PlannedPart
+         * @description A named part of a program.
+         */
+        PlannedPart: {
+            /** Title */
+            title: string;
+            /**
+             * Start S
+             * @description begin, from that of the program [s]
+             */
+            start_s: number;
+            /**
+             * End S
+             * @description end, from the begin of the program [s]
+             */
+            end_s: number;
         };
         /**
          * PlantKind
@@ -16630,6 +16696,119 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["RunMarks"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_planned: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Planned"];
                 };
             };
             /** @description the body cannot be parsed */

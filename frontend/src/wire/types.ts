@@ -80,3 +80,4 @@ export type BringUpStep = BringUp["steps"][number];
 export type BringUpResult = NonNullable<BringUpStep["result"]>;
 export type BringUpRunning = NonNullable<BringUpStep["running"]>;
 export type LogEntry = Schemas["TimelineEntry"];
+export type Planned = Schemas["Planned"];

@@ -11,6 +11,7 @@ import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
 import { whyNot } from "./ModeCard";
+import { PlannedProfile } from "./PlannedProfile";
 
 export function RunningCard() {
   const task = useLive((live) => live.state?.task ?? null);
@@ -46,6 +47,7 @@ function Running({ task }: { task: Task }) {
         <Progress.Root size={6}>
           <Progress.Section value={100 * taskProgress(task)} aria-label="Progress of what runs now" />
         </Progress.Root>
+        {task.part !== null && <PlannedProfile run={task.run} at_s={task.part.t} />}
         <Refusal error={setMode.error} about={task.run} />
       </div>
       <div className={page.charts} style={{ marginTop: 12 }}>

@@ -1,0 +1,63 @@
+"""The planned profile against what the loop plays tick by tick, and against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.experiments.plans.plan import ActuatorIdentificationPlan
+from backend.experiments.plans.profile import POINTS, profile
+from backend.experiments.plans.stored_plan import ready_plan
+from backend.loop.program import Law, Program, Segment, Shape
+from backend.loop.program_arrays import player_of
+from backend.tick import player
+from backend.tick.decision import Target
+from plant.interface import T_s
+
+MIXED = Program(
+    Law.CASCADE,
+    (
+        Segment(0.5, 0.2, 9.0),
+        Segment(1.0, -0.4, 11.0, shape=Shape.RAMP),
+        Segment(1.3, 0.1, 11.0, shape=Shape.SINE, period_s=0.7),
+        Segment(2.0, 0.1, 11.0, shape=Shape.SWEEP, period_s=1.0, period_end_s=0.2),
+        Segment(1.55, 0.0, 12.0, shape=Shape.PRBS, period_s=0.05, count=5),
+        Segment(1.0, 0.3, 12.0, shape=Shape.MULTISINE, period_s=1.0, count=4, peak=2.0),
+        Segment(0.2, 0.0, 10.0),
+    ),
+)
+
+
+def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
+    """Every tick as the loop plays it: (ticks, 2)."""
+    last = Target(q_ref, S_ref, 0.0)
+    now = player_of(program.segments, last)
+    rows: list[tuple[float, float]] = []
+    while True:
+        over, last, now = player.play(now, last)
+        if over:
+            return np.array(rows)
+        rows.append((last.q_ref, last.S_ref))
+
+
+@pytest.mark.parametrize("program", [MIXED, ready_plan("frequency_response").program()], ids=["mixed", "response"])
+def test_it_is_what_the_loop_plays(program: Program) -> None:
+    whole = played(program, -0.1, 9.5)
+    found = profile(program, -0.1, 9.5)
+    ticks = np.rint(found.t / T_s).astype(int)
+    assert np.all(np.diff(ticks) > 0)
+    assert (ticks[0], ticks[-1]) == (1, len(whole))
+    assert np.array_equal(np.column_stack([found.q_ref, found.S_ref]), whole[ticks - 1])
+    assert len(ticks) <= POINTS + 3 * len(program.segments)
+
+
+def test_a_ramp_and_a_sine_are_their_closed_forms() -> None:
+    found = profile(Program(Law.CASCADE, MIXED.segments[1:3]), 0.2, 9.0)
+    ramp = found.t <= 1.0
+    assert found.q_ref[ramp] == pytest.approx(0.2 - 0.6 * found.t[ramp], abs=1e-12)
+    swing = 0.5 * np.sin(2.0 * math.pi * (found.t[~ramp] - 1.0) / 0.7)
+    assert found.q_ref[~ramp] == pytest.approx(-0.4 + swing, abs=1e-9)
+
+
+def test_a_program_of_identification_has_none() -> None:
+    assert all(len(part) == 0 for part in profile(ActuatorIdentificationPlan().program(), 0.0, 10.0))
