@@ -44,10 +44,11 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     operator.wait(lambda: abs(operator.reading("Joint position", "q") - 15.0) < 0.3)
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
+    page.get_by_role("link", name="What happened").click()  # from the fault's own line
+    expect(page.get_by_role("heading", level=1, name="Log")).to_be_attached()
     operator.press("Reset")
     operator.expect_mode("off")
 
-    operator.go("Log")
     operator.wait(lambda: any(entry["flight"] for entry in kept(page)))  # written once its seconds are over
     operator.wait(lambda: len(lines(page)) == len(kept(page)))
     told = kept(page)

@@ -2,6 +2,7 @@
 
 import { Button, Progress } from "@mantine/core";
 import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-icons/tb";
+import { Link } from "wouter";
 import { age_ms, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { duration } from "../samples/format";
@@ -10,7 +11,6 @@ import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
-import { Link } from "wouter";
 import type { Task } from "../wire/types";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
