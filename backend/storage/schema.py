@@ -14,6 +14,7 @@ from sqlalchemy import (
     Dialect,
     Float,
     ForeignKey,
+    Index,
     Integer,
     LargeBinary,
     MetaData,
@@ -216,6 +217,7 @@ class EventRow(OfStation, Numbered, Base):
     """What happened and who asked for it; ``tick`` places it on the time axis of a run."""
 
     __tablename__ = "event"
+    __table_args__ = (Index("ix_event_station_at", "station", "at"), *Numbered.__table_args__)
 
     at: Mapped[datetime] = mapped_column(index=True)
     kind: Mapped[str] = mapped_column(String(40))

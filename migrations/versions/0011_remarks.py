@@ -1,4 +1,4 @@
-"""What people say of an event: a note and tags, beside the event, which never changes."""
+"""What people say of an event: a note and tags, beside the event, which never changes. The log finds the newest."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -19,8 +19,10 @@ def upgrade() -> None:
         sa.Column("who", sa.String(200), nullable=False),
         sa.Column("at", sa.DateTime(), nullable=False),
     )
+    op.create_index("ix_event_station_at", "event", ["station", "at"])
 
 
 def downgrade() -> None:
     """Drop it; the events stay."""
+    op.drop_index("ix_event_station_at", "event")
     op.drop_table("event_remark")
