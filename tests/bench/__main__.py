@@ -19,6 +19,7 @@ from tests.bench import (
     run_search_bench,
     study_bench,
     tick_bench,
+    touch_bench,
 )
 
 PARTS: dict[str, Callable[[Console], bool]] = {
@@ -33,6 +34,7 @@ PARTS: dict[str, Callable[[Console], bool]] = {
     "run-search": run_search_bench.bench,
     "studies": study_bench.bench,
     "tick": tick_bench.bench,
+    "touch": touch_bench.bench,
 }
 """Each prints its tables and returns whether all its bounds were met."""
 

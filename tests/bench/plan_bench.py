@@ -65,8 +65,8 @@ def _cost() -> list[Ratio]:
     with closing(loop_in_run(parameters)) as planned, closing(loop_in_run(parameters)) as governed:
         tuning = tuning_command(parameters, LoopSettings(), None)
         planned.handle(0, replace(tuning, u_plan=usual_budget(parameters)))
-        compiled = _more_us(planned, governed, _batches, TICKS)
-        live = _more_us(planned, governed, _ticks, LIVE_TICKS)
+        compiled = more_us(planned, governed, drive_batches, TICKS, REPEATS)
+        live = more_us(planned, governed, drive_ticks, LIVE_TICKS, REPEATS)
         require_run(planned)
         require_run(governed)
     return [
@@ -75,21 +75,23 @@ def _cost() -> list[Ratio]:
     ]
 
 
-def _more_us(planned: Loop, governed: Loop, drive: Callable[[Loop, int], None], ticks: int) -> float:
-    """Median of what a tick of ``planned`` takes longer [µs]."""
+def more_us(loop: Loop, without: Loop, drive: Callable[[Loop, int], None], ticks: int, repeats: int) -> float:
+    """Median of what a tick of ``loop`` takes longer than one of ``without`` [µs]."""
     more = []
-    for k in range(REPEATS):
-        for loop in (planned, governed):
-            loop.handle(0, SetReferences(HIGH if k % 2 else -HIGH, 14.0 if k % 4 < 2 else 9.0))
-        more.append(seconds(partial(drive, planned, ticks)) - seconds(partial(drive, governed, ticks)))
+    for k in range(repeats):
+        for each in (loop, without):
+            each.handle(0, SetReferences(HIGH if k % 2 else -HIGH, 14.0 if k % 4 < 2 else 9.0))
+        more.append(seconds(partial(drive, loop, ticks)) - seconds(partial(drive, without, ticks)))
     return 1e6 * median(more[1:]) / ticks
 
 
-def _batches(loop: Loop, ticks: int) -> None:
+def drive_batches(loop: Loop, ticks: int) -> None:
+    """Let a loop tick as it does headless."""
     while ticks > 0:
         ticks -= loop.run(min(1000, ticks))
 
 
-def _ticks(loop: Loop, ticks: int) -> None:
+def drive_ticks(loop: Loop, ticks: int) -> None:
+    """Let a loop tick one by one, as it does on a clock."""
     for _ in range(ticks):
         loop.tick()

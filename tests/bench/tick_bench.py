@@ -38,9 +38,10 @@ def bench(console: Console) -> bool:
     return print_ratios(console, "Tick: checks, modes, laws and simulator", lines)
 
 
-def loop_in_run(parameters: PlantParameters) -> Loop:
+def loop_in_run(parameters: PlantParameters, ring: Ring | None = None) -> Loop:
     """Return a loop on a simulator that follows references, with tendons taut."""
-    loop = Loop(Simulator(parameters), parameters, Ring.create(), tuning_command(parameters, LoopSettings(), None))
+    ring, tuning = ring or Ring.create(), tuning_command(parameters, LoopSettings(), None)
+    loop = Loop(Simulator(parameters), parameters, ring, tuning)
     loop.handle(0, SetMode(Mode.PRETENSION))
     while not loop.pretension_done:
         loop.tick()
