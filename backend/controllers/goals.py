@@ -4,10 +4,13 @@ import math
 from typing import NamedTuple
 
 from backend.controllers import decoupler
-from backend.controllers.axis import Goal
+from backend.controllers.axis import BRAKING, LANDING_S, Axis, Goal, braking_distance, least_voltage
 from backend.controllers.decoupler import Decoupler
 from plant.compiled import compiled
 from plant.interface import T_s
+
+LEAST_RAD_S = 1e-3
+"""An axis that has nothing left of the budget brakes with this, as speed [rad/s]."""
 
 
 class References(NamedTuple):
@@ -37,6 +40,38 @@ def goals(d: Decoupler, before_d: Goal, before_c: Goal, r: References, V: float)
 def jumps(before: Goal, goal: Goal) -> bool:
     """Whether a goal is not where the one before was, and has not gone there in steps that a motor could follow."""
     return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
+
+
+@compiled
+def soonest_stand(
+    K: float, T: float, U: float, d: Axis, c: Axis, goal_d: Goal, goal_c: Goal
+) -> tuple[Goal, Goal, float]:
+    """Where both axes come to stand soonest within U [V], none beyond where it was sent; share of the difference axis.
+
+    Each is given volts as it is fast, or what it takes to stop where it was sent: the common axis first.
+    """
+    before_d, before_c = _sent_before(d, goal_d), _sent_before(c, goal_c)
+    w_d, w_c = abs(d.omega), abs(c.omega)
+    share = w_d / (w_d + w_c) if w_d + w_c > 0.0 else 0.5
+    share = max(share, least_voltage(K, T, w_d, before_d, U) / U)
+    share = min(share, 1.0 - least_voltage(K, T, w_c, before_c, U) / U)
+    return _stopped(K * share * U, T, d, before_d), _stopped(K * (1.0 - share) * U, T, c, before_c), share
+
+
+@compiled
+def _sent_before(axis: Axis, goal: Goal) -> float:
+    """How far [rad] ahead of an axis lies where it was sent to stand; inf: nowhere ahead of it, or not known."""
+    ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
+    return ahead if ahead > 0.0 else math.inf
+
+
+@compiled
+def _stopped(V: float, T: float, axis: Axis, most: float) -> Goal:
+    """Where an axis stands once V [rad/s] have stopped it, ``most`` [rad] ahead of where it is."""
+    V = max(BRAKING * V, LEAST_RAD_S)
+    landing = 0.5 * V / T * LANDING_S**2
+    way = min(braking_distance(V, T, abs(axis.omega)) + landing, most)
+    return Goal(axis.theta + math.copysign(way, axis.omega), 0.0, math.nan)
 
 
 @compiled

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from backend.controllers import decoupler
 from backend.controllers.axis import HALVINGS, Axis, Goal, duration, least_voltage, toward, turned
 from backend.controllers.decoupler import Decoupler
-from backend.controllers.goals import References, goals, jumps
+from backend.controllers.goals import References, goals, jumps, soonest_stand
 from plant.compiled import compiled
 from plant.interface import T_s
 
@@ -24,6 +24,9 @@ NEAR = 0.05
 
 STANDING = 1e-3
 """An axis so near its target [rad] has arrived."""
+
+STANDS = 0.05
+"""A model whose axes are so slow [rad/s], and driven no faster, stands."""
 
 
 class Model(NamedTuple):
@@ -127,13 +130,27 @@ def now(d: Decoupler, state: State) -> Now:
 
 
 @compiled
+def stands(model: Model, state: State) -> bool:
+    """Whether the model moves no more, or not yet."""
+    K = min(model.K_A, model.K_B)
+    speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
+    return max(speed, K * abs(_mean(state.window_d)), K * abs(_mean(state.window_c))) < STANDS
+
+
+@compiled
 def step(d: Decoupler, model: Model, budget: float, state: State, at: Now, r: References) -> tuple[Driven, State]:
-    """One tick towards the references from ``at``, within ``budget`` [V] for both axes together."""
+    """One tick towards the references from ``at``, within ``budget`` [V] for both axes together; 0 V: to a stand."""
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
-    goal_d, goal_c = goals(d, state.goal_d, state.goal_c, r, K * budget)
+    if budget > 0.0:
+        goal_d, goal_c = goals(d, state.goal_d, state.goal_c, r, K * budget)
+    else:
+        goal_d, goal_c = state.goal_d, state.goal_c
     share, allowed = state.share, state.allowed
     distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
-    if budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
+    if budget == 0.0:
+        if state.asked != 0.0:
+            goal_d, goal_c, share = soonest_stand(K, T, allowed, state.d, state.c, goal_d, goal_c)
+    elif budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
         share, allowed = shared(K, T, budget, state, goal_d, goal_c)
     elif distance < STANDING:
         allowed = budget

@@ -3,7 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from backend.tuning.closed_loop import Array, Trajectory, run
 from backend.tuning.gains import cascade_tuning
 from backend.tuning.models import Lambdas
 from backend.tuning.plan_budget import usual_budget
+from plant.dynamics import PlantState
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop.quality import HIGH
 from tests.closed_loop.random_programs import random_program
@@ -187,11 +188,39 @@ def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
 @pytest.mark.parametrize("at", TICKS)
 def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
     ideal = load_parameters("ideal")
-    without, by_governor, before, planned, _ = without_and_with(
+    without, by_governor, _, planned, after = without_and_with(
         cascade_tuning(ideal, LAMBDAS, u_plan=8.5), cascade_tuning(ideal, LAMBDAS), at
     )
-    own = mean_voltages(planned.plan) - mean_voltages(before.plan)
-    assert np.max(np.abs(without - by_governor - own)) < 1e-3
+    own = mean_voltages(after.plan) - mean_voltages(planned.plan)
+    assert np.max(np.abs(by_governor - without - own)) < 1e-3
+    assert np.max(np.abs(own)) < 2.0
+    assert after.follows == (at in (230, 700, 1500))
+
+
+@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("way", [(8.0, 15.0), (15.0, 8.0)])
+def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tuple[float, float]) -> None:
+    """Changed over at any moment of a move between the ends of S: neither goes beyond them, nor takes long to stop."""
+    plant = load_parameters(name)
+    rig, planned = closed_loop.rig_of(plant), cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
+    governed = cascade_tuning(plant, LAMBDAS)
+    x, law = closed_loop.at_rest(rig, planned, 0.3, way[0])
+
+    def play(tuning: cascade.Tuning, x: PlantState, law: cascade.State, ticks: int) -> tuple[Any, ...]:
+        line, out = closed_loop.empty_arrays(ticks)
+        inputs = closed_loop.inputs_of(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
+        return *closed_loop.simulate(rig, tuning, x, law, inputs, line, out), out
+
+    for _ in range(28):
+        x, law, _, _ = play(planned, x, law, 15)
+        _, stood, tripped, _ = play(governed, x, law, 220)
+        assert tripped == -1
+        assert not stood.follows
+        _, _, tripped, out = play(governed, x, law, 2000)
+        assert tripped == -1
+        S = out[:, closed_loop.COLUMNS.index("S")]
+        assert S.min() >= 7.95
+        assert S.max() <= 15.05
 
 
 @pytest.mark.parametrize("at", TICKS)
@@ -214,3 +243,10 @@ def test_random_programs_stay_taut_and_do_not_trip(name: str) -> None:
         assert not played.tripped, seed
         assert played.least > 1.0, seed
         assert played.most < 50.0, seed
+
+
+def test_a_plan_left_in_flight_with_a_push_keeps_its_tensions() -> None:
+    """From plan to governor at 14.6 N·m/rad on the way to the highest stiffness: the one of a thousand that tripped."""
+    played = random_program(load_parameters("lab-stick"), 2203)
+    assert not played.tripped
+    assert played.most < 48.0

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from backend.controllers import axis, decoupler, plan
 from backend.controllers.decoupler import decoupler_for
-from backend.controllers.goals import References
+from backend.controllers.goals import References, soonest_stand
 from backend.tuning.gains import knowledge
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -117,6 +117,37 @@ def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
         assert highest < 15.02, (ticks, q, budget)
         assert state.allowed == budget
         assert pytest.approx(15.0, abs=1e-3) == plan.now(D, state).S
+
+
+@given(
+    st.floats(-24.0, 24.0), st.floats(-24.0, 24.0), st.floats(0.01, 40.0), st.floats(0.01, 40.0), st.floats(2.0, 9.0)
+)
+def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_were_sent(
+    w_d: float, w_c: float, far_d: float, far_c: float, U: float
+) -> None:
+    """Each goal is ahead, no farther than the target; at one of less than that, its share of the voltage stops it."""
+    d, c = axis.Axis(1.0, w_d), axis.Axis(8.0, w_c)
+    sent = [axis.Goal(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
+    goal_d, goal_c, share = soonest_stand(K, T, U, d, c, sent[0], sent[1])
+    assert 0.0 <= share <= 1.0
+    for a, goal, far, part in ((d, goal_d, far_d, share), (c, goal_c, far_c, 1.0 - share)):
+        way, speed, V = math.copysign(1.0, a.omega) * (goal.theta - a.theta), abs(a.omega), K * part * U
+        assert goal.rate == 0.0
+        assert -1e-12 <= way <= far + 1e-9
+        if way < far - 1e-9 and V > 0.1:
+            stopped_s = T * math.log1p(speed / V)
+            gone, left = turned((0.0, speed), -part * U, stopped_s)
+            assert abs(left) < 1e-6
+            assert gone - 1e-6 <= way <= 1.05 * gone + V / T * 1e-4
+
+
+def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_known_and_ahead() -> None:
+    c, far = axis.Axis(8.0, 10.0), axis.braking_distance(K * 6.0, T, 10.0)
+    for end, bound in ((8.0 + far, True), (math.nan, False), (7.0, False)):
+        sent = axis.Goal(0.0, 10.0), axis.Goal(8.0 + 0.5 * far, 10.0, end)
+        _, goal, share = soonest_stand(K, T, 8.5, axis.Axis(0.0, 10.0), c, *sent)
+        assert (goal.theta <= 8.0 + far + 1e-9) == bound
+        assert share == pytest.approx(1.0 - 6.0 / (axis.BRAKING * 8.5) if bound else 0.5, abs=1e-6)
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(0.0, 3.0))
