@@ -3,11 +3,9 @@
 from backend.loop.commands import Obstruct
 from backend.messages.state import Wall, WallOrder
 from backend.operating.actuator import Actuator
-from backend.operating.standing_wall import wall_in_words
+from backend.operating.standing_wall import wall_bounds, wall_in_words
 from backend.refusal import Because, RefusalError, require_within
-from plant.dynamics import SUBSTEPS
-from plant.interface import T_s
-from plant.obstacle import K_LEAST, Obstacle, most_damped, stiffest
+from plant.obstacle import Obstacle
 from plant.parameters import PlantParameters
 
 
@@ -27,10 +25,9 @@ async def obstruct(actuator: Actuator, order: WallOrder, who: str) -> WallOrder:
 
 
 def _possible(wall: Wall, parameters: PlantParameters) -> Obstacle:
-    joint, q_max, step_s = parameters.dynamics().joint, parameters.geometry.q_max, T_s / SUBSTEPS
+    bounds, q_max = wall_bounds(parameters), parameters.geometry.q_max
     remedy = "the simulator's steps do not resolve more"
     require_within("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
-    require_within("k_wall", wall.k_wall, K_LEAST, stiffest(joint, step_s), "N/m", remedy, path=("wall", "k_wall"))
-    c_max = most_damped(joint, parameters.safety.F_max, step_s)
-    require_within("c_wall", wall.c_wall, 0.0, c_max, "s/m", remedy, path=("wall", "c_wall"))
+    require_within("k_wall", wall.k_wall, bounds.k_min, bounds.k_max, "N/m", remedy, path=("wall", "k_wall"))
+    require_within("c_wall", wall.c_wall, 0.0, bounds.c_max, "s/m", remedy, path=("wall", "c_wall"))
     return Obstacle(1.0 if wall.side == "above" else -1.0, wall.q_wall, wall.k_wall, wall.c_wall)

@@ -43,7 +43,7 @@ from backend.messages.touch import TouchView
 from backend.messages.tuning import TuningView
 from backend.operating.observation import Observation, Sample, entry_of, fault_of, mode_of, references_of
 from backend.operating.safety_chain import chain
-from backend.operating.standing_wall import wall_view
+from backend.operating.standing_wall import NO_WALL_POSSIBLE, wall_bounds, wall_view
 from backend.operating.tuning_in_use import Chosen, TuningInUse, chosen_view, shown_with
 from plant.choice import PlantChoice, PlantKind
 from plant.obstacle import Obstacle
@@ -90,6 +90,7 @@ class PresentState:
         self.bounds = bounds_for(parameters)
         self.parameters = parameters
         self._tensions = _tensions(parameters, self.bounds)
+        self._wall_bounds = wall_bounds(parameters)
         self._supervisor = supervisor
         self._problems = problems
         self._observation = Observation(lambda: supervisor.ring)
@@ -242,6 +243,7 @@ class PresentState:
 
     def _limits(self) -> LimitsView:
         b = self.bounds
+        wall = self._wall_bounds if self.plant.simulated else NO_WALL_POSSIBLE
         return LimitsView(
             q_min=b.q_min,
             q_max=b.q_max,
@@ -252,6 +254,9 @@ class PresentState:
             F_push_max=F_PUSH_MAX if self.plant.simulated else 0.0,
             F_contact_min=CONTACT_MIN_N,
             F_contact_max=CONTACT_MAX_N,
+            k_wall_min=wall.k_min,
+            k_wall_max=wall.k_max,
+            c_wall_max=wall.c_max,
             u_max=b.u_max,
             q_trip=b.q_trip,
             tensions=self._tensions,

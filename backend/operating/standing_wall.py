@@ -1,7 +1,29 @@
 """What stands in the joint's way, for page and journal."""
 
+from typing import NamedTuple
+
 from backend.messages.state import Wall
-from plant.obstacle import Obstacle
+from plant.dynamics import SUBSTEPS
+from plant.interface import T_s
+from plant.obstacle import K_LEAST, Obstacle, most_damped, stiffest
+from plant.parameters import PlantParameters
+
+
+class WallBounds(NamedTuple):
+    """Least and largest stiffness [N/m] and largest damping [s/m] of a wall; all 0 where none can be put up."""
+
+    k_min: float
+    k_max: float
+    c_max: float
+
+
+NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)
+
+
+def wall_bounds(parameters: PlantParameters) -> WallBounds:
+    """Return what the steps of the simulation resolve of a wall."""
+    joint, step_s = parameters.dynamics().joint, T_s / SUBSTEPS
+    return WallBounds(K_LEAST, stiffest(joint, step_s), most_damped(joint, parameters.safety.F_max, step_s))
 
 
 def wall_in_words(wall: Obstacle | None) -> str:

@@ -84,11 +84,16 @@ def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(dat
 
 def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database) -> None:
     async def session(parts: Parts) -> None:
+        limits = parts.present.state().limits
+        await in_run(parts)
+        for k_wall, c_wall in ((limits.k_wall_min, 0.0), (limits.k_wall_max, limits.c_wall_max)):
+            await obstruct(parts.actuator, WallOrder(wall=Wall(q_wall=1.0, k_wall=k_wall, c_wall=c_wall)), "Ana")
         for wall, quantity in (
             (Wall(q_wall=2.0), "q_wall"),
             (Wall(q_wall=0.5, k_wall=4e4), "k_wall"),
             (Wall(q_wall=0.5, k_wall=1.0), "k_wall"),
-            (Wall(q_wall=0.5, c_wall=9.0), "c_wall"),
+            (Wall(q_wall=0.5, k_wall=1.001 * limits.k_wall_max), "k_wall"),
+            (Wall(q_wall=0.5, c_wall=1.001 * limits.c_wall_max), "c_wall"),
             (Wall(q_wall=0.5, c_wall=-1.0), "c_wall"),
         ):
             with pytest.raises(OutOfRangeError) as refused:
@@ -96,6 +101,8 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database
             assert refused.value.path == ("wall", quantity)
         for kind in (PlantKind.REPLAY, PlantKind.RIG):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
+            offered = parts.present.state().limits
+            assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
                 with pytest.raises(RefusalError, match=f"what is simulated, and what is driven is the {kind}"):
                     await obstruct(parts.actuator, order, "Ana")

@@ -14,7 +14,7 @@ export const TUNING = {
 export const STATE = {
   mode: "run",
   legal_modes: ["experiment", "identify"],
-  limits: { F_push_max: 30 },
+  limits: { F_push_max: 30, k_wall_min: 100, k_wall_max: 28000, c_wall_max: 4 },
   plant: { simulated: true },
   wall: null,
   tuning: { ...TUNING, lam_motor_min: 0.05, lam_motor_max: 0.2 },

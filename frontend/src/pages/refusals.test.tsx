@@ -137,6 +137,14 @@ it.each<Case>([
     field("Stiffness of the wall [N/m]"),
   ],
   [
+    "damping of a wall",
+    <WallCard key="" />,
+    [press("Put up")],
+    "/api/wall",
+    ["wall", "c_wall"],
+    field("Damping of the wall [s/m]"),
+  ],
+  [
     "time of a push",
     <PushCard key="" />,
     [press("Push")],

@@ -3474,6 +3474,21 @@ export interface components {
              */
             F_contact_max: number;
             /**
+             * K Wall Min
+             * @description least stiffness of a wall in the joint's way; 0 where none can be put up [N/m]
+             */
+            k_wall_min: number;
+            /**
+             * K Wall Max
+             * @description largest such stiffness [N/m]
+             */
+            k_wall_max: number;
+            /**
+             * C Wall Max
+             * @description largest damping of such a wall; the least is 0 [s/m]
+             */
+            c_wall_max: number;
+            /**
              * U Max
              * @description largest motor voltage, either way [V]
              */

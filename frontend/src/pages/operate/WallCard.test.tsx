@@ -22,6 +22,7 @@ function open(wall: State["wall"]): void {
   store.setState({
     plant: { simulated: true },
     wall,
+    limits: { k_wall_min: 100, k_wall_max: 28000, c_wall_max: 7.396 },
     link: { alive: true },
     fault: null,
   } as unknown as State);
@@ -59,15 +60,22 @@ function enter(label: RegExp, value: string): void {
 
 it("puts up what stands in the boxes, in SI, and takes it away", async () => {
   open(null);
+  expect(screen.getByText(/^100 … 28.?000 N\/m, 0 … 7\.3 s\/m/)).toBeTruthy();
   enter(/^Wall at/, "-30");
   enter(/^Stiffness/, "5000");
+  enter(/^Damping/, "0.25");
   fireEvent.change(screen.getByRole("combobox", { name: "Side of the wall" }), {
     target: { value: "below" },
   });
   fireEvent.click(screen.getByRole("button", { name: "Put up" }));
   await waitFor(async () => expect(await ordered()).toHaveLength(1));
   const [{ wall }] = (await ordered()) as [{ wall: { q_wall: number } }];
-  expect(wall).toEqual({ q_wall: expect.closeTo(-Math.PI / 6, 10), side: "below", k_wall: 5000, c_wall: 1 });
+  expect(wall).toEqual({
+    q_wall: expect.closeTo(-Math.PI / 6, 10),
+    side: "below",
+    k_wall: 5000,
+    c_wall: 0.25,
+  });
   fireEvent.click(screen.getByRole("button", { name: "Take away" }));
   await waitFor(async () => expect((await ordered())[1]).toEqual({ wall: null }));
 });

@@ -6,11 +6,12 @@ import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
+import { fixed } from "../../samples/format";
 import { angleText, FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
 import { RefusedFields } from "../../service/refusedFields";
-import type { Wall } from "../../wire/types";
+import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 
 type Side = Wall["side"];
@@ -18,10 +19,11 @@ type Side = Wall["side"];
 export function WallCard() {
   const simulated = useLive((live) => live.state?.plant.simulated ?? false);
   const { unit } = readingOf("rad", useAngles());
-  return simulated ? <WallControls key={unit} /> : null;
+  const limits = useLive((live) => live.state?.limits);
+  return simulated && limits ? <WallControls key={unit} limits={limits} /> : null;
 }
 
-function WallControls() {
+function WallControls({ limits }: { limits: Limits }) {
   const stands = useLive((live) => live.state?.wall ?? null);
   const order = useSetWall();
   const angles = useAngles();
@@ -30,10 +32,11 @@ function WallControls() {
   const [q_wall, setAngle] = useState(angles === "deg" ? 20 : 0.35);
   const [side, setSide] = useState<Side>("above");
   const [k_wall, setStiffness] = useState(20000);
-  const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
+  const [c_wall, setDamping] = useState(1);
+  const [problems, setProblems] = useState<readonly (string | null)[]>([null, null, null]);
   const problem = problems.find((one) => one !== null) ?? null;
   const refusal = problem === null ? order.error : null;
-  const about = [q_wall, side, k_wall];
+  const about = [q_wall, side, k_wall, c_wall];
   return (
     <Card title="Wall" aside={<span className={styles.bounds}>simulated plants only</span>}>
       <RefusedFields error={refusal} about={about}>
@@ -70,11 +73,23 @@ function WallControls() {
             onCommit={setStiffness}
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />
+          <ValueBox
+            label="Damping of the wall [s/m]"
+            unit="s/m"
+            value={c_wall}
+            decimals={2}
+            step={0.5}
+            width={92}
+            saidAt="refusal-of-wall"
+            place="wall.c_wall"
+            onCommit={setDamping}
+            onProblem={(found) => setProblems((before) => before.with(2, found))}
+          />
           <Button
             size="compact-sm"
             variant="default"
             onClick={() => {
-              const wall = { q_wall: toSI(q_wall, "rad", angles), side, k_wall, c_wall: 1 };
+              const wall = { q_wall: toSI(q_wall, "rad", angles), side, k_wall, c_wall };
               if (problem === null) order.mutate({ wall });
             }}
           >
@@ -93,9 +108,15 @@ function WallControls() {
             problem ??
             (stands && `A wall stands ${stands.side} ${angleText(stands.q_wall, decimals, angles)}.`)
           }
-          hint="where the joint runs into it; its force is F_wall"
+          hint={`${bounds(limits)}; its force is F_wall`}
         />
       </RefusedFields>
     </Card>
   );
+}
+
+/** How stiff and how damped it may be; the largest damping rounded down, so that what is shown is taken. */
+function bounds({ k_wall_min, k_wall_max, c_wall_max }: Limits): string {
+  const damping = fixed(Math.floor(10 * c_wall_max) / 10, 1);
+  return `${fixed(k_wall_min, 0)} … ${fixed(Math.floor(k_wall_max), 0)} N/m, 0 … ${damping} s/m`;
 }
