@@ -102,7 +102,8 @@ def assemble(
 
     def problems() -> list[str]:
         first = watch, soundness, recorder, flights, journal
-        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands
+        sweep = actuator.touching.sweep
+        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     retention = Retention(database, Rule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))

@@ -23,6 +23,7 @@ from backend.cli import (
     serve,
     study,
     token,
+    touch,
     wall,
 )
 from backend.cli.garbage import look_as_usual, look_seldom
@@ -51,6 +52,7 @@ app.add_typer(report.app, name="report")
 app.add_typer(database.app, name="db")
 app.add_typer(rig.app, name="rig")
 app.command()(foxglove.foxglove)
+app.add_typer(touch.app, name="touch")
 app.add_typer(wall.app, name="wall")
 app.add_typer(token.app, name="token")
 app.command()(doctor.doctor)

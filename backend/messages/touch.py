@@ -1,5 +1,7 @@
 """Touch: the outside force, what was learned of it, and the joint that gives way."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from backend.messages.base import ANY_SIZE, Schema, quantity
@@ -21,12 +23,23 @@ class ContactView(Schema):
     tick: int
 
 
+class SweepView(Schema):
+    """Learning over all of the stiffness by itself: how far it is, or how the last time ended."""
+
+    under_way: bool
+    point: int = Field(description="the one that is learned, or was when it ended, from 1")
+    points: int
+    S_ref: float = quantity("N·m/rad", "stiffness reference at that point", **ANY_SIZE)
+    why: str = Field(description="why it ended before its end; empty where it did not")
+
+
 class TouchView(Schema):
     """What is in force of touch."""
 
     contact_N: float = quantity("N", "force from which on the joint gives way; 0 for never")
     learned: list[TouchPoint] = Field(description="by rising stiffness; between them straight lines are taken off")
     felt: ContactView | None = Field(description="given way to at present; null for none")
+    sweep: SweepView | None = Field(default=None, description="learning over S by itself; null where there was none")
 
 
 class TouchOrder(Schema):
@@ -37,3 +50,6 @@ class TouchOrder(Schema):
     )
     learn: bool = Field(default=False, description="take what is estimated now for nothing outside, at this stiffness")
     forget: bool = Field(default=False, description="forget what was learned; with learn, all but that")
+    sweep: Literal["begin", "stop"] | None = Field(
+        default=None, description="learn over all of the stiffness, point by point, with nobody at the joint; alone"
+    )

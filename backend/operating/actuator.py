@@ -19,6 +19,7 @@ from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.state import Push, References, State, StopProof
+from backend.operating.answered import carried_out
 from backend.operating.event_marks import mark_of
 from backend.operating.journal import Journal
 from backend.operating.kept_tuning import KeptTuning
@@ -74,7 +75,7 @@ class Actuator:
         self.retuning = Retuning(
             supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
         )
-        self.touching = Touching(supervisor, journal, self._command, self.changed)
+        self.touching = Touching(supervisor, present, journal, self._command, self.changed, self.starting)
         present.touch = self.touching.view
         supervisor.listen(self._hear)
 
@@ -146,7 +147,7 @@ class Actuator:
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         await self._supervisor.restart()
-        self.touching.forget()
+        self.touching.forget("the control loop was started anew")
         self._on_new_ring(self._supervisor.ring)
         self.present.starts += 1
         self._journal.note(kind, text, 0, who)
@@ -191,7 +192,7 @@ class Actuator:
         async with self._turn:
             if on:
                 self.require_unoccupied()
-            accepted = _accepted(await switch_drives(self._supervisor, self._hands, on, who))
+            accepted = carried_out(await switch_drives(self._supervisor, self._hands, on, who))
             self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
         self.changed()
 
@@ -200,6 +201,7 @@ class Actuator:
         b = self.present.bounds
         require_within("q_ref", q_ref, b.q_min, b.q_max, "rad")
         require_within("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        self.touching.sweep.break_off("other references were set", who)
         accepted = await self._command(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref)} N·m/rad"
         self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
@@ -224,7 +226,8 @@ class Actuator:
         return push
 
     def let_go(self) -> None:
-        """Let go of a push without waiting: whoever ordered it does not hold control any more."""
+        """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
+        self.touching.sweep.break_off("whoever began it does not hold control any more")
         if self._pushed:
             self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
 
@@ -252,7 +255,7 @@ class Actuator:
         self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.present.tick, who)
 
     async def _command(self, command: Command) -> Accepted:
-        return _accepted(await self._supervisor.send(command))
+        return carried_out(await self._supervisor.send(command))
 
     async def _state_once(self, reached: Callable[[], bool]) -> State:
         """Return the state as soon as the samples show what was accepted, a moment later at most."""
@@ -291,10 +294,3 @@ class Actuator:
                     waiter.set_result(event)
         if not isinstance(event, Accepted | Refused | RunEnded):
             self.changed()
-
-
-def _accepted(answer: Accepted | Refused) -> Accepted:
-    if isinstance(answer, Refused):
-        legal = [str(mode) for mode in answer.legal] or None
-        raise RefusalError(Because.NOT_NOW, answer.reason, code="refused", legal=legal)
-    return answer

@@ -9,7 +9,6 @@ import math
 from collections.abc import Awaitable, Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from backend.controllers import touch
 from backend.loop import commands
@@ -17,23 +16,19 @@ from backend.loop.access import LoopDied
 from backend.loop.causes import Cause
 from backend.loop.commands import Accepted, Command, ContactFelt, Event, ModeChanged, TouchForgotten
 from backend.loop.contact import CONTACT_MAX_N, CONTACT_MIN_N
-from backend.loop.mode import MODES, Mode
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.touch import ContactView, TouchOrder, TouchPoint, TouchView
 from backend.operating.journal import Journal
+from backend.operating.present_state import PresentState
+from backend.operating.touch_rest import LEARNED_TICKS, why_not
+from backend.operating.touch_sweep import TouchSweep
 from backend.reading import in_digits
 from backend.refusal import Because, RefusalError, require_within
 from backend.sample import INDEX
 
-LEARNED_TICKS = 1000
-"""Samples at rest that a point is learned from: 1 s."""
-
 NEIGHBOUR = 0.25
 """Points nearer to each other than this [N·m/rad] are one, and the newer counts."""
-
-_MOVING_RAD, _MOVING_S = 0.01, 0.1
-"""At rest, the joint stays within so much, and its stiffness [N·m/rad]."""
 
 
 class Touching:
@@ -42,15 +37,18 @@ class Touching:
     def __init__(
         self,
         supervisor: Supervisor,
+        present: PresentState,
         journal: Journal,
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
+        starting: asyncio.Lock,
     ) -> None:
+        self.sweep = TouchSweep(supervisor, present, journal, command, self._learn_on, changed)
         self._supervisor = supervisor
         self._journal = journal
         self._command = command
         self._changed = changed
-        self._turn = asyncio.Lock()
+        self._turn, self._starting = asyncio.Lock(), starting
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
         self._felt: ContactView | None = None
@@ -59,34 +57,66 @@ class Touching:
 
     def view(self) -> TouchView:
         """Return what is learned and armed, and the contact that the joint gives way to."""
-        return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._felt)
+        sweep = self.sweep.view()
+        return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._felt, sweep=sweep)
 
     async def order(self, order: TouchOrder, who: str) -> TouchView:
-        """Learn at the stiffness that is held now, forget what was learned, or give way from another force on.
+        """Learn at the stiffness that is held now or over all of it, forget, or give way from another force on.
 
-        Raises RefusalError, OutOfRangeError; what was in force stays then.
+        An order of nothing returns what is. Raises RefusalError, OutOfRangeError; what was in force stays then.
         """
+        if order == TouchOrder():
+            return self.view()
+        if order.sweep is not None:
+            return await self._sweep(order, who)
+        if self.sweep.under_way:
+            raise RefusalError(
+                Because.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
+            )
         async with self._turn:
             points = [] if order.forget else self._points
             if order.learn:
-                points = _with(points, self._learned())
+                points = _with(points, self._learned(self._since))
             contact_N = self._contact_N if order.contact_N is None else order.contact_N
             if contact_N != 0.0:
                 require_within("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N gives way to nothing")
                 _require_learned(points, contact_N)
-            bias = tuple((point.S, point.F) for point in points)
-            accepted = await self._command(commands.SetTouch(bias, contact_N))
-            self._points, self._contact_N, self._since = points, contact_N, accepted.tick
+            tick = await self._put(points, contact_N)
+        if order.forget:
+            self.sweep.forget()
         for text in _said(order, points):
-            self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+            self._journal.note(MarkKind.NOTE, text, tick, who)
         self._changed()
         return self.view()
 
-    def _learned(self) -> TouchPoint:
+    async def _sweep(self, order: TouchOrder, who: str) -> TouchView:
+        if order.learn or order.forget or order.contact_N is not None:
+            raise RefusalError(Because.BAD_VALUE, "learning over S is ordered alone: nothing else was done either")
+        if order.sweep == "stop":
+            await self.sweep.stop(who)
+        else:
+            async with self._starting, self._turn:
+                await self.sweep.begin(who)
+        return self.view()
+
+    async def _learn_on(self, since: int) -> None:
+        """Learn one more point, of samples from the tick ``since`` on."""
+        async with self._turn:
+            await self._put(_with(self._points, self._learned(max(since, self._since))), self._contact_N)
+        self._changed()
+
+    async def _put(self, points: list[TouchPoint], contact_N: float) -> int:
+        """Put in force what is learned and armed; return the tick of it."""
+        bias = tuple((point.S, point.F) for point in points)
+        accepted = await self._command(commands.SetTouch(bias, contact_N))
+        self._points, self._contact_N, self._since = points, contact_N, accepted.tick
+        return accepted.tick
+
+    def _learned(self, since: int) -> TouchPoint:
         """Return what is estimated at rest now. Raises RefusalError where the joint does not rest."""
         ring = self._supervisor.ring
         _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
-        why = _why_not(rows, self._since)
+        why = why_not(rows, since)
         if why:
             raise RefusalError(Because.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
@@ -97,40 +127,26 @@ class Touching:
         match event:
             case ContactFelt(tick, F_ext_hat, contact_N):
                 self._felt = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
-            case ModeChanged(cause=cause) if cause is not Cause.CONTACT:
-                self._felt = None
-            case TouchForgotten() | LoopDied():
-                self.forget()
+            case ModeChanged(after=mode, cause=cause):
+                self.sweep.break_off(f"the mode is {mode} now")
+                self._felt = self._felt if cause is Cause.CONTACT else None
+            case TouchForgotten():
+                self.forget("the zeros were found anew")
+            case LoopDied():
+                self.forget("the control loop died")
             case _:
                 return
         self._changed()
 
-    def forget(self) -> None:
-        """Begin with nothing learned, as a new loop does."""
+    def forget(self, why: str) -> None:
+        """Begin with nothing learned, as a new loop does, and ``why``."""
+        self.sweep.break_off(why)
         self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
     others = [point for point in points if abs(point.S - new.S) >= NEIGHBOUR]
     return sorted([*others, new], key=lambda point: point.S)
-
-
-def _why_not(rows: NDArray[np.float64], since: int) -> str:
-    """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
-    if len(rows) < LEARNED_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
-        return "the outside force is not known yet, the motors' zeros come with pretension"
-    column = {name: rows[:, INDEX[name]] for name in ("mode", "q", "S", "F_push", "F_wall")}
-    if set(column["mode"].astype(int)) != {MODES.index(Mode.RUN)}:
-        return f"the joint has to be held in run for {LEARNED_TICKS / 1000:g} s"
-    if rows[0, INDEX["tick"]] < since:
-        return f"something else was put into force less than {LEARNED_TICKS / 1000:g} s ago"
-    if np.any(column["F_push"] != 0.0):
-        return "the joint is pushed"
-    if np.any(np.nan_to_num(column["F_wall"]) != 0.0):  # nan on a rig, where nobody simulates one
-        return "the joint presses on a wall"
-    if np.ptp(column["q"]) > _MOVING_RAD or np.ptp(column["S"]) > _MOVING_S:
-        return f"joint and stiffness have to be at rest for {LEARNED_TICKS / 1000:g} s"
-    return ""
 
 
 def _require_learned(points: list[TouchPoint], contact_N: float) -> None:

@@ -3,12 +3,15 @@
 import re
 from typing import Any
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.e2e import forms
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 
 PUSH_N = 6.0
+SWEEP_TIMEOUT_MS = 120_000
+"""Each of the five points waits for rest, a few seconds of the loop's time."""
 
 
 def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> None:
@@ -25,7 +28,7 @@ def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> Non
     expect(said).to_contain_text("Nothing learned")
     arm = card.get_by_role("button", name="Give way", exact=True)
     expect(arm).to_be_disabled()
-    assert in_force() == {"contact_N": 0.0, "learned": [], "felt": None}
+    assert in_force() == {"contact_N": 0.0, "learned": [], "felt": None, "sweep": None}
     operator.wait_for_samples(4000)  # until the stiffness is at rest, and a second more
     forms.pressed(page, card.get_by_role("button", name="Learn here", exact=True), "/api/touch")
     (point,) = in_force()["learned"]
@@ -54,3 +57,39 @@ def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> Non
     assert operator.settled_mode() == "run"
     forms.pressed(page, card.get_by_role("button", name="Forget", exact=True), "/api/touch")
     expect(said).to_contain_text("Nothing learned")
+
+
+def test_it_is_learned_over_S_by_itself_and_can_be_stopped(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+
+    def state() -> dict[str, Any]:
+        return dict(page.evaluate("fetch('./api/state').then(answer => answer.json())"))
+
+    held = state()["references"]
+    card = page.get_by_role("group", name="Touch", exact=True)
+    said, table = page.locator("#refusal-of-touch"), page.get_by_role("table", name="Learned of the outside force")
+    begin = card.get_by_role("button", name="Learn over S", exact=True)
+    sent, _ = forms.pressed(page, begin, "/api/touch")
+    assert sent == {"learn": False, "forget": False, "sweep": "begin"}
+    expect(said).to_contain_text("Learning over S, 1 of 5: 8.0 N·m/rad.")
+    expect(card.get_by_role("button", name="Learn here", exact=True)).to_be_disabled()
+    expect(said).to_contain_text("Learning over S, 2 of 5: 9.8 N·m/rad.", timeout=SWEEP_TIMEOUT_MS)
+    expect(table.get_by_role("row")).to_have_count(2)
+    sent, _ = forms.pressed(page, card.get_by_role("button", name="Stop learning", exact=True), "/api/touch")
+    assert sent["sweep"] == "stop"
+    expect(said).to_contain_text("Learning over S ended at 2 of 5: 9.8 N·m/rad. The reason: it was stopped.")
+    operator.wait(lambda: state()["references"] == held)
+
+    forms.pressed(page, begin, "/api/touch")
+    expect(table.get_by_role("row")).to_have_count(6, timeout=SWEEP_TIMEOUT_MS)
+    expect(begin).to_be_visible()
+    operator.wait(lambda: state()["references"] == held)
+    learned = state()["touch"]["learned"]
+    shown = [row.inner_text().split() for row in table.get_by_role("row").all()[1:]]
+    minus = str.maketrans("\u2212", "-")
+    assert [[float(cell.translate(minus)) for cell in row] for row in shown] == [
+        pytest.approx([point["S"], point["F"], point["std_N"]], abs=0.051) for point in learned
+    ]
+    expect(said).to_contain_text("Learned at 8.0, ")

@@ -5593,6 +5593,31 @@ export interface components {
             problem: string;
         };
         /**
+         * SweepView
+         * @description Learning over all of the stiffness by itself: how far it is, or how the last time ended.
+         */
+        SweepView: {
+            /** Under Way */
+            under_way: boolean;
+            /**
+             * Point
+             * @description the one that is learned, or was when it ended, from 1
+             */
+            point: number;
+            /** Points */
+            points: number;
+            /**
+             * S Ref
+             * @description stiffness reference at that point [N·m/rad]
+             */
+            S_ref: number;
+            /**
+             * Why
+             * @description why it ended before its end; empty where it did not
+             */
+            why: string;
+        };
+        /**
          * SystemView
          * @description What the System page shows beside the state.
          */
@@ -5789,6 +5814,11 @@ export interface components {
              * @default false
              */
             forget: boolean;
+            /**
+             * Sweep
+             * @description learn over all of the stiffness, point by point, with nobody at the joint; alone
+             */
+            sweep?: ("begin" | "stop") | null;
         };
         /**
          * TouchPoint
@@ -5828,6 +5858,8 @@ export interface components {
             learned: components["schemas"]["TouchPoint"][];
             /** @description given way to at present; null for none */
             felt: components["schemas"]["ContactView"] | null;
+            /** @description learning over S by itself; null where there was none */
+            sweep?: components["schemas"]["SweepView"] | null;
         };
         /**
          * TrialRequest

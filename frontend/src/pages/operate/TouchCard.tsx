@@ -24,6 +24,7 @@ export function TouchCard() {
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
   const order = useTouch();
   const armed = touch.contact_N > 0;
+  const sweeping = touch.sweep?.under_way ?? false;
   const [chosen, setChosen] = useState<number | null>(null);
   const [problem, setProblem] = useState<string | null>(null);
   const contact_N = chosen ?? (armed ? touch.contact_N : USUAL_N);
@@ -49,7 +50,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={problem !== null || touch.learned.length === 0}
+            disabled={problem !== null || touch.learned.length === 0 || sweeping}
             onClick={() => order.mutate({ contact_N })}
           >
             {armed ? "Change" : "Give way"}
@@ -62,13 +63,26 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           >
             Hold on
           </Button>
-          <Button size="compact-sm" variant="default" onClick={() => order.mutate({ learn: true })}>
+          <Button
+            size="compact-sm"
+            variant="default"
+            disabled={sweeping}
+            onClick={() => order.mutate({ learn: true })}
+          >
             Learn here
           </Button>
           <Button
             size="compact-sm"
             variant="default"
-            disabled={touch.learned.length === 0 || armed}
+            disabled={armed}
+            onClick={() => order.mutate({ sweep: sweeping ? "stop" : "begin" })}
+          >
+            {sweeping ? "Stop learning" : "Learn over S"}
+          </Button>
+          <Button
+            size="compact-sm"
+            variant="default"
+            disabled={touch.learned.length === 0 || armed || sweeping}
             onClick={() => order.mutate({ forget: true })}
           >
             Forget
@@ -82,8 +96,34 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           text={problem ?? told(touch)}
           hint={`${learned(touch)} Threshold ${fixed(limits.F_contact_min, 0)} … ${fixed(limits.F_contact_max, 0)} N.`}
         />
+        <Learned points={touch.learned} />
       </RefusedFields>
     </Card>
+  );
+}
+
+/** What was learned at each stiffness, and how quiet the estimate is there. */
+function Learned({ points }: { points: TouchView["learned"] }) {
+  if (points.length === 0) return null;
+  return (
+    <table className={styles.learned} aria-label="Learned of the outside force">
+      <thead>
+        <tr>
+          <th scope="col">S [N·m/rad]</th>
+          <th scope="col">reads [N]</th>
+          <th scope="col">± [N]</th>
+        </tr>
+      </thead>
+      <tbody>
+        {points.map(({ S, F, std_N }) => (
+          <tr key={S}>
+            <th scope="row">{fixed(S, 1)}</th>
+            <td>{fixed(F, 2)}</td>
+            <td>{fixed(std_N, 2)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
   );
 }
 
@@ -92,12 +132,16 @@ function ForceNow({ touch }: { touch: TouchView }) {
   return <span className={styles.bounds}>{reading(useForce(), touch)}</span>;
 }
 
-/** What stands out: a contact that is given way to, or that nothing is known yet. */
-function told({ felt, contact_N }: TouchView): string | null {
+/** What stands out: a contact that is given way to, how far learning over S is, or why it ended before its end. */
+function told({ felt, contact_N, sweep }: TouchView): string | null {
   if (felt) {
     return `Contact: ${fixed(felt.F_ext_hat, 1)} N. The joint gives way; choose a mode to go on.`;
   }
-  return contact_N > 0 ? `Gives way to contacts from ${fixed(contact_N, 1)} N on.` : null;
+  if (contact_N > 0) return `Gives way to contacts from ${fixed(contact_N, 1)} N on.`;
+  if (!sweep?.under_way && !sweep?.why) return null;
+  const at = `${sweep.point} of ${sweep.points}: ${fixed(sweep.S_ref, 1)} N·m/rad`;
+  if (sweep.under_way) return `Learning over S, ${at}. Keep away from the joint.`;
+  return `Learning over S ended at ${at}. The reason: ${sweep.why}.`;
 }
 
 /** At which stiffnesses it is known what is estimated with nothing outside. */

@@ -1,0 +1,230 @@
+"""Learning over S by itself: what ends it, when it is refused, and that its death is told."""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from backend.experiments.playing.progress import Doing
+from backend.faults import Fault
+from backend.loop import commands
+from backend.loop.mode import Mode
+from backend.messages.state import Push, TaskView
+from backend.messages.touch import SweepView, TouchOrder
+from backend.operating import touch_sweep
+from backend.refusal import RefusalError
+from backend.storage import Database, events, open_database
+from plant.obstacle import Obstacle
+from plant.parameters import load_parameters
+from tests.api.conftest import problem
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+from tests.api.test_touch import at_rest
+from tests.cli.test_report import sinew
+from tests.e2e.service import Service
+
+WHO = OPERATOR.name
+BEGIN, STOP = TouchOrder(sweep="begin"), TouchOrder(sweep="stop")
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def sweep_of(parts: Parts) -> SweepView:
+    sweep = parts.present.state().touch.sweep
+    assert sweep is not None
+    return sweep
+
+
+async def until(parts: Parts, reached: Callable[[], bool] = lambda: False) -> SweepView:
+    """Let it go on until it has ended, or ``reached()``; return how it stands."""
+    while sweep_of(parts).under_way and not reached():
+        await asyncio.sleep(0)
+    return sweep_of(parts)
+
+
+async def learned_two(parts: Parts) -> None:
+    await at_rest(parts)
+    await parts.actuator.touching.order(BEGIN, WHO)
+    await until(parts, lambda: sweep_of(parts).point == 3)
+    assert sweep_of(parts).S_ref == pytest.approx(11.5)
+
+
+def reference(parts: Parts) -> tuple[float, float]:
+    references = parts.present.state().references
+    return references.q_ref, references.S_ref
+
+
+def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
+    async def stop(parts: Parts) -> None:
+        with pytest.raises(RefusalError, match="nothing to stop"):
+            await parts.actuator.touching.order(STOP, WHO)
+        await learned_two(parts)
+        told = await parts.actuator.touching.order(STOP, WHO)
+        assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="it was stopped")
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+        assert len(parts.present.state().touch.learned) == 2
+        assert (await parts.actuator.touching.order(TouchOrder(forget=True), WHO)).sweep is None
+
+    stepped(database, load_parameters("lab"), stop)
+    with database.reading() as session:
+        told = [(event.text, event.who) for event in events.find(session)]
+    assert ("learning over S ended at point 3 of 5, 11.5 N·m/rad: it was stopped", WHO) in told
+
+
+def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: Database) -> None:
+    async def ended(parts: Parts) -> None:
+        async def by_reference() -> None:
+            await parts.actuator.set_references(-0.1, 9.0, WHO)
+
+        async def by_mode() -> None:
+            await parts.actuator.set_mode(Mode.COMPLIANCE, WHO)
+
+        async def by_control() -> None:
+            parts.actuator.let_go()
+
+        async def by_push() -> None:
+            await parts.actuator.push(Push(F_push=1.0, duration_s=0.3), WHO)
+
+        async def by_stop() -> None:
+            await parts.supervisor.send(commands.Stop())
+
+        for end, why, then in (
+            (by_reference, "other references were set", (-0.1, 9.0)),
+            (by_control, "does not hold control any more", (0.2, 11.5)),
+            (by_push, "the joint is pushed", (0.2, 10.0)),
+            (by_mode, "the mode is compliance now", None),
+            (by_stop, "the mode is tripped now", None),
+        ):
+            await learned_two(parts)
+            known = parts.present.state().touch.learned
+            assert len(known) == 2
+            await end()
+            sweep = await until(parts)
+            assert why in sweep.why
+            assert (sweep.under_way, sweep.point) == (False, 3)
+            assert parts.present.state().touch.learned == known
+            await parts.supervisor.advance(0.5)
+            if then is not None:
+                assert reference(parts) == pytest.approx(then)
+            if parts.present.mode is not Mode.TRIPPED:
+                await parts.actuator.touching.order(TouchOrder(forget=True), WHO)
+                await parts.actuator.set_mode(Mode.PRETENSION, WHO)
+                await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        assert parts.present.fault is Fault.STOP_PRESSED
+        assert parts.actuator.touching.sweep.problem == ""
+
+    stepped(database, load_parameters("lab"), ended)
+
+
+def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(database: Database) -> None:
+    async def refused(parts: Parts) -> None:
+        async def why(order: TouchOrder = BEGIN) -> str:
+            with pytest.raises(RefusalError) as told:
+                await parts.actuator.touching.order(order, WHO)
+            return str(told.value)
+
+        assert "held in run, and the mode is off" in await why()
+        await at_rest(parts)
+        assert "ordered alone" in await why(TouchOrder(sweep="begin", learn=True))
+        parts.present.task = TaskView(kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=Doing.STARTING)
+        assert "run 4, tracking, is under way" in await why()
+        parts.present.task = None
+        await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)
+        assert "gives way to contacts" in await why()
+        await parts.actuator.touching.order(TouchOrder(contact_N=0.0), WHO)
+        await parts.supervisor.send(commands.Push(1.0, 0.5))
+        await parts.supervisor.advance(0.1)
+        assert "pushed" in await why()
+        await parts.supervisor.advance(2.0)
+        await parts.supervisor.send(commands.Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
+        await parts.actuator.set_references(0.27, 10.0, WHO)
+        await parts.supervisor.advance(3.0)
+        assert "presses on a wall" in await why()
+        await parts.supervisor.send(commands.Obstruct(None))
+        await parts.supervisor.advance(2.0)
+        assert parts.present.state().touch.sweep is None
+        await parts.actuator.touching.order(BEGIN, WHO)
+        assert "under way already" in await why()
+        assert (await parts.actuator.touching.order(TouchOrder(), WHO)).sweep == sweep_of(parts)
+        for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
+            assert "wait for its end or stop it" in await why(order)
+        assert (await until(parts)).why == ""
+
+    stepped(database, load_parameters("lab"), refused)
+
+
+def test_a_point_that_does_not_come_to_rest_ends_it(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def restless(parts: Parts) -> None:
+        await at_rest(parts)
+        monkeypatch.setattr(touch_sweep, "drift", lambda rows: float("nan"))
+        await parts.actuator.touching.order(BEGIN, WHO)
+        begun = parts.supervisor.ring.count
+        sweep = await until(parts)
+        assert "at 8 N·m/rad nothing could be learned within 20 s: the estimate moves by nan N" in sweep.why
+        assert parts.supervisor.ring.count - begun == pytest.approx(20_000, abs=200)
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+
+    stepped(database, load_parameters("lab"), restless)
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, *, cancelled: bool) -> None:
+    def broken(rows: object, S_ref: float) -> str:
+        raise ZeroDivisionError("of a test")
+
+    async def dies(parts: Parts) -> None:
+        await learned_two(parts)
+        touching = parts.actuator.touching
+        if cancelled:
+            assert touching.sweep._task is not None
+            touching.sweep._task.cancel()
+        else:
+            monkeypatch.setattr(touch_sweep, "_restless", broken)
+        sweep = await until(parts)
+        cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
+        assert sweep.why == f"it died ({cause})"
+        assert cause in touching.sweep.problem
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+        assert len(parts.present.state().touch.learned) == 2
+        monkeypatch.undo()
+        await parts.supervisor.advance(2.0)
+        await touching.order(BEGIN, WHO)
+        assert touching.sweep.problem == ""
+        assert (await until(parts)).why == ""
+
+    stepped(database, load_parameters("lab"), dies)
+    with database.reading() as session:
+        told = [event for event in events.find(session) if "it died" in event.text]
+    assert [event.kind for event in told] == ["fault"]
+
+
+@pytest.mark.live
+def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
+    nothing = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)
+    assert (nothing["learned"], nothing["sweep"]) == ([], None)
+    refused = running.put("/api/touch", json={"sweep": "again"})
+    assert (refused.status_code, problem(refused)["path"]) == (422, ["sweep"])
+    swept = sinew("touch", "sweep", folder=service.data)
+    assert (swept.returncode, swept.stderr) == (0, "")
+    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N with nothing outside", "gives way to no contact"):
+        assert said in swept.stdout
+    learned = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)["learned"]
+    assert [round(point["S"]) for point in learned] == [8, 10, 11, 13, 15]
+    begun = running.put("/api/touch", json={"sweep": "begin"}).json()["sweep"]
+    assert begun["under_way"]
+    assert "wait for its end or stop it" in sinew("touch", "forget", folder=service.data).stderr
+    assert running.post("/api/mode", json={"mode": "pretension"}).status_code == 200
+    ended = running.get("/api/state").json()["touch"]["sweep"]
+    assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
+    assert "held in run" in sinew("touch", "sweep", folder=service.data).stderr
+    assert "nothing is learned" in sinew("touch", "forget", folder=service.data).stdout
