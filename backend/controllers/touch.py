@@ -22,6 +22,12 @@ POLE = 300.0
 """Of the observer [1/s], three times: 10 ms of mean delay, a count of the encoder reads as 0.1 N."""
 
 
+MEAN_S = 0.3
+"""Time constant [s] of the mean of τ_ext: 2 s of rest leave a thousandth of what was before."""
+
+_SHARE = T_s / MEAN_S
+
+
 class Observer(NamedTuple):
     """The joint over one tick and how far a surprise of 1 rad moves each of its states.
 
@@ -39,15 +45,20 @@ class Observer(NamedTuple):
 
 
 class State(NamedTuple):
-    """q [rad], q' [rad/s] and τ_ext [N·m] of the observer, and the tendons' torque [N·m] at the last reading."""
+    """q [rad], q' [rad/s] and τ_ext [N·m] of the observer, and the tendons' torque [N·m] at the last reading.
+
+    ``mean`` [N·m] and ``variance`` [N²·m²] of τ_ext over the last MEAN_S, older readings counting less and less.
+    """
 
     q: float
     q_dot: float
     tau_ext: float
     pull: float
+    mean: float
+    variance: float
 
 
-UNKNOWN = State(math.nan, math.nan, math.nan, math.nan)
+UNKNOWN = State(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 """Where joint or motors stand is not known."""
 
 
@@ -58,17 +69,15 @@ def step(observer: Observer, state: State, m: Measurement) -> State:
     if not math.isfinite(pull):
         return state
     if not math.isfinite(state.q):
-        return State(m.q, 0.0, 0.0, pull)
+        return State(m.q, 0.0, 0.0, pull, 0.0, 0.0)
     tau = 0.5 * (state.pull + pull) + state.tau_ext
     q = state.q + observer.q_of_q_dot * state.q_dot + observer.q_of_tau * tau
     q_dot = observer.q_dot_of_q_dot * state.q_dot + observer.q_dot_of_tau * tau
     surprise = m.q - q
-    return State(
-        q + observer.L_q * surprise,
-        q_dot + observer.L_q_dot * surprise,
-        state.tau_ext + observer.L_tau * surprise,
-        pull,
-    )
+    tau_ext = state.tau_ext + observer.L_tau * surprise
+    mean = state.mean + _SHARE * (tau_ext - state.mean)
+    variance = state.variance + _SHARE * ((tau_ext - mean) ** 2 - state.variance)
+    return State(q + observer.L_q * surprise, q_dot + observer.L_q_dot * surprise, tau_ext, pull, mean, variance)
 
 
 @compiled

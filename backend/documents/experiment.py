@@ -188,6 +188,23 @@ class NoWall:
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
+class Learn:
+    """Stay at rest: what the outside force reads there is taken off from then on, for this experiment alone."""
+
+    do: Literal["learn"]
+    duration_s: Number = 2.0
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
+class UntilContact:
+    """Play parts until an outside force above ``contact_N`` (0: none) is felt; it gives way for their rest."""
+
+    do: Literal["until_contact"]
+    contact_N: Number = 1.5
+    parts: Annotated[tuple["Part", ...], Field(min_length=1)]
+
+
+@validated(frozen=True, kw_only=True, config=_STRICT)
 class Choose:
     """Play the parts under the value of the setting ``by``."""
 
@@ -206,8 +223,8 @@ class Repeat:
     index: Name = "i"
 
 
-Motion = Hold | Step | Ramp | Pulse | Sine | Sweep | Prbs | Multisine | Push | Hand | Load
-Part = Annotated[Motion | Tuning | Wall | NoWall | Choose | Repeat, Field(discriminator="do")]
+Motion = Hold | Step | Ramp | Pulse | Sine | Sweep | Prbs | Multisine | Push | Hand | Load | Learn
+Part = Annotated[Motion | Tuning | Wall | NoWall | Choose | Repeat | UntilContact, Field(discriminator="do")]
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

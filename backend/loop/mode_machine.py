@@ -18,7 +18,7 @@ from backend.loop.commands import (
     Stop,
     Stopped,
 )
-from backend.loop.contact import NOTHING, Acting, Contact, giving_way
+from backend.loop.contact import NOTHING, TAIL_TICKS, Contact, giving_way
 from backend.loop.mode import DRIVES_OFF, LEGAL, Mode, RefusedError
 from backend.loop.module_trial import ModuleTrial
 from backend.loop.motion import (
@@ -68,22 +68,20 @@ class ModeMachine:
         events: list[Event],
     ) -> None:
         self.mode, self.fault = Mode.OFF, Fault.NONE
-        self._desk = desk
+        self._events, self._plant, self._desk = events, plant, desk
         self._rest = Rest(tuning.motors)
         self.motion = None
         self.run, self.reached_told = 0, False
         self.tunings = Tunings(desk, events, tuning, lambdas)
         self._known = knowledge(parameters)
         self.bounds = self._known.bounds
-        self.zeros = Zeros()
-        self.drives_off = False
+        self.zeros, self.drives_off = Zeros(), False
         self._pending_stop: PendingStop | None = None
-        self._events, self._plant = events, plant
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
-        self.push = ProgramPush(plant, events)
         self.contact = Contact(desk, events)
+        self.push = ProgramPush(plant, events, self.contact)
 
     @property
     def motion(self) -> Motion | None:
@@ -146,8 +144,7 @@ class ModeMachine:
 
     def run_program(self, command: RunProgram, now: Now) -> None:
         """Start a program. Raises RefusedError or OutOfRangeError before anything has moved."""
-        program = command.program
-        mode = mode_of_law(program.law)
+        program, mode = command.program, mode_of_law(command.program.law)
         self._require_legal(mode)
         self._require_taut(mode)
         if not starts_from(program.law, self.mode):
@@ -187,10 +184,10 @@ class ModeMachine:
 
     def give_way(self, now: Now) -> None:
         """React to a contact: the joint gives way where it is, and for good where no program's run goes on."""
-        playing, begins = self._program is not None, self.contact.feel(now.tick)
-        push, number, goes_on = self.push, self.tunings.number, playing and begins
-        acting = Acting(push.F_push, push.load, number, push.wall) if goes_on else NOTHING
-        motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting)
+        playing, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
+        goes_on = bool(ticks) or (self.contact.feel(now.tick) and playing)
+        acting = self.push.acting(self.tunings.number) if goes_on else NOTHING
+        motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting, ticks or TAIL_TICKS)
         if goes_on:
             self.motion = motion
         else:
@@ -233,6 +230,9 @@ class ModeMachine:
             return self._take_zero(self.motion, now)
         if isinstance(self.motion, Trial):
             self._enter(now, Mode.OFF, None, self.motion.cause)
+        elif self.contact.paused is not None:
+            self._program = rest = self.contact.go_on(self.contact.paused)
+            self.motion = Tracking(self.tunings.gains, self._carried(now.m), now.m, self.bounds, True, rest)
         elif self.contact.felt and self.mode is Mode.EXPERIMENT:
             self.give_way(now)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):

@@ -25,6 +25,7 @@ def orders_of(machine: ModeMachine) -> Orders:
         push.load,
         machine.tunings.number,
         push.wall,
+        push.touch,
         MODE_CODE[machine.mode],
         machine.run,
         lambdas.lam_q,

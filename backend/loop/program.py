@@ -21,9 +21,11 @@ MAX_SEGMENTS = 1000
 MAX_TUNINGS = 50
 """Most changes of the tuning in a program, each a packet of its own."""
 
-
 MAX_WALLS = 50
 """Most changes of the obstacle in a program."""
+
+MAX_TOUCHES = 200
+"""Most changes in a program of what is given way to."""
 
 
 class Law(StrEnum):
@@ -71,6 +73,19 @@ OSCILLATING = (Shape.SINE, Shape.SWEEP, Shape.PRBS, Shape.MULTISINE)
 
 
 @dataclass(frozen=True)
+class Touch:
+    """What a program does about contacts from a segment on.
+
+    An outside force above ``contact_N`` [N] ends what is played up to the next change of this: for the rest of that
+    time the joint gives way, and then the program goes on. 0 is no contact of the program's own. ``learns``: what the
+    estimate reads as the segment begins, at rest before it, is what it reads with nothing outside.
+    """
+
+    contact_N: float = 0.0
+    learns: bool = False
+
+
+@dataclass(frozen=True)
 class Segment:
     """One stretch of a program.
 
@@ -81,7 +96,7 @@ class Segment:
     sum of the first ``count`` harmonics of ``period_s``, divided by its largest value ``peak``. After the last three
     the references are back where they were before. ``load_A`` and ``load_B`` [N·m] load the motors' shafts, for the
     whole of the segment whatever its shape. From its first tick on ``tuning`` is in force, a number in the program's
-    ``tunings`` from 1 on; 0 leaves what is. So is ``wall``, in the program's ``walls``.
+    ``tunings`` from 1 on; 0 leaves what is. So are ``wall``, in the program's ``walls``, and ``touch``, in ``touches``.
     """
 
     duration_s: float
@@ -97,6 +112,7 @@ class Segment:
     peak: float = 1.0
     tuning: int = 0
     wall: int = 0
+    touch: int = 0
 
 
 def left_at(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
@@ -177,7 +193,8 @@ class Program:
     ``settle_s`` the excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts
     after ``settle_s`` at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``,
     and go through ``legs``. ``tunings`` are those that segments put into use; the one from before the program is back
-    after it, however it ends. So are ``walls``, obstacles in the joint's way; None is a way without one.
+    after it, however it ends. So are ``walls``, obstacles in the joint's way; None is a way without one. ``touches``
+    are what contacts are given way to on the way, and what is learned for it; an operator's are back after it.
     """
 
     law: Law
@@ -189,6 +206,7 @@ class Program:
     legs: tuple[TensionLeg, ...] = ()
     tunings: tuple[SetTuning, ...] = ()
     walls: tuple[Obstacle | None, ...] = ()
+    touches: tuple[Touch, ...] = ()
 
     @property
     def duration_s(self) -> float:

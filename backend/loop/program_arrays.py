@@ -38,6 +38,7 @@ def player_of(segments: Sequence[Segment], start: Target) -> player.Player:
             segment.peak,
             segment.tuning,
             segment.wall,
+            segment.touch,
         )
         for segment in segments
     ]

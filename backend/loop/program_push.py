@@ -3,6 +3,7 @@
 from contextlib import suppress
 
 from backend.loop.commands import Event, WallChanged
+from backend.loop.contact import Acting, Contact
 from backend.loop.mode import RefusedError
 from backend.loop.program import IDENTIFYING, MAX_WALLS, NO_WALL, Program
 from backend.refusal import require_within
@@ -12,15 +13,16 @@ from plant.obstacle import Obstacle, Obstructed
 
 
 class ProgramPush:
-    """``F_push`` [N], ``load`` [N·m] and number of the ``wall`` in force by a program.
+    """``F_push`` [N], ``load`` [N·m], numbers of the ``wall`` and of the ``touch`` in force by a program.
 
     What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
     """
 
-    def __init__(self, plant: Plant, events: list[Event]) -> None:
+    def __init__(self, plant: Plant, events: list[Event], contact: Contact) -> None:
         self._plant = plant
         self._events = events
-        self.F_push, self.load, self.wall = 0.0, NO_LOAD, 0
+        self._contact = contact
+        self.F_push, self.load, self.wall, self.touch = 0.0, NO_LOAD, 0, 0
         self._walls: tuple[Obstacle | None, ...] = (None,)  # the operator's first
 
     def obstruct(self, wall: Obstacle | None, tick: int) -> None:
@@ -34,7 +36,8 @@ class ProgramPush:
         self._walls = (wall,)
 
     def require(self, program: Program) -> None:
-        """Raise RefusedError or OutOfRangeError for walls that cannot be put up."""
+        """Raise RefusedError or OutOfRangeError for walls that cannot be put up, and contacts not given way to."""
+        self._contact.require(program)
         walls = program.walls
         require_within("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
         if walls and program.law in IDENTIFYING:
@@ -46,15 +49,23 @@ class ProgramPush:
                 raise RefusedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
 
     def begin(self, program: Program) -> None:
-        """Be ready for a program's walls, numbered from 1 on."""
+        """Be ready for a program's walls and touches, numbered from 1 on."""
         self._walls = (self._walls[0], *program.walls)
+        self._contact.begin(program)
 
     def act(self, target: Target, tick: int) -> None:
-        """Push, load and obstruct from now on as a program's target says. Raises PlantError."""
+        """Push, load, obstruct and feel from now on as a program's target says. Raises PlantError."""
+        if target.touch != self.touch:
+            self.touch = target.touch
+            self._contact.use(target.touch)
         if target.wall != self.wall:
             self.wall = target.wall
             self._put(self._walls[target.wall], target.wall, tick)
         self._act(target.F_push, target.load)
+
+    def acting(self, tuning: int) -> Acting:
+        """Return what is in force, beside the ``tuning`` of this number."""
+        return Acting(self.F_push, self.load, tuning, self.wall, self.touch)
 
     def _act(self, F_push: float, load: ShaftLoad) -> None:
         (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
@@ -67,6 +78,8 @@ class ProgramPush:
         """End all of it; an operator's wall that has the joint in it now stays away."""
         with suppress(PlantError):  # whoever pushes the plant has let go of it with it
             self._act(0.0, NO_LOAD)
+        self.touch = 0
+        self._contact.end()
         operators, self._walls = self._walls[0], self._walls[:1]
         if self.wall:
             self.wall = 0

@@ -2,6 +2,15 @@
 
 from dataclasses import dataclass
 
+CONTACT_MIN_N, CONTACT_MAX_N = 1.0, 30.0
+"""Force that may count as a contact [N]: with less, the estimate's own error in a fast move could."""
+
+NEIGHBOUR = 0.25
+"""Points nearer to each other than this [N·m/rad] are one, and the newer counts."""
+
+SIGMAS = 6.0
+"""The least force of a contact, in standard deviations of the estimate at rest."""
+
 
 @dataclass(frozen=True)
 class SetTouch:

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, plausibility, touch
+from backend.controllers import cascade, decoupler, plausibility, touch
 from backend.loop.motion import Motion
 from backend.sample import FIELDS
 from backend.tick import batch, checks, desk, velocity
@@ -151,6 +151,13 @@ class TickDesk:
         """Outside force as estimated [N]; nan where it is not known where the motors stand."""
         F_ext_hat: float = self._F_ext_hat.get()
         return F_ext_hat
+
+    @property
+    def rested(self) -> tuple[float, float, float]:
+        """Stiffness [N·m/rad] now; mean and standard deviation [N] of the estimate over the last 0.3 s, no bias off."""
+        felt, m, tuning = self._touch.get(), self.m, self._tuning.get()
+        S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
+        return S, felt.mean / tuning.decoupler.r_j, math.sqrt(felt.variance) / tuning.decoupler.r_j
 
     def take_off(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""

@@ -24,8 +24,8 @@ from backend.loop.commands import (
     TuningChanged,
     WallChanged,
 )
-from backend.loop.contact import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.mode import LEGAL, Mode
+from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.supervisor import Supervisor
 from backend.messages.control import HolderView
 from backend.messages.session import Health, PersonView

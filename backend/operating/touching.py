@@ -15,7 +15,7 @@ from backend.loop import commands
 from backend.loop.access import LoopDied
 from backend.loop.causes import Cause
 from backend.loop.commands import Accepted, Command, ContactFelt, Event, ModeChanged, TouchForgotten
-from backend.loop.contact import CONTACT_MAX_N, CONTACT_MIN_N
+from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
 from backend.messages.touch import ContactView, TouchOrder, TouchPoint, TouchView
@@ -26,9 +26,6 @@ from backend.operating.touch_sweep import TouchSweep
 from backend.reading import in_digits
 from backend.refusal import Because, RefusalError, require_within
 from backend.sample import INDEX
-
-NEIGHBOUR = 0.25
-"""Points nearer to each other than this [N·m/rad] are one, and the newer counts."""
 
 
 class Touching:
@@ -156,11 +153,11 @@ def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
             Because.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
         )
     noise = max(point.std_N for point in points)
-    if not math.isfinite(noise) or contact_N < 6.0 * noise:
+    if not math.isfinite(noise) or contact_N < SIGMAS * noise:
         raise RefusalError(
             Because.NOT_NOW,
             f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.2f} N (standard "
-            f"deviation), and 6 times that is the least",
+            f"deviation), and {SIGMAS:g} times that is the least",
         )
 
 

@@ -17,8 +17,8 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 class Target(NamedTuple):
     """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
 
-    ``tuning`` and ``wall`` are the numbers of the program's tuning and obstacle that are wanted, 0 for those that it
-    began with.
+    ``tuning``, ``wall`` and ``touch`` are the numbers of the program's tuning, obstacle and touch that are wanted, 0
+    for those that it began with.
     """
 
     q_ref: float
@@ -27,6 +27,7 @@ class Target(NamedTuple):
     load: ShaftLoad = NO_LOAD
     tuning: int = 0
     wall: int = 0
+    touch: int = 0
 
 
 class Carry(NamedTuple):

@@ -32,7 +32,7 @@ from plant.interface import NO_LOAD, Measurement, MotorCommand, RawReading, Shaf
 
 QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64
 """What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
-load, its tuning or its obstacle is not the one in force; a contact was felt, before anything was decided."""
+load, its tuning, its obstacle (or touch) is not the one in force; a contact was felt, before anything was decided."""
 
 
 class Orders(NamedTuple):
@@ -41,8 +41,8 @@ class Orders(NamedTuple):
     Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
     be a fault; ``felt_from`` [N]: an outside force that is a contact, inf where none is; ``deaf``: the safety module's
     trip is not heard, ``tripped``: it is in any case; ``reached``: that the motion is done is known. Push [N], loads
-    [N·m] and numbers of the program's tuning and obstacle in force. Mode, run, λ [s] and fault as the row shows them,
-    and ``limits`` that act beside the motion's.
+    [N·m] and numbers of the program's tuning, obstacle and touch in force. Mode, run, λ [s] and fault as the row
+    shows them, and ``limits`` that act beside the motion's.
     """
 
     offset_A: float
@@ -58,6 +58,7 @@ class Orders(NamedTuple):
     load: ShaftLoad
     tuning: int
     wall: int
+    touch: int
     mode: int
     run: int
     lam_q: float
@@ -66,7 +67,9 @@ class Orders(NamedTuple):
     limits: int
 
 
-NO_ORDERS = Orders(0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0.0, 0.0, 0, 0)
+NO_ORDERS = Orders(
+    0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0, 0.0, 0.0, 0, 0
+)
 """Those of a loop that is just being made."""
 
 
@@ -199,7 +202,7 @@ def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
         came |= PUSHES
     if decision.pushes and target.tuning != orders.tuning:
         came |= TUNES
-    if decision.pushes and target.wall != orders.wall:
+    if decision.pushes and (target.wall != orders.wall or target.touch != orders.touch):
         came |= PUSHES | WALLS
     return came, decision.u_A, decision.u_B
 

@@ -11,10 +11,9 @@ from backend.tick.decision import Target
 from plant.compiled import compiled
 from plant.interface import ShaftLoad, T_s
 
-COLUMNS = 14
-_SHAPE, _TICKS, _DURATION, _Q, _S, _PUSH, _PERIOD, _LOAD_A, _LOAD_B, _PERIOD_END, _COUNT, _PEAK, _TUNING, _WALL = range(
-    COLUMNS
-)
+COLUMNS = 15
+_SHAPE, _TICKS, _DURATION, _Q, _S, _PUSH, _PERIOD, _LOAD_A, _LOAD_B, _PERIOD_END, _COUNT, _PEAK = range(12)
+_TUNING, _WALL, _TOUCH = range(12, COLUMNS)
 STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 """Shapes of a segment, as its first column has them."""
 
@@ -24,8 +23,8 @@ class Player(NamedTuple):
 
     ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
     sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at a sweep's end, bits of a
-    register or lines of a multisine, its largest value, and the numbers of the tuning and the obstacle to be used
-    from here on.
+    register or lines of a multisine, its largest value, and the numbers of the tuning, the obstacle and the touch
+    to be used from here on.
     """
 
     segments: NDArray[np.float64]
@@ -112,4 +111,5 @@ def _at(segment: NDArray[np.float64], start: Target, share: float) -> Target:
         ShaftLoad(segment[_LOAD_A], segment[_LOAD_B]),
         int(segment[_TUNING]) if segment[_TUNING] > 0.0 else start.tuning,
         int(segment[_WALL]) if segment[_WALL] > 0.0 else start.wall,
+        int(segment[_TOUCH]) if segment[_TOUCH] > 0.0 else start.touch,
     )

@@ -105,7 +105,7 @@ def test_the_schema_knows_every_motion_and_nothing_else() -> None:
     listed = {one["properties"]["do"]["const"] for one in motions.values() if "do" in one.get("properties", {})}
     assert listed == {
         "hold", "step", "ramp", "pulse", "sine", "sweep", "prbs", "multisine", "push", "hand", "load", "tuning",
-        "wall", "no_wall", "choose", "repeat",
+        "wall", "no_wall", "choose", "repeat", "learn", "until_contact",
     }  # fmt: skip
     assert all(one.get("additionalProperties") is False for one in motions.values() if "properties" in one)
 

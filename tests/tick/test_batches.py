@@ -24,7 +24,7 @@ from backend.loop.commands import (
 )
 from backend.loop.loop import Loop
 from backend.loop.mode import Mode
-from backend.loop.program import Excitation, Law, Program, Segment, Shape, TensionLeg, VoltageStep
+from backend.loop.program import Excitation, Law, Program, Segment, Shape, TensionLeg, Touch, VoltageStep
 from backend.loop.ring import Ring
 from backend.loop.tuned import tuning_for
 from backend.tuning.models import Lambdas
@@ -58,6 +58,10 @@ RETUNED = (
     Segment(0.3, 0.0, 10.0, tuning=2),
 )
 WALLED = (Segment(0.3, 0.0, 11.0, wall=1), Segment(0.9, 0.2, 11.0), Segment(0.3, 0.2, 11.0, wall=2))
+FELT = (
+    Segment(1.5, 0.0, 11.0, wall=1), Segment(0.5, 0.25, 11.0, shape=Shape.RAMP, touch=1), Segment(0.3, 0.25, 11.0),
+    Segment(0.3, 0.0, 11.0, shape=Shape.RAMP, touch=2), Segment(0.2, 0.0, 11.0),
+)  # fmt: skip
 RETUNINGS = (tuning_for(LAB, Lambdas(0.8, 0.6)), tuning_for(LAB, Lambdas(0.6, 0.9), u_plan=8.5))
 STEPS = (VoltageStep(0.0, 3.0, 0.4, 4.0), VoltageStep(-1.0, 5.0, 0.3, 2.0))
 EXCITATION = Excitation(amplitude_rad=0.2, chip_s=0.05, levels="+-++-", periods=2)
@@ -66,6 +70,9 @@ PROGRAMS = {
     "compliance": Program(Law.COMPLIANCE, SEGMENTS),
     "cascade with other tunings": Program(Law.CASCADE, RETUNED, tunings=RETUNINGS),
     "walls on the way": Program(Law.CASCADE, WALLED, walls=(Obstacle(1.0, 0.1, 2e4, 1.0), None)),
+    "contacts of its own": Program(
+        Law.CASCADE, FELT, walls=(Obstacle(1.0, 0.1, 2e4, 1.0),), touches=(Touch(1.0, learns=True), Touch())
+    ),
     "single loop": Program(Law.SINGLE_LOOP, SEGMENTS),
     "feedback linearization": Program(Law.FEEDBACK_LINEARIZATION, SEGMENTS),
     "force hold": Program(Law.FORCE_HOLD, tension_N=15.0, settle_s=0.2, excitation=EXCITATION),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import singledispatchmethod
 from typing import Any
 
@@ -11,20 +11,19 @@ from backend.documents.result import Phase
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing.expressions import CONSTANTS, FUNCTIONS, Names
 from backend.experiments.composing.hand import PushPiece, pushes_of_a_hand, smooth
+from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.multisine import peak_of
-from backend.experiments.composing.numbers import LONGEST_PART_S, Numbers
+from backend.experiments.composing.numbers import LONGEST_PART_S, Q_REF_MAX, Numbers
 from backend.experiments.composing.refused import Lines, at
+from backend.experiments.composing.touches import LEARNING_S, Touches
 from backend.experiments.settings import describe
 from backend.loop.program import MAX_SEGMENTS, MAX_TUNINGS, MAX_WALLS, Segment, Shape
+from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.refusal import Path, require_within
 from backend.tick.waveforms import LEAST_BITS, MOST_BITS, MOST_LINES
 from plant.obstacle import K_LEAST, Obstacle
 
 LONGEST_S = 3600.0
-Q_REF_MAX = 1.4
-"""Largest joint reference of an experiment [rad]; the plant's own bound is looked at before a start."""
-
-S_LOWEST, S_HIGHEST = 8.0, 15.0
 F_PUSH_MAX = 30.0
 LOAD_MAX_NM = 0.5
 _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
@@ -32,23 +31,6 @@ _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
 _FASTEST_HZ = 50.0
 _MOST_PARTS = 4 * MAX_SEGMENTS
 _TUNED = {setting.name: setting for setting in describe(TuningChoice)}
-
-
-@dataclass(frozen=True)
-class Laid:
-    """What the loop plays. ``places`` (one of each segment) say where it was written.
-
-    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
-    ``change_places`` where they were written; ``walls`` and ``wall_places`` likewise what stands in the joint's way.
-    """
-
-    segments: tuple[Segment, ...]
-    places: tuple[Path, ...]
-    phases: tuple[Phase, ...]
-    changes: tuple[Mapping[str, float | bool], ...]
-    change_places: tuple[Path, ...]
-    walls: tuple[Obstacle | None, ...] = ()
-    wall_places: tuple[Path, ...] = ()
 
 
 def laid(experiment: form.Experiment, values: Names, lines: Lines) -> Laid:
@@ -65,12 +47,13 @@ class _Layout(Numbers):
         self._changes: list[Mapping[str, float | bool]] = []
         self._change_places: list[Path] = []
         self._unused_change = False
-        self._q, self._S, self._F = 0.0, 10.0, 0.0
+        self._F = 0.0
         self._duration_s = 0.0
         self._parts = 0
         self._walls: list[Obstacle | None] = []
         self._wall_places: list[Path] = []
         self._walls_up = 0
+        self._touches = Touches()
 
     def laid(self) -> Laid:
         phases: list[Phase] = []
@@ -85,6 +68,8 @@ class _Layout(Numbers):
             raise self._refused("nothing is played after this change of the tuning: leave it out", self._path)
         if self._walls_up != len(self._walls):
             raise self._refused("nothing is played after this change of the wall: leave it out", self._path)
+        if self._touches.unused_learning:
+            raise self._refused("nothing is played after what is learned here: leave it out", self._path)
         if not self._segments:
             raise self._refused("it plays nothing: give it a motion", ("phases",))
         return Laid(
@@ -95,6 +80,7 @@ class _Layout(Numbers):
             tuple(self._change_places),
             tuple(self._walls),
             tuple(self._wall_places),
+            tuple(self._touches.made),
         )
 
     def _play(self, parts: Sequence[Any], path: Path) -> None:
@@ -232,6 +218,28 @@ class _Layout(Numbers):
         self._wall_places.append(self._path)
 
     @_lay.register
+    def _learn(self, part: form.Learn) -> None:
+        words = "time at rest that is learned from"
+        self._stay(round(self._number("duration_s", part.duration_s, LEARNING_S, LONGEST_PART_S, "s", words), 3))
+        self._touched(self._touches.learn(self._S))
+
+    @_lay.register
+    def _until_contact(self, part: form.UntilContact) -> None:
+        path = self._path
+        contact_N = self._number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "force of a contact")
+        if contact_N == 0.0:
+            self._play(part.parts, (*path, "parts"))
+            return
+        self._number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "force of a contact (0 for none)")
+        self._touched(self._touches.open(contact_N, self._S))
+        self._play(part.parts, (*path, "parts"))
+        self._touched(self._touches.close())
+
+    def _touched(self, problem: str) -> None:
+        if problem:
+            raise self._refused(problem, self._path)
+
+    @_lay.register
     def _choose(self, part: form.Choose) -> None:
         chosen, path = self._names.get(part.by), self._path
         declared = next((one for one in self._experiment.settings if one.name == part.by), None)
@@ -263,20 +271,6 @@ class _Layout(Numbers):
     def _stay(self, duration_s: float) -> None:
         self._add(Segment(duration_s, self._q, self._S))
 
-    def _aim(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
-        if q_ref is not None:
-            self._q = self._number("q_ref", q_ref, -Q_REF_MAX, Q_REF_MAX, "rad")
-        if S_ref is not None:
-            self._S = self._number("S_ref", S_ref, S_LOWEST, S_HIGHEST, "N·m/rad")
-
-    def _amplitudes(self, q: float | str, S: float | str) -> tuple[float, float]:
-        """Return the amplitudes; the references stay within their bounds on both sides."""
-        room_q, room_S = Q_REF_MAX - abs(self._q), min(S_HIGHEST - self._S, self._S - S_LOWEST)
-        about = f"around {self._q:.6g} rad" if self._q else ""
-        amplitude_q = self._number("q_amplitude", q, -room_q, room_q, "rad", f"amplitude of q_ref {about}".strip())
-        words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
-        return amplitude_q, self._number("S_amplitude", S, -room_S, room_S, "N·m/rad", words)
-
     def _add(self, segment: Segment, *, pushed: bool = False) -> None:
         if not pushed:
             self._F = 0.0
@@ -290,6 +284,8 @@ class _Layout(Numbers):
         if self._walls_up != len(self._walls):
             self._walls_up = len(self._walls)
             segment = replace(segment, wall=self._walls_up)
+        if touch := self._touches.of_next():
+            segment = replace(segment, touch=touch)
         self._duration_s += segment.duration_s
         with at(self._path, self._lines):
             words = "time of all parts up to here"

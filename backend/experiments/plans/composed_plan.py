@@ -8,7 +8,8 @@ from backend.documents.experiment import Experiment
 from backend.documents.result import Phase
 from backend.documents.run_settings import Value
 from backend.experiments.composing import text
-from backend.experiments.composing.layout import Laid, laid
+from backend.experiments.composing.laid import Laid
+from backend.experiments.composing.layout import laid
 from backend.experiments.composing.refused import ExperimentError, Lines, line_of
 from backend.experiments.composing.settings import parsed, require_rules, settings_of
 from backend.experiments.settings import Setting
@@ -35,7 +36,7 @@ class ComposedPlan:
 
     def program(self) -> Program:
         """Return what the loop plays; the gains of its changes of the tuning are left to who knows the models."""
-        return Program(self.law, self.laid.segments, walls=self.laid.walls)
+        return Program(self.law, self.laid.segments, walls=self.laid.walls, touches=self.laid.touches)
 
     def phases(self) -> tuple[Phase, ...]:
         """Return the named stretches."""

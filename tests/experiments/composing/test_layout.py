@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.experiments.composing.multisine import peak_of
-from backend.loop.program import Law, Segment, Shape
+from backend.loop.program import Law, Segment, Shape, Touch
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 
 LEAD_IN = "{do: step, q_ref: 0.1, S_ref: 10.0, duration_s: 6.0}"
@@ -101,3 +101,23 @@ def test_the_peak_of_a_multisine_is_no_less_than_that_of_its_sum() -> None:
     for lines in (1, 3, 17, 40):
         total = sum(np.cos(2 * np.pi * k * t - np.pi * k * (k - 1) / lines) for k in range(1, lines + 1))
         assert np.abs(total).max() <= peak_of(lines) <= 1.03 * np.abs(total).max()
+
+
+def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() -> None:
+    inner = (
+        "{do: until_contact, contact_N: 1.5, parts: [{do: ramp, q_ref: 0.4, duration_s: 1}, {do: hold, duration_s: 1}]}"
+    )
+    program = plan_of(
+        with_parts(
+            LEAD_IN, "{do: learn}", inner, "{do: step, q_ref: 0.1, duration_s: 1}", inner, "{do: hold, duration_s: 1}"
+        )
+    ).program()
+    assert program.segments[1] == Segment(2.0, 0.1, 10.0)
+    assert [segment.touch for segment in program.segments] == [0, 0, 1, 0, 2, 3, 0, 4]
+    assert program.touches == (Touch(1.5, learns=True), Touch(), Touch(1.5), Touch())
+
+
+def test_parts_that_no_contact_ends_are_played_as_if_they_stood_alone() -> None:
+    held = "{do: hold, duration_s: 1}"
+    within = plan_of(with_parts(LEAD_IN, f"{{do: until_contact, contact_N: 0, parts: [{held}]}}")).program()
+    assert within == plan_of(with_parts(LEAD_IN, held)).program()

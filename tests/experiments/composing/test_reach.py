@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from backend.controllers.limits import bounds_for
-from backend.experiments.composing.layout import Laid
+from backend.experiments.composing.laid import Laid
 from backend.experiments.composing.reach import require_reach
 from backend.experiments.composing.refused import ExperimentError
 from backend.loop.program import OSCILLATING, Segment, Shape

@@ -21,6 +21,11 @@ SWING = "{do: sine, q_amplitude: 0.25, period_s: 1, duration_s: 1}"
 AWAY = "{do: sine, q_amplitude: -0.4, period_s: 4, duration_s: 1}"
 TUNINGS = "{do: repeat, times: 1000, parts: [{do: repeat, times: 1000, parts: [{do: tuning, b: 0.5}]}]}"
 
+LEARN = "{do: learn, duration_s: 2}"
+FELT = "{{do: until_contact, contact_N: {}, parts: [{{do: hold, duration_s: 2}}]}}"
+STIFFER = "{do: step, S_ref: 12, duration_s: 1}"
+TWICE = f"{{do: until_contact, contact_N: 2, parts: [{FELT.format(2)}]}}"
+
 
 @pytest.fixture(scope="module")
 def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnExperiments]:
@@ -63,6 +68,26 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: hold, duration_s: '[1][0]'}", "is not taken"),
         ("{do: hold, duration_s: \"'1'\"}", "which is not a finite number"),
         ("{do: tuning, lam_q: 0.1}", "nothing is played after this change of the tuning"),
+        ("{do: learn}", "nothing is played after what is learned here"),
+        ("{do: learn, duration_s: 1}", "time at rest that is learned from: 1 s is outside 2 to 600 s"),
+        (FELT.format(1.5), "nothing was learned before it: let the joint rest in a part `do: learn` first"),
+        (
+            f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(0.5)}]}}",
+            "force of a contact (0 for none): 0.5 N is outside 1 to 30 N",
+        ),
+        (
+            f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.format(31)}]}}",
+            "force of a contact: 31 N is outside 0 to 30 N",
+        ),
+        (
+            f"{{do: repeat, times: 1, parts: [{LEARN}, {STIFFER}, {FELT.format(1.5)}]}}",
+            "at 12 N·m/rad nothing was learned, only at 10",
+        ),
+        (
+            f"{{do: repeat, times: 1, parts: [{LEARN}, {FELT.replace('{do: hold', '{do: learn').format(2)}]}}",
+            "nothing is learned within what a contact",
+        ),
+        (f"{{do: repeat, times: 1, parts: [{LEARN}, {TWICE}]}}", "a contact ends this already"),
         ("{do: repeat, times: 1000000000, parts: [{do: hold, duration_s: 1}]}", "1e+09 is outside 1 to 1000"),
         ("{do: repeat, times: 2.5, parts: [{do: hold, duration_s: 1}]}", "2.5 is not a whole number"),
         (NESTED, "more than 1000, all repetitions counted"),

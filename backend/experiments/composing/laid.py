@@ -1,0 +1,28 @@
+"""What an experiment plays, laid out, and where it was written. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from backend.documents.result import Phase
+from backend.loop.program import Segment, Touch
+from backend.refusal import Path
+from plant.obstacle import Obstacle
+
+
+@dataclass(frozen=True)
+class Laid:
+    """What the loop plays. ``places`` (one of each segment) say where it was written.
+
+    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
+    ``change_places`` where they were written; ``walls`` and ``wall_places`` likewise what stands in the joint's way.
+    ``touches`` are what contacts are given way to on the way.
+    """
+
+    segments: tuple[Segment, ...]
+    places: tuple[Path, ...]
+    phases: tuple[Phase, ...]
+    changes: tuple[Mapping[str, float | bool], ...]
+    change_places: tuple[Path, ...]
+    walls: tuple[Obstacle | None, ...] = ()
+    wall_places: tuple[Path, ...] = ()
+    touches: tuple[Touch, ...] = ()
