@@ -21,7 +21,7 @@ from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
 from backend.reports.experiment import experiment_report
-from backend.reports.impact import hits_table, impact_panels
+from backend.reports.impact import CAPTION, impact_panels, impact_tables
 from backend.reports.robustness import error_panels
 from backend.reports.source import Source
 from backend.reports.tracking import steps_table
@@ -42,7 +42,10 @@ _ON_RESPONSES = (
 _ON_IMPACTS = (
     "F_wall is what the simulated wall does to the joint, tangential at r_j: k_wall δ (1 + c_wall δ') while it is "
     "δ deep, never pulling. In the first milliseconds the wall stops the joint's own inertia, whatever its stiffness; "
-    "then the motors press on through the springs, and that is what a soft joint keeps small."
+    "then the motors press on through the springs, and that is what a soft joint keeps small. A joint that gives way "
+    "brings its motors to a stand, position loop open, and goes to its lowest stiffness, for as long as the hit it is "
+    "beside would have taken; what it feels is estimated from encoders and springs, less what the experiment has "
+    "learned at rest."
 )
 _ON = {
     Measure.RESPONSE: (_ON_RESPONSES,),
@@ -74,7 +77,7 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
             "The whole experiment: (A) joint position, (B) joint stiffness, (C) motor voltages. References dashed.",
         ),
     ]
-    if plan.laid.changes:
+    if any(np.ptp(columns[name]) > 0.0 for name in ("lam_q", "lam_S")):  # a bank or a budget alone shows nothing here
         drawn.append(
             Figure(
                 "tuning",
@@ -88,8 +91,8 @@ def _seen(source: Source, plan: ComposedPlan) -> Iterator[Section]:
     )
     yield Section("Figures", tuple(drawn))
     yield from _sections(source, plan)
-    if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns)):
-        yield Section("Hits", (hits_table(hits, source.angles),))
+    if Measure.IMPACT in plan.experiment.measures and (hits := hits_of(columns, plan.program())):
+        yield Section("Hits", impact_tables(hits, source.angles))
     steps = source.result.metrics.steps if source.result else None
     if steps:
         yield Section("Steps", steps_table(steps, source.angles))
@@ -114,13 +117,12 @@ def _of_measures(source: Source, plan: ComposedPlan) -> Iterator[Figure]:
             error_panels(columns, "errors", source.angles),
             "Disturbances: (A) errors of both motor loops, (B) joint position, (C) both voltages.",
         )
-    hits = hits_of(columns) if Measure.IMPACT in measures else ()
+    hits = hits_of(columns, program) if Measure.IMPACT in measures else ()
     if hits:
         yield Figure(
             "hits",
             impact_panels(columns, hits, "hits", source.angles),
-            "Hits on the wall: (A) its force on the joint from the touch on, (B) largest force and (C) impulse over "
-            "the speed of approach, at each stiffness.",
+            CAPTION,
         )
     found = responses(columns, program) if Measure.RESPONSE in measures else ()
     if found:

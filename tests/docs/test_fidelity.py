@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.impact import hits_of
+from backend.experiments.results.impact import beside_each_other, hits_of
 from backend.identification.published import TABLE_1
 from plant.parameters import PlantParameters, load_parameters
 from tests.bench.fidelity import default_plan, gain_rows, motor_rows
 from tests.bench.fidelity_experiments import loaded_row, pushed_row
 from tests.bench.fidelity_runs import Bench
-from tests.experiments.test_impact import impacts
+from tests.experiments.test_impact import PROGRAM, impacts
 
 PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
 
@@ -93,12 +93,28 @@ def test_published_columns_are_table_1() -> None:
 
 
 def test_hits_on_the_page_are_those_of_the_code() -> None:
-    found = re.search(r"<!-- impact -->\n((?:\|.*\n)+)", PAGE)
-    assert found
-    on_page = [[cell.strip() for cell in line.strip("|").split("|")] for line in found[1].splitlines()[2:]]
-    hits = hits_of(impacts("lab").columns)
-    for row, soft, stiff in zip(on_page, hits[:3], hits[3:], strict=True):
+    hits = hits_of(impacts("lab").columns, PROGRAM)
+    for row, soft, stiff in zip(marked("impact"), hits[:3], hits[3:6], strict=True):
         peaks, impulses = (soft.peak_N, stiff.peak_N), (soft.impulse_Ns, stiff.impulse_Ns)
         expected = [*peaks, peaks[0] / peaks[1], *impulses, impulses[0] / impulses[1]]
         assert numbers(row) == pytest.approx(expected, rel=0.01)
         assert float(row[0].split()[0]) == pytest.approx(soft.speed, rel=0.03)
+
+
+def test_hits_that_are_given_way_to_on_the_page_are_those_of_the_code() -> None:
+    pairs, _ = beside_each_other(hits_of(impacts("lab").columns, PROGRAM))
+    ordered = sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed))
+    for row, (plain, hit) in zip(marked("reaction"), ordered, strict=True):
+        times = [1e3 * time_s for time_s in (hit.felt_s, hit.gave_way_s, hit.fell_s)]
+        peaks = [hit.peak_N, hit.peak_N / plain.peak_N]
+        expected = [*times, *peaks, hit.impulse_Ns, hit.impulse_Ns / plain.impulse_Ns]
+        assert numbers(row) == pytest.approx(expected, rel=0.02)
+        assert [float(number) for number in re.findall(r"\d+\.?\d*", row[0])] == pytest.approx(
+            [plain.S_ref, plain.speed], rel=0.03
+        )
+
+
+def marked(table: str) -> list[list[str]]:
+    found = re.search(rf"<!-- {table} -->\n((?:\|.*\n)+)", PAGE)
+    assert found
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in found[1].splitlines()[2:]]

@@ -1,18 +1,21 @@
 """Impacts: the figures of a hit, an integration of the test's own, and soft that hits softer than stiff."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
+from backend.controllers.touch import POLE
 from backend.experiments.plans.stored_plan import ready_plan
-from backend.experiments.results.impact import Hit, hits_of, impact_figures
+from backend.experiments.results.impact import Hit, beside_each_other, hits_of, impact_figures
 from backend.experiments.results.metrics import NoSamplesError
 from backend.loop.commands import Accepted, RunProgram
 from backend.loop.mode import Mode
+from backend.loop.program import Law, Program, Segment, Touch
 from backend.loop.tuned import tuning_for
 from backend.sample import NAMES
 from backend.tuning.models import Lambdas
@@ -23,6 +26,7 @@ from tests.loop.bench_top import BenchTop
 from tests.plant.test_dynamics import own_rate
 
 LAB = load_parameters("lab")
+PROGRAM = ready_plan("impact").program()
 SPEEDS = (0.2, 0.4, 0.6)
 AHEAD = 30
 """Samples before the touch from which the test integrates on its own."""
@@ -45,9 +49,9 @@ def impacts(name: str = "lab") -> Driven:
     plant = Simulator(parameters)
     bench = BenchTop(parameters, tuning_for(parameters, Lambdas(), u_plan=8.5), plant)
     bench.wind_up()
-    laid = ready_plan("impact").program()
-    segments = tuple(segment.__class__(**{**segment.__dict__, "tuning": 0}) for segment in laid.segments)
-    assert isinstance(bench.send(RunProgram(laid.__class__(laid.law, segments, walls=laid.walls))), Accepted)
+    laid = PROGRAM
+    segments = tuple(replace(segment, tuning=0) for segment in laid.segments)
+    assert isinstance(bench.send(RunProgram(replace(laid, segments=segments))), Accepted)
     begun, states = len(bench.samples.rows), []
     for _ in range(round(laid.duration_s / T_s)):
         states.append(plant.x)
@@ -62,7 +66,7 @@ def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
 
     The wall is written anew from its three numbers; ten points in each millisecond.
     """
-    wall = next(wall for wall in ready_plan("impact").program().walls if wall is not None)
+    wall = next(wall for wall in PROGRAM.walls if wall is not None)
     r_j, step_V = LAB.geometry.r_j, 2.0 * LAB.motor.u_max / 2**16
 
     def depth(x: Array) -> float:
@@ -91,12 +95,13 @@ def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
     return peak, impulse
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(12))
 def test_peak_and_impulse_agree_with_an_independent_integration_within_3_percent(number: int) -> None:
     driven = impacts()
-    hits = hits_of(driven.columns)
-    assert [hit.S_ref for hit in hits] == pytest.approx([8.0] * 3 + [15.0] * 3)
-    assert [hit.speed for hit in hits] == pytest.approx(2 * SPEEDS, rel=0.03)
+    hits = hits_of(driven.columns, PROGRAM)
+    assert [hit.S_ref for hit in hits] == pytest.approx([8.0] * 3 + [15.0] * 6 + [8.0] * 3)
+    assert [hit.speed for hit in hits] == pytest.approx(4 * SPEEDS, rel=0.04)
+    assert [hit.reacts for hit in hits] == [False] * 6 + [True] * 6
     peak, impulse = own_hit(driven, hits[number])
     assert hits[number].peak_N == pytest.approx(peak, rel=0.03)
     assert hits[number].impulse_Ns == pytest.approx(impulse, rel=0.03)
@@ -105,16 +110,71 @@ def test_peak_and_impulse_agree_with_an_independent_integration_within_3_percent
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 def test_a_soft_joint_hits_softer_than_a_stiff_one_at_each_speed(name: str) -> None:
     hits = hits_of(impacts(name).columns)
-    for soft, stiff in zip(hits[:3], hits[3:], strict=True):
+    for soft, stiff in zip(hits[:3], hits[3:6], strict=True):
         assert soft.peak_N < 0.7 * stiff.peak_N
         assert soft.impulse_Ns < 0.7 * stiff.impulse_Ns
-    for alike in (hits[:3], hits[3:]):
+    for alike in (hits[:3], hits[3:6]):
         assert [hit.peak_N for hit in alike] == sorted(hit.peak_N for hit in alike)
-    figures = impact_figures(impacts(name).columns)
-    assert figures.hits == 6.0
+    figures = impact_figures(impacts(name).columns, PROGRAM)
+    assert figures.hits == 12.0
     assert figures.soft_to_stiff_peak == pytest.approx(
-        np.mean([soft.peak_N / stiff.peak_N for soft, stiff in zip(hits[:3], hits[3:], strict=True)])
+        np.mean([soft.peak_N / stiff.peak_N for soft, stiff in zip(hits[:3], hits[3:6], strict=True)])
     )
+
+
+@pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
+def test_giving_way_takes_more_than_a_third_of_each_impulse_and_some_of_each_peak(name: str) -> None:
+    hits = hits_of(impacts(name).columns, PROGRAM)
+    pairs, why = beside_each_other(hits)
+    assert (len(pairs), why) == (6, "")
+    for plain, reacted in pairs:
+        assert plain.S_ref == reacted.S_ref
+        assert reacted.speed == pytest.approx(plain.speed, rel=0.04)
+        assert reacted.impulse_Ns < 0.6 * plain.impulse_Ns
+        assert reacted.peak_N < plain.peak_N
+    figures = impact_figures(impacts(name).columns, PROGRAM)
+    assert figures.reaction_impulse == pytest.approx(np.mean([b.impulse_Ns / a.impulse_Ns for a, b in pairs]))
+    assert figures.reaction_peak == pytest.approx(np.mean([b.peak_N / a.peak_N for a, b in pairs]))
+    assert figures.felt_after_s == max(hit.felt_s for hit in hits[6:])
+    assert figures.reasons == {}
+
+
+def test_a_hit_is_felt_when_the_observers_poles_let_expect_it_and_given_way_to_in_the_same_sample() -> None:
+    driven = impacts("ideal")  # without encoder counts, noise and bias
+    kept, seen = np.exp(-POLE * T_s), np.abs(driven.columns["F_wall"])
+    for _ in range(3):  # p/(s + p) thrice
+        seen = lfilter([1.0 - kept], [1.0, -kept], seen)
+    for hit in hits_of(driven.columns, PROGRAM)[6:]:
+        expected = T_s * int(np.argmax(seen[hit.window] > hit.contact_N))
+        assert hit.felt_s == pytest.approx(expected, abs=0.002)
+        assert hit.gave_way_s == 0.0
+        largest = hit.window.start + round((hit.felt_s + hit.fell_s) / T_s)
+        assert abs(driven.columns["F_wall"][largest]) == hit.peak_N
+
+
+def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
+    program = Program(Law.CASCADE, (Segment(2.0, 0.0, 8.0, touch=1),), touches=(Touch(1.5),))
+    seen = columns((8.0, 0.3, 4.0), (8.0, 0.3, 5.0))
+    seen |= {"F_ext_hat": np.where(seen["t"] > 1.5, seen["F_wall"], 0.0), "limits": np.zeros_like(seen["t"])}
+    one, other = hits_of(seen, program)
+    assert one.reacts
+    assert np.isnan([one.felt_s, one.gave_way_s, one.fell_s, other.gave_way_s, other.fell_s]).all()
+    assert other.felt_s == pytest.approx(0.1 * np.arcsin(0.3) / np.pi, abs=0.001)
+    figures = impact_figures(seen, program)
+    assert figures.felt_after_s is figures.gave_way_after_s is figures.reaction_peak is None
+    assert figures.reasons["felt_after_s"] == "2 of 2 hits were not felt or not given way to"
+
+
+def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing() -> None:
+    segments = (Segment(1.0, 0.0, 8.0), Segment(1.0, 0.0, 12.0, touch=1))
+    program = Program(Law.CASCADE, segments, touches=(Touch(1.5),))
+    seen = columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0))
+    felt = np.where(np.abs(seen["F_wall"]) > 1.5, 64.0, 0.0)
+    figures = impact_figures(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)
+    assert figures.gave_way_after_s == 0.0
+    assert figures.reaction_impulse is None
+    assert "beside the hit at 12 N·m/rad and 0.3 rad/s there is none" in figures.reasons["reaction_impulse"]
+    assert figures.reasons["soft_to_stiff_peak"] == "all hits were at 8 N·m/rad"
 
 
 def columns(*hits: tuple[float, float, float], ticks: int = 1000) -> dict[str, Array]:

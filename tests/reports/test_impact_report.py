@@ -14,13 +14,15 @@ from backend.experiments.results.impact import hits_of
 from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.differences import Verified
-from backend.reports.document import Figure, Table
+from backend.reports.document import NO_FIGURE, Figure, Table
 from backend.reports.html import to_html
-from backend.reports.impact import hits_table
+from backend.reports.impact import hits_table, reaction_tables
 from backend.reports.source import Source, load_source
 from backend.reports.verification import verify
 from backend.storage import open_database
 from plant.parameters import load_parameters
+
+PLAN = ready_plan("impact", speeds=2, v_slow=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +30,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Source:
     folder: Path = tmp_path_factory.mktemp("impact")
     database = open_database(folder)
     with headless_station(database, load_parameters("lab"), LoopSettings()) as station:
-        plan = ready_plan("impact", speeds=2, v_slow=0.3)
-        run = asyncio.run(run_experiment(station, Order(plan, LoopSettings(), "A. Operator"))).run
+        run = asyncio.run(run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator"))).run
     source = load_source(database, run.id)
     database.close()
     return source
@@ -39,23 +40,47 @@ def test_it_passes_shows_every_hit_and_holds(source: Source) -> None:
     report = build_report(source)
     assert (report.title, report.outcome) == ("Impact", "passed")
     blocks = {section.heading: section.blocks for section in report.sections}
-    assert [block.name for block in blocks["Figures"] if isinstance(block, Figure)][2:] == ["hits", "tension"]
-    (table,) = blocks["Hits"]
+    assert [block.name for block in blocks["Figures"] if isinstance(block, Figure)][1:] == ["hits", "tension"]
+    table, beside = blocks["Hits"]
     assert isinstance(table, Table)
-    assert [row[1] for row in table.rows] == ["8.00", "8.00", "15.0", "15.0"]
+    assert isinstance(beside, Table)
+    assert [row[1] for row in table.rows] == ["8.00"] * 2 + ["15.0"] * 4 + ["8.00"] * 2
+    assert [row[0] for row in beside.rows] == ["8.00", "8.00", "15.0", "15.0"]
     assert verify(to_html(report), source.columns) == Verified((), ())
 
 
 def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: Source) -> None:
-    hits = hits_of(source.columns)
+    hits = hits_of(source.columns, PLAN.program())
+    limits, estimate = source.columns["limits"].astype(int), np.abs(source.columns["F_ext_hat"])
     for angles, factor in ((Angles.RADIANS, 1.0), (Angles.DEGREES, 180.0 / np.pi)):
         table = hits_table(hits, angles)
         for row, hit in zip(table.rows, hits, strict=True):
-            seen = [float(cell) for cell in row]
+            seen = [float(cell) for cell in row if cell != NO_FIGURE]
             window = np.abs(source.columns["F_wall"][hit.window])
             expected = [hit.speed * factor, window.max(), window.sum() * 1e-3, 1e3 * np.count_nonzero(window) * 1e-3]
-            assert seen[2:] == pytest.approx(expected, rel=6e-3)
-    assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6, 0.3, 0.6], rel=0.05)
+            assert seen[2:6] == pytest.approx(expected, rel=6e-3)
+            if not hit.reacts:
+                assert row[6:] == (NO_FIGURE,) * 4
+                continue
+            touch = hit.window.start
+            felt, gave = (int(np.argmax(from_touch)) for from_touch in (estimate[touch:] > 1.5, limits[touch:] & 64))
+            assert seen[6:] == [1.5, felt, gave - felt, int(np.argmax(window)) - felt]
+    assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6] * 4, rel=0.05)
+
+
+def test_hits_with_reaction_stand_beside_those_without(source: Source) -> None:
+    hits = hits_of(source.columns, PLAN.program())
+    (table,) = reaction_tables(hits, Angles.RADIANS)
+    for row, plain, reacted in zip(table.rows, (*hits[:2], *hits[2:4]), (*hits[6:], *hits[4:6]), strict=True):
+        expected = [plain.peak_N, reacted.peak_N, reacted.peak_N / plain.peak_N]
+        expected += [plain.impulse_Ns, reacted.impulse_Ns, reacted.impulse_Ns / plain.impulse_Ns]
+        assert [float(cell) for cell in row[2:]] == pytest.approx(expected, rel=6e-3)
+    assert reaction_tables(hits[:4], Angles.RADIANS) == ()
+
+
+def test_a_hit_that_was_not_felt_says_so(source: Source) -> None:
+    hit = hits_of(source.columns, PLAN.program())[-1]._replace(felt_s=float("nan"), gave_way_s=float("nan"))
+    assert hits_table([hit], Angles.RADIANS).rows[0][7:9] == ("not felt", "not felt")
 
 
 def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: Source) -> None:

@@ -76,7 +76,7 @@ def _measured(measure: Measure, columns: Columns, in_force: InForce, metrics: Me
         case Measure.HOLDS:
             figures = hold_figures(columns, program, parameters)
         case Measure.IMPACT:
-            figures = impact_figures(columns)
+            figures = impact_figures(columns, program)
     return replace(metrics, figures=figure_documents(figures, figures.reasons))
 
 
