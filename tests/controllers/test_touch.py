@@ -100,9 +100,21 @@ def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_s
 
 def test_between_what_was_learned_the_bias_is_a_straight_line_and_beyond_it_the_outermost(lab: PlantParameters) -> None:
     observer = touch.observer_for(lab)
-    state = touch.State(0.0, 0.0, 2.0 * R_J, 0.0)
+    state = touch.State(0.0, 0.0, 2.0 * R_J, 0.0, 0.0, 0.0)
     points = np.array([[8.0, 0.5], [10.0, 1.0], [14.0, -1.0]])
     for S, off in ((6.0, 0.5), (8.0, 0.5), (9.0, 0.75), (10.0, 1.0), (12.0, 0.0), (14.0, -1.0), (20.0, -1.0)):
         assert touch.force(observer, state, points, S) == pytest.approx(2.0 - off)
     assert touch.force(observer, state, points[:1], 20.0) == pytest.approx(1.5)
     assert touch.force(observer, state, NO_BIAS, 20.0) == pytest.approx(2.0)
+
+
+def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(lab: PlantParameters) -> None:
+    observer, state, seen = touch.observer_for(lab), touch.UNKNOWN, []
+    q = 1e-3 * np.random.default_rng(7).standard_normal(4000)
+    for tick in range(q.size):
+        state = touch.step(observer, state, reading(q[tick], -9.0, -9.0))
+        seen.append(state.tau_ext)
+    weights = np.exp(-T_S / touch.MEAN_S * np.arange(q.size)[::-1])
+    mean = np.average(seen, weights=weights)
+    assert state.mean == pytest.approx(mean, abs=0.02 * np.std(seen))
+    assert state.variance == pytest.approx(np.average((np.array(seen) - mean) ** 2, weights=weights), rel=0.1)
