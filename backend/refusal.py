@@ -26,6 +26,7 @@ WORDS = {
     "lam_S": "λ_S",
     "lam_motor": "λ_motor",
     "u_plan": "budget of the plan",
+    "k_ext": "share of the outside force that is rejected",
     "tension_N": "tension",
     "duration_s": "time",
     "period_s": "period",

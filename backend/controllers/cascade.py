@@ -8,23 +8,17 @@ and margins, but their lags are no longer on the way (docs/decisions/0046).
 import math
 from typing import NamedTuple
 
-from backend.controllers import decoupler, envelope, following, governor, i_p, i_pd, motors, plan, scheduling
+from backend.controllers import decoupler, envelope, following, governor, i_p, i_pd, motors, plan, rejection, scheduling
 from backend.controllers.decoupler import Decoupler
 from backend.controllers.envelope import Envelope
 from backend.controllers.goals import References
 from backend.controllers.scheduling import Schedule
 from plant.compiled import compiled
-from plant.interface import Measurement, T_s
+from plant.interface import Measurement
 
 TRACKING_TIME_S = 0.1
 """Time constant with which the outer integrators are bled of what the envelope held back, and of clipped voltage mapped
 back through the decoupler."""
-
-PATIENCE_S = 0.1
-"""Voltage clipped for so long [s] says that the budget is more than the motors have: the rest is planned with less."""
-
-LESS = 0.9
-"""What is left of the budget then."""
 
 
 class Tuning(NamedTuple):
@@ -40,6 +34,7 @@ class Tuning(NamedTuple):
     omega_max: float
     u_max: float
     following: following.Following
+    rejection: rejection.Rejection
 
 
 class State(NamedTuple):
@@ -66,6 +61,7 @@ class State(NamedTuple):
     clipped_s: float
     reserve: float
     alone: motors.State
+    rejection: rejection.State
 
 
 class Output(NamedTuple):
@@ -88,10 +84,13 @@ class Output(NamedTuple):
 
 
 @compiled
-def step(tuning: Tuning, state: State, r: References, position_loop: bool, m: Measurement) -> tuple[Output, State]:
+def step(
+    tuning: Tuning, state: State, r: References, position_loop: bool, m: Measurement, tau_ext: float = math.nan
+) -> tuple[Output, State]:
     """One tick: references and a measurement to motor voltages (figure 6).
 
     Without ``position_loop`` the decoupler's geometry alone positions the joint: the compliance experiment.
+    ``tau_ext`` [N·m]: outside torque for the rejection, nan where it is not known.
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
@@ -113,15 +112,21 @@ def step(tuning: Tuning, state: State, r: References, position_loop: bool, m: Me
     y_q, y_S = m.q - at.q, S - at.S
     y_A, y_B = m.theta_A - at.theta_A, m.theta_B - at.theta_B
 
+    answered = rejection.changed(tuning.rejection, state.rejection, tau_ext, position_loop and S > 0.0)
+    before, by_now = rejection.answer(state.rejection, S), rejection.answer(answered, S)
+    answered = rejection.step(tuning.rejection, answered, tau_ext)
+    pushed = rejection.answer(answered, S)
+
     active = scheduling.select(tuning.schedule, state.active, at.reference.S_ref)
     gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
-    position = i_p.bumpless(state.position_gains, gains_q, state.position, r_q, y_q)
+    position = i_p.bumpless(state.position_gains, gains_q, state.position, r_q, y_q - before.q)
+    position = i_p.raised(position, before.q_e - by_now.q_e + gains_q.k_p * (before.q - by_now.q))
     stiffness = i_p.bumpless(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
     inner = motors.bumpless(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
-    more_q, position = i_p.step(gains_q, position, r_q, y_q, state.correction_q, tuning.following.unseen_q)
+    more_q, position = i_p.step(gains_q, position, r_q, y_q - pushed.q, state.correction_q, tuning.following.unseen_q)
     more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, tuning.following.unseen_S)
-    q_c, S_c = at.q_e + more_q, at.S_e + more_S
+    q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
     if not position_loop:
         q_c = at.q_e if follows else at.reference.q_ref
     allowed, within = envelope.step(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
@@ -151,10 +156,7 @@ def step(tuning: Tuning, state: State, r: References, position_loop: bool, m: Me
     if follows:
         alone = following.absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m)
     clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
-    clipped_s = state.clipped_s + T_s if clipped and at.moving else 0.0
-    reserve = state.reserve if at.moving else 1.0
-    if clipped_s > PATIENCE_S:
-        clipped_s, reserve = 0.0, reserve * LESS
+    clipped_s, reserve = following.patient(state.clipped_s, state.reserve, clipped, at.moving)
 
     output = Output(
         motor.u_A,
@@ -189,6 +191,7 @@ def step(tuning: Tuning, state: State, r: References, position_loop: bool, m: Me
         clipped_s,
         reserve,
         alone,
+        answered,
     )
 
 
@@ -207,6 +210,7 @@ def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
             following.absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
             state.plan,
             False,
+            state.rejection,
         )
     A, B = state.motor_gains.A, state.motor_gains.B
     omega_A, omega_B = (m.theta_A - state.motors.A.y_f) / A.t_f, (m.theta_B - state.motors.B.y_f) / B.t_f
@@ -224,6 +228,7 @@ def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
         ),
         way,
         True,
+        rejection.IDLE,  # the model's equilibrium has what was answered in it already
     )
 
 
@@ -236,6 +241,7 @@ def _with(
     inner: motors.State,
     way: plan.State,
     follows: bool,
+    answered: rejection.State,
 ) -> State:
     return State(
         reference,
@@ -254,6 +260,7 @@ def _with(
         0.0,
         1.0,
         inner,
+        answered,
     )
 
 
@@ -291,4 +298,5 @@ def take_over(
         0.0,
         1.0,
         inner,
+        rejection.IDLE,
     )

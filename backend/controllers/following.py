@@ -4,7 +4,13 @@ from typing import NamedTuple
 
 from backend.controllers import governor, i_pd, motors, plan
 from plant.compiled import compiled
-from plant.interface import Measurement
+from plant.interface import Measurement, T_s
+
+PATIENCE_S = 0.1
+"""Voltage clipped for so long [s] says that the budget is more than the motors have: the rest is planned with less."""
+
+LESS = 0.9
+"""What is left of the budget then."""
 
 
 class Following(NamedTuple):
@@ -56,6 +62,14 @@ def planned(p: plan.Now, by: plan.Driven) -> Followed:
 def unseen(f: Following, e_q: float, e_S: float) -> bool:
     """Whether the errors of position [rad] and stiffness [N·m/rad] are both so small that they are left alone."""
     return abs(e_q) <= f.unseen_q and abs(e_S) <= f.unseen_S
+
+
+@compiled
+def patient(clipped_s: float, reserve: float, clipped: bool, moving: bool) -> tuple[float, float]:
+    """For how long voltage has been clipped on the way [s], and the share of the budget in use after this tick."""
+    clipped_s = clipped_s + T_s if clipped and moving else 0.0
+    reserve = reserve if moving else 1.0
+    return (0.0, reserve * LESS) if clipped_s > PATIENCE_S else (clipped_s, reserve)
 
 
 @compiled

@@ -39,6 +39,12 @@ def bumpless(before: Gains, after: Gains, state: State, r: float, y: float) -> S
 
 
 @compiled
+def raised(state: State, more: float) -> State:
+    """State that gives ``more`` [unit of u] on top, for what is no longer added to u elsewhere."""
+    return State(state.integral + more)
+
+
+@compiled
 def at_rest(gains: Gains, r: float, y: float, u: float) -> State:
     """State that gives the control signal u at reference r and measurement y."""
     return State(u + gains.k_p * y - gains.k_r * r)

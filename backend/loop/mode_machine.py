@@ -39,7 +39,7 @@ from backend.loop.program import IDENTIFYING, Program, mode_of_law, starts_from
 from backend.loop.program_motions import ProgramMotions
 from backend.loop.program_push import ProgramPush
 from backend.loop.tick_desk import TickDesk
-from backend.loop.tunings import Tunings, tunings_of
+from backend.loop.tunings import Tunings
 from backend.loop.zeros import Zeros
 from backend.tick.decision import NO_REFERENCE, Carry, Target
 from backend.tick.winding import PRETENSION_N
@@ -150,7 +150,7 @@ class ModeMachine:
         if not starts_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise RefusedError(reason, LEGAL[self.mode])
-        tunings, own = self.tunings, tunings_of(program, self._known)
+        tunings, own = self.tunings, self.tunings.of(program, self._known)
         motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
         self.push.require(program)
         self._enter(now, mode, motion, Cause.PROGRAM, command.run)

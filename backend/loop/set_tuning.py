@@ -32,7 +32,8 @@ class SetTuning:
 
     The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
     scheduling and switching with hysteresis when there is more than one entry. ``u_plan`` [V] is the budget of the plan
-    that the references are followed by, 0 for the governor of the paper.
+    that the references are followed by, 0 for the governor of the paper. ``k_ext`` [1]: share of the outside force that
+    is rejected by feed-forward, where its bias was learned.
     """
 
     lam_q: float
@@ -42,3 +43,4 @@ class SetTuning:
     entries: tuple[EntryGains, ...]
     interpolate: bool
     u_plan: float = 0.0
+    k_ext: float = 0.0

@@ -165,6 +165,11 @@ class TickDesk:
         self._bias.put(bias)
         return before
 
+    @property
+    def learned(self) -> bool:
+        """Whether anything is known of that bias."""
+        return len(self._bias.get()) > 0
+
     def stands_at(self, q: float) -> None:
         """Say where the joint stands now [rad]: it has not moved there."""
         self._touch.put(touch.UNKNOWN)

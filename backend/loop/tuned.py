@@ -20,6 +20,7 @@ def tuning_for(
     motor: MotorModel | None = None,
     interpolate: bool = False,
     u_plan: float = 0.0,
+    k_ext: float = 0.0,
 ) -> SetTuning:
     """Command with the gains of ``backend.tuning.gains.cascade_tuning``. Raises TuningError."""
     tuning = cascade_tuning(parameters, lambdas, points, motor, interpolate)
@@ -31,6 +32,7 @@ def tuning_for(
         entries=tuple(EntryGains(*map(float, row)) for row in tuning.schedule.entries),
         interpolate=interpolate,
         u_plan=u_plan,
+        k_ext=k_ext,
     )
 
 
@@ -44,4 +46,5 @@ def tuning_of(command: SetTuning, known: Knowledge) -> cascade.Tuning:
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
     require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
-    return tuning_with(known, inner, table, command.interpolate, command.u_plan)
+    require_within("k_ext", command.k_ext, 0.0, 1.0, "1")
+    return tuning_with(known, inner, table, command.interpolate, command.u_plan, command.k_ext)

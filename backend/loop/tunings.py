@@ -14,6 +14,11 @@ from backend.refusal import require_within
 from backend.tuning.gains import Knowledge
 from backend.tuning.models import Lambdas
 
+NOT_LEARNED = (
+    "the outside force cannot be rejected before it is learned what its estimate reads with nothing outside: hold the "
+    "joint at rest and learn it first, or set k_ext to 0"
+)
+
 
 class InForce(NamedTuple):
     """Gains, and the λ that they are of."""
@@ -36,7 +41,20 @@ class Tunings:
         """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
         if self._of_program:
             raise RefusedError("the program changes the tuning by itself: wait for its end or stop it")
+        self._require_learned(gains)
         self._put(InForce(gains, lambdas))
+
+    def of(self, program: Program, known: Knowledge) -> tuple[InForce, ...]:
+        """Return the tunings of a program, ready to be used. Raises RefusedError, OutOfRangeError, ValueError."""
+        found = tunings_of(program, known)
+        for tuning in found:
+            self._require_learned(tuning.gains)
+        return found
+
+    def _require_learned(self, gains: Tuning) -> None:
+        """Raise RefusedError for a rejection of what is not known."""
+        if gains.rejection.k_ext > 0.0 and not self._desk.learned:
+            raise RefusedError(NOT_LEARNED)
 
     def begin(self, changed: Sequence[InForce]) -> None:
         """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""

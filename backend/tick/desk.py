@@ -141,6 +141,20 @@ def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
     return KINDS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
 
 
+def told(state: Any, tau_ext: float) -> Any:
+    """State of a motion that is told of an outside torque [N·m]: the cascade alone wants to know."""
+    return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.State) else state
+
+
+@overload(told, cast(Any, STRICT), strict=False)
+def _told(state: Any, tau_ext: Any) -> Any:
+    if state.instance_class is tracking.State:
+        return lambda state, tau_ext: tracking.State(
+            state.law, state.position_loop, state.plays, state.player, tau_ext
+        )
+    return lambda state, tau_ext: state
+
+
 @compiled
 def look(desk: Cell[Desk], raw: Measurement, missed: int) -> int:
     """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
@@ -191,7 +205,10 @@ def _feel(desk: Cell[Desk], m: Measurement, zeroed: bool) -> float:
 def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
     """Let the motion decide; the bits of what came of it, and the voltages [V]."""
     was, orders = moving.value, desk.orders.value
-    decision, carry, state = step(desk.tuning.value, was.carry, was.target, was.state, desk.m.value)
+    tau_ext = desk.F_ext_hat.value * desk.observer.tendons.r_j.value if desk.bias.value.shape[0] > 0 else math.nan
+    decision, carry, state = step(
+        desk.tuning.value, was.carry, was.target, told(was.state, tau_ext), desk.m.value
+    )
     keep(moving, Moving(carry, decision.target, state))
     keep(desk.decision, decision)
     came = DONE if decision.done and not orders.reached else QUIET

@@ -18,12 +18,16 @@ _GOVERNOR, _FLOOR, _CEILING, _RANGE = (
 
 
 class State(NamedTuple):
-    """``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``plays`` a program."""
+    """``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``plays`` a program.
+
+    ``tau_ext`` [N·m]: outside torque in this tick, nan as long as its bias is not known.
+    """
 
     law: cascade.State
     position_loop: bool
     plays: bool
     player: Player
+    tau_ext: float = math.nan
 
 
 @compiled
@@ -36,9 +40,9 @@ def step(
         done, target, player = play(player, target)
         q_end, S_end = announced(player)
     references = References(target.q_ref, target.S_ref, q_end, S_end)
-    y, law = cascade.step(tuning, state.law, references, state.position_loop, m)
+    y, law = cascade.step(tuning, state.law, references, state.position_loop, m, state.tau_ext)
     carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
-    return decided(y, target, state.plays, done), carry, State(law, state.position_loop, state.plays, player)
+    return decided(y, target, state.plays, done), carry, State(law, state.position_loop, state.plays, player, state.tau_ext)
 
 
 @compiled

@@ -1,18 +1,21 @@
 """All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.controllers import cascade, i_p, motors, plan
+from backend.controllers import cascade, i_p, i_pd, motors, plan
 from backend.controllers.decoupler import Decoupler, decoupler_for, stiffness_slope
 from backend.controllers.following import Following
 from backend.controllers.limits import Bounds, bounds_for
+from backend.controllers.rejection import Rejection
 from backend.controllers.scheduling import Schedule
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
 from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
+from plant.interface import T_s
 from plant.parameters import PlantParameters
 
 UNSEEN_COUNTS = 0.501
@@ -21,6 +24,10 @@ within, and with it the joint is within a count."""
 
 UNSEEN_S = 0.01
 """Error of the stiffness that its integrator leaves alone [N·m/rad]: a thousandth of it, some counts of the motors."""
+
+UNSEEN_F, MOST_F = 0.3, 10.0
+"""Outside force [N] that the rejection leaves to the position loop, and the largest that it answers: the estimate errs
+by 0.3 N at most in fast moves; and against a wall, which does not give way, the answer is pressed on top."""
 
 
 class Knowledge(NamedTuple):
@@ -47,6 +54,18 @@ def following(known: Knowledge, u_plan: float) -> Following:
     if u_plan == 0.0:
         return Following(0.0, known.model, 0.0, 0.0)
     return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, UNSEEN_S)
+
+
+def rejection(known: Knowledge, inner: motors.Gains, k_ext: float) -> Rejection:
+    """Feed-forward of the share ``k_ext`` of an outside force, behind the lags of motor loops ``inner``."""
+    lags = [motor_lag(gains, T) for gains, T in ((inner.A, known.model.T_A), (inner.B, known.model.T_B))]
+    r_j = known.decoupler.r_j
+    return Rejection(k_ext, UNSEEN_F * r_j, MOST_F * r_j, math.exp(-T_s / (0.5 * sum(lags))))
+
+
+def motor_lag(gains: i_pd.Gains, T_m: float) -> float:
+    """λ_motor [s] that a motor loop was given: its four poles at −1/λ sum up to −1/t_f − 1/T_m (table 2)."""
+    return 4.0 / (1.0 / gains.t_f + 1.0 / T_m)
 
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: Lambdas) -> i_p.Gains:
@@ -83,10 +102,12 @@ def cascade_tuning(
     motor: MotorModel | None = None,
     interpolate: bool = False,
     u_plan: float = 0.0,
+    k_ext: float = 0.0,
 ) -> cascade.Tuning:
     """Gains for every point; without points the 20 N point from geometry, without a motor the parameter set's.
 
-    ``u_plan`` [V]: budget of the plan, 0 for the paper's governor. Raises TuningError.
+    ``u_plan`` [V]: budget of the plan, 0 for the paper's governor; ``k_ext`` [1]: share of an outside force that is
+    rejected by feed-forward. Raises TuningError.
     """
     points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
     rows = []
@@ -94,14 +115,22 @@ def cascade_tuning(
         q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
     known = knowledge(parameters)
-    return tuning_with(known, motor_loops(parameters, lambdas.lam_motor, motor), np.array(rows), interpolate, u_plan)
+    inner = motor_loops(parameters, lambdas.lam_motor, motor)
+    return tuning_with(known, inner, np.array(rows), interpolate, u_plan, k_ext)
 
 
 def tuning_with(
-    known: Knowledge, inner: motors.Gains, entries: NDArray[np.float64], interpolate: bool, u_plan: float
+    known: Knowledge, inner: motors.Gains, entries: NDArray[np.float64], interpolate: bool, u_plan: float, k_ext: float
 ) -> cascade.Tuning:
     """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
     bounds, schedule = known.bounds, Schedule(entries, interpolate)
     return cascade.Tuning(
-        inner, schedule, known.decoupler, bounds.envelope, bounds.omega_max, bounds.u_max, following(known, u_plan)
+        inner,
+        schedule,
+        known.decoupler,
+        bounds.envelope,
+        bounds.omega_max,
+        bounds.u_max,
+        following(known, u_plan),
+        rejection(known, inner, k_ext),
     )
