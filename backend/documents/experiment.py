@@ -164,6 +164,7 @@ class Tuning:
     bank: Number | None = None
     interpolate: bool | None = None
     u_plan: Number | None = None
+    k_ext: Number | None = None
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

@@ -28,6 +28,7 @@ class KeptLoop:
     bank: int | None = field(default=None, metadata=ABSENT)
     interpolate: bool | None = field(default=None, metadata=ABSENT)
     u_plan: float | None = field(default=None, metadata=ABSENT)
+    k_ext: float | None = field(default=None, metadata=ABSENT)
     seed: int | None = field(default=None, metadata=ABSENT)
 
     def known(self) -> dict[str, Value]:

@@ -24,6 +24,7 @@ from backend.loop.motion import Tracking
 from backend.loop.program import MAX_TOUCHES, Law, Program, Segment, Touch
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N, NEIGHBOUR, SIGMAS
 from backend.loop.tick_desk import TickDesk
+from backend.loop.tunings import Tunings
 from backend.refusal import require_within
 from backend.tick.decision import Carry
 from plant.interface import NO_LOAD, Measurement, ShaftLoad, T_s
@@ -58,9 +59,10 @@ class Contact:
     ``paused`` is what of a program is still to be played, where one of its own contacts has ended a part of it.
     """
 
-    def __init__(self, desk: TickDesk, events: list[Event]) -> None:
+    def __init__(self, desk: TickDesk, events: list[Event], tunings: Tunings) -> None:
         self.felt = False
         self.paused: Program | None = None
+        self._tunings = tunings
         self._from_N = self._own_N = math.inf
         self._operators: NDArray[np.float64] = np.zeros((0, 2))
         self._own: list[tuple[float, float]] = []
@@ -70,11 +72,13 @@ class Contact:
         self._events = events
 
     def put(self, command: SetTouch) -> None:
-        """Use another bias and threshold. Raises OutOfRangeError, ValueError; nothing has changed then."""
+        """Use another bias and threshold. Raises OutOfRangeError, ValueError, RefusedError: nothing has changed."""
         require_within("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
+        if len(bias) == 0 and self._tunings.gains.rejection.k_ext > 0.0:
+            raise RefusedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
         if command.contact_N != 0.0:
             require_within("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
         self._operators, self._from_N = bias, command.contact_N or math.inf
@@ -82,6 +86,7 @@ class Contact:
 
     def forget(self, tick: int) -> None:
         """Begin with nothing learned and give way to nothing: the zeros are others now."""
+        self._tunings.reject_nothing()
         if len(self._operators) or self._from_N != math.inf:
             self._operators, self._from_N = np.zeros((0, 2)), math.inf
             self._events.append(TouchForgotten(tick))

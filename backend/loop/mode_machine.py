@@ -80,7 +80,7 @@ class ModeMachine:
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
-        self.contact = Contact(desk, events)
+        self.contact = Contact(desk, events, self.tunings)
         self.push = ProgramPush(plant, events, self.contact)
 
     @property

@@ -1,5 +1,7 @@
 """Go through every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline."""
 
+from dataclasses import replace
+
 from backend.loop.commands import Command, Refused, RunProgram, SetMode, SetReferences, SetTuning, Stop
 from backend.loop.homing import Homing
 from backend.loop.loop import Loop
@@ -34,6 +36,7 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises RehearsalError."""
     ring = Ring.create(capacity=16)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
+    plain = replace(tuning, k_ext=0.0)  # nothing is learned here
     S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
     _order(loop, SetMode(Mode.PRETENSION))
     _pretension(loop)
@@ -45,7 +48,7 @@ def rehearse(parameters: PlantParameters, tuning: SetTuning) -> None:
         _order(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
         _tick_while(loop, Mode.EXPERIMENT)
         _pretension(loop)
-    for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), tuning, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
+    for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), plain, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
         _order(loop, command)
         loop.tick()
     loop.close()

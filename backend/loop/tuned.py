@@ -8,7 +8,7 @@ import numpy as np
 from backend.controllers import cascade, i_pd, motors
 from backend.loop.commands import EntryGains, MotorGains, SetTuning
 from backend.refusal import require_within
-from backend.tuning.gains import Knowledge, cascade_tuning, tuning_with
+from backend.tuning.gains import Knowledge, cascade_tuning, require_share, tuning_with
 from backend.tuning.models import Lambdas, MotorModel, PointModel
 from plant.parameters import PlantParameters
 
@@ -46,5 +46,5 @@ def tuning_of(command: SetTuning, known: Knowledge) -> cascade.Tuning:
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
     require_within("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
-    require_within("k_ext", command.k_ext, 0.0, 1.0, "1")
+    require_share(command.k_ext)
     return tuning_with(known, inner, table, command.interpolate, command.u_plan, command.k_ext)

@@ -31,11 +31,12 @@ class Tunings:
     """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
 
     def __init__(self, desk: TickDesk, events: list[Event], gains: Tuning, lambdas: Lambdas) -> None:
-        self.gains, self.lambdas = gains, lambdas
+        self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
         self.number = 0
         self._desk = desk
         self._events = events
         self._of_program: tuple[InForce, ...] = ()  # the operator's first
+        desk.retune(self.gains)  # as nothing is learned yet
 
     def replace(self, gains: Tuning, lambdas: Lambdas) -> None:
         """Put an operator's tuning into use. Raises RefusedError while a program changes it."""
@@ -56,6 +57,11 @@ class Tunings:
         if gains.rejection.k_ext > 0.0 and not self._desk.learned:
             raise RefusedError(NOT_LEARNED)
 
+    def reject_nothing(self) -> None:
+        """Leave pushes to the position loop: what was learned of the outside force is gone."""
+        self._of_program = tuple(InForce(_rejecting_nothing(one.gains), one.lambdas) for one in self._of_program)
+        self._put(InForce(_rejecting_nothing(self.gains), self.lambdas))
+
     def begin(self, changed: Sequence[InForce]) -> None:
         """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""
         self._of_program = (InForce(self.gains, self.lambdas), *changed) if changed else ()
@@ -75,6 +81,10 @@ class Tunings:
     def _put(self, tuning: InForce) -> None:
         self.gains, self.lambdas = tuning
         self._desk.retune(tuning.gains)
+
+
+def _rejecting_nothing(gains: Tuning) -> Tuning:
+    return gains._replace(rejection=gains.rejection._replace(k_ext=0.0))
 
 
 def tunings_of(program: Program, known: Knowledge) -> tuple[InForce, ...]:

@@ -24,6 +24,7 @@ class TuningParts(Schema):
     b: float = quantity("1", "weight of the reference in the outer loops' proportional part")
     interpolate: bool = Field(description="gain scheduling between entries instead of switching")
     u_plan: float = quantity("V", "budget of the plan that references are followed by; 0: the paper's governor")
+    k_ext: float = quantity("1", "share of the estimated outside force that is fed forward against it; 0: none")
 
 
 class ChosenTuning(TuningParts):
@@ -57,6 +58,7 @@ class TuningRequest(Schema):
     b: float | None = quantity("1", "weight of the reference, 0 to 1", default=None, **ANY_SIZE)
     interpolate: bool | None = Field(default=None, description="gain scheduling instead of switching")
     u_plan: float | None = quantity("V", "budget of the plan, 0 for the paper's governor", default=None, **ANY_SIZE)
+    k_ext: float | None = quantity("1", "share of the outside force fed forward, 0: none", default=None, **ANY_SIZE)
 
 
 class TrialRequest(TuningRequest):
@@ -129,6 +131,25 @@ class RobustTuning(Schema):
     lam_S: RobustLambda
 
 
+class PushPreview(Schema):
+    """What a push does to the joint that is held, at the active entry of the bank."""
+
+    give: float = quantity("rad", "largest deviation under the push")
+    back_s: float | None = quantity("s", "from when on it stays near its reference; null where it does not come back")
+    felt_slow: float = quantity("N·m/rad", "outside torque over deviation when leant on, at 0.1 Hz")
+    felt_fast: float = quantity("N·m/rad", "outside torque over deviation when shaken, at 1 Hz")
+
+
+class PushedPreview(Schema):
+    """A held push of ``F`` without a rejection and, where ``k_ext`` is not 0, with it."""
+
+    F: float = quantity("N", "the push")
+    near: float = quantity("rad", "the joint is back when it stays so near to its reference")
+    k_ext: float = quantity("1", "share of the push that is fed forward")
+    without: PushPreview
+    rejected: PushPreview | None = Field(description="with the rejection; null where k_ext is 0")
+
+
 class TuningPreview(Schema):
     """What the loops would do."""
 
@@ -138,3 +159,4 @@ class TuningPreview(Schema):
     u_peak_V: float = quantity("V", "largest motor voltage of a step of π/3 in q_ref")
     F_min_N: float = quantity("N", "least tendon tension of that step")
     rise_s: float | None = quantity("s", "when q has gone 90 % of that step; null where it does not get there")
+    pushed: PushedPreview

@@ -75,7 +75,9 @@ class Actuator:
         self.retuning = Retuning(
             supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
         )
-        self.touching = Touching(supervisor, present, journal, self._command, self.changed, self.starting)
+        self.touching = Touching(
+            supervisor, present, journal, self._command, self.changed, self.starting, self.retuning.leave_pushes
+        )
         present.touch = self.touching.view
         supervisor.listen(self._hear)
 
@@ -146,8 +148,8 @@ class Actuator:
         brought_up = await asyncio.to_thread(self.in_effect)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-        await self._supervisor.restart()
         self.touching.forget("the control loop was started anew")
+        await self._supervisor.restart()
         self._on_new_ring(self._supervisor.ring)
         self.present.starts += 1
         self._journal.note(kind, text, 0, who)

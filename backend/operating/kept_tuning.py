@@ -1,6 +1,7 @@
 """The tuning in force outlives the service: kept at each change, in force again at the next start."""
 
 import logging
+from dataclasses import replace
 
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.banks import kept_choice
@@ -54,7 +55,7 @@ class KeptTuning:
                 return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
                 bank = None if kept.choice.bank == 0 else banks.own(session, kept.choice.bank)
-            tuning = initial(parameters, kept.choice, bank)
+            tuning = initial(parameters, replace(kept.choice, k_ext=0.0), bank)  # as nothing is learned yet
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
             return _defaults(parameters, f"the tuning of last time is refused, {error}")
         return tuning, _said(tuning, kept)

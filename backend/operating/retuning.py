@@ -13,6 +13,7 @@ from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.loop.access import LoopDiedError
 from backend.loop.commands import Accepted, SetTuning
 from backend.loop.supervisor import Supervisor
+from backend.loop.tunings import NOT_LEARNED
 from backend.messages.live import MarkKind
 from backend.messages.state import State
 from backend.messages.tuning import (
@@ -31,9 +32,13 @@ from backend.operating.tuning_trial import Trial
 from backend.refusal import Because, RefusalError
 from backend.storage.banks import Bank
 from backend.supervision import Supervision
+from backend.tuning.gains import UNSEEN_F
 
 RETRY_S = 0.5
 """How soon it is tried again to put a tuning back that the loop did not take [s]."""
+
+DEVIATIONS = 6.0
+"""The rejection's dead zone has to be so many standard deviations of the estimate: at rest it then does nothing."""
 
 _log = logging.getLogger(__name__)
 
@@ -145,9 +150,10 @@ class Retuning:
             await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
         self._changed()
 
-    async def preview(self, lam_q: float, lam_S: float, u_plan: float | None) -> TuningPreview:
-        """Predict what λ, and a budget of the plan [V] where one is named, would do at the active entry of the bank."""
-        return await asyncio.to_thread(self._present.tuning.preview, lam_q, lam_S, round(self._present.entry), u_plan)
+    async def preview(self, lam_q: float, lam_S: float, u_plan: float | None, k_ext: float | None) -> TuningPreview:
+        """Predict what λ, a budget of the plan [V] and a share of pushes would do at the active entry, None: in force."""
+        preview, entry = self._present.tuning.preview, round(self._present.entry)
+        return await asyncio.to_thread(preview, lam_q, lam_S, entry, u_plan, k_ext)
 
     async def motor(self, lam_motor: float) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""
@@ -167,6 +173,35 @@ class Retuning:
             tick = await put(after)
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._present.entry)
+
+    def leave_pushes(self) -> None:
+        """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
+        present = self._present
+        if present.tuning.choice.k_ext == 0.0:
+            return
+        present.tuning = present.tuning.without_rejection()
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=present.tuning.command())
+        self._journal.note(MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", present.tick)
+        self._changed()
+
+    def _as_learned(self, tuning: TuningInUse) -> TuningInUse:
+        """Return what can come back into force of a tuning."""
+        return tuning if self._present.touch().learned else tuning.without_rejection()
+
+    def _require_felt(self, tuning: TuningInUse) -> None:
+        """Raise RefusalError for a rejection of a force that is not known, or not well enough."""
+        if tuning.choice.k_ext == 0.0:
+            return
+        points = self._present.touch().learned
+        if not points:
+            raise RefusalError(Because.NOT_NOW, NOT_LEARNED)
+        noise = max(point.std_N for point in points)
+        if not noise <= UNSEEN_F / DEVIATIONS:
+            raise RefusalError(
+                Because.NOT_NOW,
+                f"a rejection is refused: the estimate itself moves by {noise:.2f} N (standard deviation), and what is "
+                f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
+            )
 
     async def _until_put_back(self, what: str, tuning: TuningInUse, put_back: Callable[[], Awaitable[None]]) -> None:
         """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
@@ -193,13 +228,13 @@ class Retuning:
         async with self._turn:
             if self._present.own_tuning is not own:  # given back by another road while this waited
                 return
-            lent = self._present.tuning
-            if own.choice != lent.choice:
+            lent, back = self._present.tuning, self._as_learned(own)
+            if back.choice != lent.choice:
                 try:
-                    tick = await self._put_in_force(own) if self._supervisor.alive else self._remember(own)
+                    tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
                 except LoopDiedError:
-                    tick = self._remember(own)
-                self._journal.note(MarkKind.TUNING, f"after the run: {own.difference(lent)}", tick)
+                    tick = self._remember(back.without_rejection())
+                self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
             self._present.own_tuning = None
 
     async def _end_trial_at_its_time(self, before: TuningInUse) -> None:
@@ -210,8 +245,9 @@ class Retuning:
             tried = self._present.tuning
             if self._trial.before is not before:  # somebody chose another tuning while this waited
                 return
-            tick = await self._put_in_force(before) if self._supervisor.alive else self._remember(before)
-            self._journal.note(MarkKind.TUNING, f"trial over: {before.difference(tried)}", tick, who)
+            back = self._as_learned(before)
+            tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
+            self._journal.note(MarkKind.TUNING, f"trial over: {back.difference(tried)}", tick, who)
 
     def _require_own(self) -> None:
         """Raise RefusalError while a run has the tuning."""
@@ -235,6 +271,7 @@ class Retuning:
         return tick
 
     async def _put_in_force(self, tuning: TuningInUse) -> int:
+        self._require_felt(tuning)
         accepted = await self._send(tuning.command())
         self._remember(tuning)
         return accepted.tick

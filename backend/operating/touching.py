@@ -29,7 +29,10 @@ from backend.sample import INDEX
 
 
 class Touching:
-    """Learns, arms and shows. Belongs to the service's event loop; ``changed`` is called when there is news."""
+    """Learns, arms and shows. Belongs to the service's event loop.
+
+    ``changed`` is called when there is news, ``forgotten`` when the loop knows nothing any more.
+    """
 
     def __init__(
         self,
@@ -39,12 +42,14 @@ class Touching:
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
         starting: asyncio.Lock,
+        forgotten: Callable[[], None],
     ) -> None:
         self.sweep = TouchSweep(supervisor, present, journal, command, self._learn_on, changed)
         self._supervisor = supervisor
         self._journal = journal
         self._command = command
         self._changed = changed
+        self._forgotten = forgotten
         self._turn, self._starting = asyncio.Lock(), starting
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
@@ -139,6 +144,7 @@ class Touching:
         """Begin with nothing learned, as a new loop does, and ``why``."""
         self.sweep.break_off(why)
         self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
+        self._forgotten()
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:

@@ -14,6 +14,8 @@ from backend.messages.tuning import (
     LoopPreview,
     MotorPreview,
     PrintedFormula,
+    PushedPreview,
+    PushPreview,
     RobustLambda,
     RobustTuning,
     TuningParts,
@@ -26,9 +28,11 @@ from backend.storage.bank_entry import entry_in_use
 from backend.storage.banks import Bank
 from backend.tuning import preview
 from backend.tuning.formulas import TuningError
+from backend.tuning.gains import cascade_tuning, require_share
 from backend.tuning.models import LAM_MAX, Lambdas
 from backend.tuning.plan_budget import require_budget, usual_budget
 from backend.tuning.preview import Previewer
+from backend.tuning.push_forecast import NEAR_RAD, PUSH_N, push_forecast
 from backend.tuning.robustness import Robustness
 from plant.parameters import PlantParameters
 
@@ -73,6 +77,10 @@ class TuningInUse(Chosen):
         """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
         return self.with_choice(self.choice, bank)
 
+    def without_rejection(self) -> "TuningInUse":
+        """Return the tuning with pushes left to the position loop."""
+        return replace(self, choice=replace(self.choice, k_ext=0.0))
+
     def difference(self, before: "TuningInUse") -> str:
         """Return in words what differs from ``before``."""
         return ", ".join(self.choice.differences(before.choice)) or "the same tuning again"
@@ -102,14 +110,18 @@ class TuningInUse(Chosen):
             entry_name="" if self.bank is None else entry_in_use(self.bank.entries, entry),
         )
 
-    def preview(self, lam_q: float, lam_S: float, entry: int, u_plan: float | None = None) -> TuningPreview:
-        """Predict what both outer loops would do at these λ, and a step within a budget [V], None: as it is now.
+    def preview(
+        self, lam_q: float, lam_S: float, entry: int, u_plan: float | None = None, k_ext: float | None = None
+    ) -> TuningPreview:
+        """Predict what both outer loops would do at these λ, a step within a budget [V], and a push; None: as now.
 
-        Raises OutOfRangeError for a budget that is not offered.
+        Raises OutOfRangeError for a budget or a share of the push that is not offered.
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
         budget = self.choice.u_plan if u_plan is None else u_plan
+        share = self.choice.k_ext if k_ext is None else k_ext
         require_budget(self.parameters, budget)
+        require_share(share)
         predicted = self.previewer.preview(lambdas, entry, budget)
         return TuningPreview(
             motor=_motor(predicted.motor),
@@ -118,7 +130,20 @@ class TuningInUse(Chosen):
             u_peak_V=predicted.step.peak_voltage,
             F_min_N=predicted.step.least_tension,
             rise_s=_finite(predicted.step.rise_s),
+            pushed=PushedPreview(
+                F=PUSH_N,
+                near=NEAR_RAD,
+                k_ext=share,
+                without=self._push(lambdas, entry, 0.0),
+                rejected=self._push(lambdas, entry, share) if share else None,
+            ),
         )
+
+    def _push(self, lambdas: Lambdas, entry: int, k_ext: float) -> PushPreview:
+        point = self.previewer.points[entry]
+        tuning = cascade_tuning(self.parameters, lambdas, [point], k_ext=k_ext)
+        found = push_forecast(self.parameters, tuning, point.S_nominal, lambdas.lam_q)
+        return PushPreview(**{**found._asdict(), "back_s": _finite(found.back_s)})
 
     def motor(self, lam_motor: float) -> MotorPreview:
         """Return how robust the motor loops are at this λ. Raises OutOfRangeError for one that is not offered."""
@@ -189,6 +214,7 @@ def _checked(
     else:
         previewer = Previewer(parameters, points_of(bank), lam_motor=choice.lam_motor, b=choice.b)
     previewer.require_safe(choice.lambdas, choice.u_plan)
+    require_share(choice.k_ext)
     return TuningInUse(choice, bank, parameters, previewer)
 
 

@@ -149,9 +149,7 @@ def told(state: Any, tau_ext: float) -> Any:
 @overload(told, cast(Any, STRICT), strict=False)
 def _told(state: Any, tau_ext: Any) -> Any:
     if state.instance_class is tracking.State:
-        return lambda state, tau_ext: tracking.State(
-            state.law, state.position_loop, state.plays, state.player, tau_ext
-        )
+        return lambda state, tau_ext: tracking.State(state.law, state.position_loop, state.plays, state.player, tau_ext)
     return lambda state, tau_ext: state
 
 
@@ -206,9 +204,7 @@ def decide(desk: Cell[Desk], moving: Cell[Moving]) -> tuple[int, float, float]:
     """Let the motion decide; the bits of what came of it, and the voltages [V]."""
     was, orders = moving.value, desk.orders.value
     tau_ext = desk.F_ext_hat.value * desk.observer.tendons.r_j.value if desk.bias.value.shape[0] > 0 else math.nan
-    decision, carry, state = step(
-        desk.tuning.value, was.carry, was.target, told(was.state, tau_ext), desk.m.value
-    )
+    decision, carry, state = step(desk.tuning.value, was.carry, was.target, told(was.state, tau_ext), desk.m.value)
     keep(moving, Moving(carry, decision.target, state))
     keep(desk.decision, decision)
     came = DONE if decision.done and not orders.reached else QUIET

@@ -42,7 +42,11 @@ def step(
     references = References(target.q_ref, target.S_ref, q_end, S_end)
     y, law = cascade.step(tuning, state.law, references, state.position_loop, m, state.tau_ext)
     carry = Carry(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
-    return decided(y, target, state.plays, done), carry, State(law, state.position_loop, state.plays, player, state.tau_ext)
+    return (
+        decided(y, target, state.plays, done),
+        carry,
+        State(law, state.position_loop, state.plays, player, state.tau_ext),
+    )
 
 
 @compiled

@@ -70,7 +70,7 @@ def planned_response(
 
     plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
     # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
-    beside = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:], plant @ forward - modelled)
+    beside = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:5], plant @ forward - modelled)
     seen = np.array([[1.0, 0.0, 0.0], [0.0, loop.slope, loop.slope]])
     return np.asarray(seen @ (modelled + beside))
 

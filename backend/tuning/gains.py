@@ -13,6 +13,7 @@ from backend.controllers.following import Following
 from backend.controllers.limits import Bounds, bounds_for
 from backend.controllers.rejection import Rejection
 from backend.controllers.scheduling import Schedule
+from backend.refusal import require_within
 from backend.tuning.formulas import motor_gains, outer_gains, position_loop_gain, stiffness_loop_gain
 from backend.tuning.models import Lambdas, MotorModel, PointModel, designed_point, motor_model
 from plant.interface import T_s
@@ -61,6 +62,11 @@ def rejection(known: Knowledge, inner: motors.Gains, k_ext: float) -> Rejection:
     lags = [motor_lag(gains, T) for gains, T in ((inner.A, known.model.T_A), (inner.B, known.model.T_B))]
     r_j = known.decoupler.r_j
     return Rejection(k_ext, UNSEEN_F * r_j, MOST_F * r_j, math.exp(-T_s / (0.5 * sum(lags))))
+
+
+def require_share(k_ext: float) -> None:
+    """Raise OutOfRangeError unless ``k_ext`` [1] is offered."""
+    require_within("k_ext", k_ext, 0.0, 1.0, "1", "0 leaves pushes to the position loop, 1 answers them whole")
 
 
 def motor_lag(gains: i_pd.Gains, T_m: float) -> float:

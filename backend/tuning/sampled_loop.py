@@ -29,11 +29,16 @@ _Q, _THETA_A, _THETA_B = 0, 2, 5
 
 
 class Inputs(NamedTuple):
-    """Places of the inputs: references [rad, N·m/rad] and a torque on the joint [N·m]."""
+    """Places of the inputs: references [rad, N·m/rad], a torque on the joint [N·m], and what a rejection adds.
+
+    ``q_e`` [rad] on top of the position loop's output, ``q_off`` [rad] that its measurement is expected to be off.
+    """
 
     q_ref: int = 0
     S_ref: int = 1
     tau_ext: int = 2
+    q_e: int = 3
+    q_off: int = 4
 
 
 class Outputs(NamedTuple):
@@ -76,9 +81,9 @@ class Sampled:
 class SampledLoop:
     """The loop and its parts, about rest.
 
-    ``plant``: voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B to
-    voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split`` (2, 2): motor references [rad]
-    per q_c and S_c; ``slope``: stiffness per angle of either motor.
+    ``plant``: voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B,
+    and what a rejection adds, to voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split``
+    (2, 2): motor references [rad] per q_c and S_c; ``slope``: stiffness per angle of either motor.
     """
 
     plant: Sampled
@@ -102,23 +107,23 @@ def sampled_loop(
     inner = tuning.motors
 
     def law(x: Array, w: Array) -> tuple[Array, Array]:
-        q_ref, S_ref, q, theta_A, theta_B = w
-        q_c, position = i_p.step(gains_q, i_p.State(x[6]), q_ref, q, 0.0)
+        q_ref, S_ref, q, theta_A, theta_B, q_e, q_off = w
+        q_c, position = i_p.step(gains_q, i_p.State(x[6]), q_ref, q - q_off, 0.0)
         S_c, stiffness = i_p.step(gains_S, i_p.State(x[7]), S_ref, slope * (theta_A + theta_B), 0.0)
         if not position_loop:
-            q_c, position = q_ref, i_p.State(0.0)
-        ref_A, ref_B = split @ (q_c, S_c)
+            q_c, position, q_e = q_ref, i_p.State(0.0), 0.0
+        ref_A, ref_B = split @ (q_c + q_e, S_c)
         u_A, _, A = i_pd.step(inner.A, i_pd.State(*x[:3]), ref_A, theta_A, np.inf)
         u_B, _, B = i_pd.step(inner.B, i_pd.State(*x[3:6]), ref_B, theta_B, np.inf)
         return np.array([u_A, u_B]), np.concatenate([A, B, position, stiffness])
 
     def tick(x: Array, w: Array) -> tuple[Array, Array]:
         at = plant.C @ x[:_PLANT]
-        u, laws = law(x[_PLANT:], np.concatenate([w[:2], at]))
-        moved = plant.A @ x[:_PLANT] + plant.B @ np.append(u, w[2])
+        u, laws = law(x[_PLANT:], np.concatenate([w[:2], at, w[3:]]))
+        moved = plant.A @ x[:_PLANT] + plant.B @ np.append(u, w[INPUTS.tau_ext])
         return np.array([at[0], slope * (at[1] + at[2])]), np.concatenate([moved, laws])
 
-    return SampledLoop(plant, _linear(law, _LAWS, 5), _linear(tick, _PLANT + _LAWS, 3), split, slope)
+    return SampledLoop(plant, _linear(law, _LAWS, 5 + 2), _linear(tick, _PLANT + _LAWS, len(INPUTS)), split, slope)
 
 
 def _linear(rule: Rule, states: int, inputs: int) -> Sampled:

@@ -29,6 +29,7 @@ OTHER: dict[str, Any] = {
     "bank": 3,
     "interpolate": True,
     "u_plan": 8.5,
+    "k_ext": 0.7,
 }
 """Each part of a tuning at another value than its default."""
 

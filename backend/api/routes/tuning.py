@@ -89,9 +89,10 @@ async def preview_tuning(
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
     u_plan: Annotated[Finite | None, Query(description="budget of the plan [V], 0: none; default: in force")] = None,
+    k_ext: Annotated[Finite | None, Query(description="share of a push fed forward [1]; default: in force")] = None,
 ) -> TuningPreview:
     """Predict step, M_s and margins of both outer loops on the high-order model of the active entry."""
-    return await service.actuator.retuning.preview(lam_q, lam_S, u_plan)
+    return await service.actuator.retuning.preview(lam_q, lam_S, u_plan, k_ext)
 
 
 @router.get("/motor")

@@ -12,6 +12,7 @@ from backend.storage.settings import StoredSetting
 from plant.parameters import PlantParameters
 
 NAME = "tuning in force"
+_LATER = ("u_plan", "k_ext")
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class KeptChoice:
     """What was in force, who left it so, and whether that was with the same numbers of the plant.
 
     ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
-    without ``u_plan`` lacks nothing: there was the governor only.
+    without ``u_plan`` or ``k_ext`` lacks nothing: there was the governor only, and pushes were the position loop's.
     """
 
     choice: TuningChoice
@@ -45,7 +46,7 @@ def newest(database: Database, parameters: PlantParameters) -> KeptChoice | None
     if kept is None:
         return None
     tuning = _read(kept)
-    lacks = tuple(name for name in TuningChoice().document() if name != "u_plan" and getattr(tuning, name) is None)
+    lacks = tuple(name for name in TuningChoice().document() if name not in _LATER and getattr(tuning, name) is None)
     return KeptChoice(TuningChoice.of(tuning.known()), kept.who, tuning.parameters == digest(parameters), lacks)
 
 

@@ -35,6 +35,9 @@ class TuningChoice:
     u_plan: float = number(
         0.0, 0.0, 10.0, "V", "U_plan", "budget of the plan that references are followed by, 0 for the paper's governor"
     )
+    k_ext: float = number(
+        0.0, 0.0, 1.0, "1", "k_ext", "share of the estimated outside force that is fed forward against it, 0 for none"
+    )
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
@@ -72,6 +75,8 @@ class TuningChoice:
         }
         if self.u_plan == 0.0:
             words["u_plan"] = "references slowed down by the governor"
+        if self.k_ext == 0.0:
+            words["k_ext"] = "pushes left to the position loop"
         words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
         words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
         return words

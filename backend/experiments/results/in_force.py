@@ -79,6 +79,8 @@ class InForce:
         if choice.bank and not self.points:
             raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
         try:
-            return cascade_tuning(self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.u_plan)
+            return cascade_tuning(
+                self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.u_plan, choice.k_ext
+            )
         except TuningError as error:
             raise NotPredictedError(str(error)) from None

@@ -6,7 +6,6 @@ what the stiffness alone would give: r_j F/S, as far as the joint gives way wher
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from backend.experiments.results.rest import AT_REST
 from backend.experiments.results.whole import Columns, Whole, whole
 from backend.experiments.results.windows import timed, undisturbed_from
 from backend.loop.program import Program, Shape
+from backend.tuning.push_forecast import answered
 from backend.tuning.sampled_loop import INPUTS, OUTPUTS, sampled_loop
 from plant.interface import T_s
 
@@ -192,18 +192,24 @@ def _expected(in_force: InForce, start: int, S: float, tau: Array, answers: dict
     from scipy.signal import fftconvolve
 
     choice = in_force.choice_at(start)
-    answer = partial(_impulse_response, in_force, start, S)
+    acts = [tau]
+    if choice.k_ext > 0.0 and in_force.position_loop:
+        acts += answered(in_force.gains_at(start).rejection, tau, S)
     known = answers.get((choice, S))
-    if known is None or known.size < tau.size:
-        known = answers[(choice, S)] = answer(tau.size)
-    return np.asarray(fftconvolve(tau, known)[: tau.size])
+    if known is None or known.shape[1] < tau.size:
+        known = answers[(choice, S)] = _impulse_responses(in_force, start, S, tau.size, len(acts))
+    return np.asarray(sum(fftconvolve(act, answer)[: tau.size] for act, answer in zip(acts, known, strict=True)))
 
 
-def _impulse_response(in_force: InForce, start: int, S: float, size: int) -> Array:
+def _impulse_responses(in_force: InForce, start: int, S: float, size: int, count: int) -> Array:
+    """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
     closed = sampled_loop(in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop).closed
-    w = np.zeros((size, len(INPUTS)))
-    w[0, INPUTS.tau_ext] = 1.0
-    return closed.played(w)[:, OUTPUTS.q]
+    found = np.empty((count, size))
+    for place, act in enumerate((INPUTS.tau_ext, INPUTS.q_e, INPUTS.q_off)[:count]):
+        w = np.zeros((size, len(INPUTS)))
+        w[0, act] = 1.0
+        found[place] = closed.played(w)[:, OUTPUTS.q]
+    return found
 
 
 def _largest(values: list[float | None]) -> float | None:
