@@ -97,8 +97,9 @@ def step(
     # What a plan has set in motion it brings to a stand first: the loops alone let S run on by up to 0.5 N·m/rad.
     in_motion = state.follows and not plan.stands(tuning.following.model, state.plan)
     follows = tuning.following.budget > 0.0 or in_motion
+    tau_ext = tau_ext if position_loop and S > 0.0 else math.nan
     if follows != state.follows:
-        state = _changed(tuning, state, S, m)
+        state = _changed(tuning, state, S, m, tau_ext)
     is_at = plan.now(d, state.plan)
     if follows:
         budget = tuning.following.budget * state.reserve
@@ -112,11 +113,10 @@ def step(
     y_q, y_S = m.q - at.q, S - at.S
     y_A, y_B = m.theta_A - at.theta_A, m.theta_B - at.theta_B
 
-    answered = rejection.changed(tuning.rejection, state.rejection, tau_ext, position_loop and S > 0.0)
+    answered = rejection.changed(tuning.rejection, state.rejection, tau_ext)
     before, by_now = rejection.answer(state.rejection, S), rejection.answer(answered, S)
     answered = rejection.step(tuning.rejection, answered, tau_ext)
     pushed = rejection.answer(answered, S)
-
     active = scheduling.select(tuning.schedule, state.active, at.reference.S_ref)
     gains_q, gains_S = scheduling.gains_at(tuning.schedule, active)
     position = i_p.bumpless(state.position_gains, gains_q, state.position, r_q, y_q - before.q)
@@ -196,7 +196,7 @@ def step(
 
 
 @compiled
-def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
+def _changed(tuning: Tuning, state: State, S: float, m: Measurement, tau_ext: float) -> State:
     """State that goes on by the other of plan and governor, with the same voltages."""
     d, q, S_loop = tuning.decoupler, state.position_gains, state.stiffness_gains
     if state.follows:
@@ -228,7 +228,7 @@ def _changed(tuning: Tuning, state: State, S: float, m: Measurement) -> State:
         ),
         way,
         True,
-        rejection.IDLE,  # the model's equilibrium has what was answered in it already
+        rejection.unanswered(tuning.rejection, tau_ext),  # the plan goes to where there is no push
     )
 
 

@@ -60,9 +60,12 @@ def answer(state: State, S: float) -> Answer:
 
 
 @compiled
-def changed(r: Rejection, state: State, tau_ext: float, acts: bool) -> State:
-    """Return the state for this tick's k_ext: what begins takes the push that is there for balanced already."""
-    k_ext = r.k_ext if acts and math.isfinite(tau_ext) else 0.0
+def changed(r: Rejection, state: State, tau_ext: float) -> State:
+    """Return the state for this tick's k_ext, idle for a torque [N·m] of nan.
+
+    What begins takes the push that is there for balanced already.
+    """
+    k_ext = r.k_ext if math.isfinite(tau_ext) else 0.0
     if k_ext == state.k_ext:
         return state
     if k_ext == 0.0:
@@ -71,6 +74,13 @@ def changed(r: Rejection, state: State, tau_ext: float, acts: bool) -> State:
         tau = _answered(r, tau_ext)
         return State(k_ext, tau, tau, tau, tau, tau)
     return State(k_ext, state.tau, state.lag_1, state.lag_2, state.lag_3, state.tau_f)
+
+
+@compiled
+def unanswered(r: Rejection, tau_ext: float) -> State:
+    """Return a state that takes nothing of the push [N·m] that is there for balanced: as if it began now."""
+    begun = changed(r, IDLE, tau_ext)
+    return State(begun.k_ext, begun.tau, 0.0, 0.0, 0.0, 0.0)
 
 
 @compiled

@@ -151,7 +151,7 @@ class Retuning:
         self._changed()
 
     async def preview(self, lam_q: float, lam_S: float, u_plan: float | None, k_ext: float | None) -> TuningPreview:
-        """Predict what λ, a budget of the plan [V] and a share of pushes would do at the active entry, None: in force."""
+        """Predict what λ, a budget of the plan [V] and a share of pushes would do at the active entry; None: as now."""
         preview, entry = self._present.tuning.preview, round(self._present.entry)
         return await asyncio.to_thread(preview, lam_q, lam_S, entry, u_plan, k_ext)
 

@@ -64,7 +64,7 @@ def answered(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
         return q_e, q_off
-    state, estimate = rejection.changed(r, rejection.IDLE, 0.0, True), estimated(tau)
+    state, estimate = rejection.changed(r, rejection.IDLE, 0.0), estimated(tau)
     for k, seen in enumerate(estimate):
         state = rejection.step(r, state, float(seen))
         q_e[k], q_off[k] = rejection.answer(state, S)

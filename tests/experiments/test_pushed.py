@@ -72,7 +72,7 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
     plan, lam_q = plan_of(PUSHED), 0.6
     seen = columns(plan)
     loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam_q)), 10.0).closed
-    w = np.zeros((seen["q"].size, 3))
+    w = np.zeros((seen["q"].size, len(INPUTS)))
     w[:-1, INPUTS.tau_ext] = R_J * seen["F_push"][1:]
     seen["q"] = 1.1 * loop.played(w)[:, OUTPUTS.q]
     step, ramp, impulse = pushes_seen(seen, plan.program(), of(plan, TuningChoice(lam_q=lam_q)))

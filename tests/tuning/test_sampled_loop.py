@@ -135,7 +135,7 @@ def test_a_push_is_answered_as_a_differential_equation_says() -> None:
 
     exact = solve_ivp(rate, (0.0, 3.0), np.zeros(9), "LSODA", np.arange(3000) * T_s, rtol=1e-8, atol=1e-10).y[0]
     loop = sampled_loop(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam)), S).closed
-    w = np.zeros((3000, 3))
+    w = np.zeros((3000, len(INPUTS)))
     w[:, INPUTS.tau_ext] = tau
     q = loop.played(w)[:, OUTPUTS.q]
     assert q.max() == pytest.approx(exact.max(), rel=0.01)

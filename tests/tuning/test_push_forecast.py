@@ -1,0 +1,176 @@
+"""What is said of a push before it comes: against differential equations of another method, and by the loop's margins.
+
+Numbers are those of the method (sections 1 and 5), as in ``test_sampled_loop``.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from backend.controllers import i_p, i_pd, rejection, touch
+from backend.controllers.rejection import Rejection
+from backend.controllers.scheduling import gains_at, select
+from backend.refusal import OutOfRangeError
+from backend.tuning.closed_loop import Array
+from backend.tuning.gains import UNSEEN_F, cascade_tuning, require_share
+from backend.tuning.linear_model import decoupling, linear_plant
+from backend.tuning.models import Lambdas
+from backend.tuning.push_forecast import FELT_HZ, NEAR_RAD, PUSH_N, push_forecast
+from plant.interface import T_s
+from plant.parameters import load_parameters
+from tests.tuning.test_sampled_loop import DIFFERENCE, K_M, R_J, R_M, T_M
+from tests.tuning.test_sampled_loop import S as HELD
+
+IDEAL, LAB = load_parameters("ideal"), load_parameters("lab")
+LAM_M = 0.0854
+
+
+def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 0.0) -> Array:
+    """Joint under a torque, held or a sine of ``f`` [Hz]: continuous laws, observer and rejection, by LSODA."""
+    D = 4.0 * T_M - LAM_M
+    k_p, k_i = 4.0 * T_M**2 / (K_M * LAM_M**2 * D), T_M**2 / (K_M * LAM_M**3 * D)
+    k_d, t_f = (6.0 * T_M**2 - LAM_M * D) / (K_M * LAM_M * D), T_M * LAM_M / D
+    T, unseen = 4.0 * LAM_M, 0.0 if f else UNSEEN_F * R_J
+    p, i = ((2.0 * T - lam) / lam, T / lam**2) if lam < 2.0 * T else (0.0, 0.5 / lam)
+
+    def rate(t: float, x: Array) -> Array:
+        plant, (outer, inner, inner_f, y_f), seen, lags = x[:5], x[5:9], x[9:12], x[12:]
+        acts = tau * (math.sin(2.0 * math.pi * f * t) if f else 1.0)
+        answered = math.copysign(max(abs(seen[2]) - unseen, 0.0), seen[2])
+        q = plant[0] - k_ext * (answered - lags[3]) / HELD
+        reference = R_J / R_M * (outer - p * q - k_ext * answered / HELD)
+        u = inner_f - k_p * y_f - k_d / t_f * (plant[2] - y_f)
+        moved = DIFFERENCE.A @ plant + DIFFERENCE.B @ (u, acts)
+        laws = (-i * q, k_i * (reference - plant[2]), (inner - inner_f) / t_f, (plant[2] - y_f) / t_f)
+        observed = touch.POLE * (np.append(acts, seen[:2]) - seen)
+        return np.concatenate([moved, laws, observed, (np.append(answered, lags[:3]) - lags) / LAM_M])
+
+    at = np.arange(0.0, seconds, T_s)
+    return np.asarray(
+        solve_ivp(rate, (0.0, seconds), np.zeros(16), "LSODA", at, rtol=1e-8, atol=1e-11, max_step=0.01).y[0]
+    )
+
+
+@pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
+@pytest.mark.parametrize("lam", [0.4, 1.0])
+def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: float) -> None:
+    found = push_forecast(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam), k_ext=k_ext), HELD, lam)
+    q = np.abs(integrated(lam, k_ext, R_J * PUSH_N, 2.0 + 8.0 * lam))
+    assert found.give == pytest.approx(q.max(), rel=0.01)
+    assert q[round(found.back_s / T_s)] == pytest.approx(NEAR_RAD, abs=2e-3 * q.max())
+    assert q[round(found.back_s / T_s) :].max() < NEAR_RAD + 2e-3 * q.max()
+
+
+@pytest.mark.parametrize("k_ext", [0.0, 1.0])
+def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> None:
+    lam, tau = 1.0, 0.2
+    found = push_forecast(IDEAL, cascade_tuning(IDEAL, Lambdas(lam_q=lam), k_ext=k_ext), HELD, lam)
+    for f, felt in zip(FELT_HZ, (found.felt_slow, found.felt_fast), strict=True):
+        periods = 8.0 if f > 0.5 else 2.0
+        q = integrated(lam, k_ext, tau, (8.0 if f > 0.5 else 20.0) + periods / f, f)[-round(periods / f / T_s) :]
+        t = np.arange(q.size) * T_s
+        amplitude = 2.0 * abs(np.mean(q * np.exp(-2j * np.pi * f * t)))
+        assert felt == pytest.approx(tau / amplitude, rel=0.03)
+
+
+def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
+    """With a slow position loop: behind the motors' lags, what comes at 1 Hz comes with the push, not against it."""
+    off, on = (push_forecast(LAB, cascade_tuning(LAB, Lambdas(lam_q=2.0), k_ext=k), HELD, 2.0) for k in (0.0, 1.0))
+    assert off.felt_slow == pytest.approx(HELD, rel=0.02)
+    assert on.felt_slow > 3.0 * off.felt_slow
+    assert on.felt_fast < 0.9 * off.felt_fast
+    assert on.give == pytest.approx(off.give, rel=1e-3)  # the springs are there before any motor is
+    assert on.back_s < 0.25 * off.back_s
+
+
+def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
+    slow = cascade_tuning(IDEAL, Lambdas(lam_q=3.0))
+    assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # looked at for 3.4 s
+    assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # and as remembered
+
+
+@pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])
+def test_a_share_that_is_not_offered_is_refused(k_ext: float) -> None:
+    with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
+        require_share(k_ext)
+
+
+_STATES = 25
+
+
+def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 1.0) -> tuple[Array, Array, Array]:
+    """A, B, C of a tick, opened at the equilibrium that is asked for: observer and rejection in, no dead zone.
+
+    The springs are ``off`` times what the observer takes them for; the joint leans on ``K_env`` [N·m/rad].
+    """
+    tuning = cascade_tuning(LAB, Lambdas(lam_q=lam), k_ext=k_ext)
+    d, observer = tuning.decoupler, touch.observer_for(LAB)
+    plant = linear_plant(LAB, d, S)
+    moving = plant.A.copy()
+    moving[:, 0] -= plant.B[:, 2] * K_env
+    moving[:, 1] -= plant.B[:, 2] * 0.05 * math.sqrt(K_env)
+    both = np.zeros((10, 10))
+    both[:8, :8], both[:8, 8:] = moving, plant.B[:, :2]
+    held = expm(both * T_s)
+    split = decoupling(d, S)
+    gains_q, _ = gains_at(tuning.schedule, select(tuning.schedule, -1.0, S))
+    r = Rejection(k_ext, 0.0, math.inf, tuning.rejection.kept)
+
+    def tick(x: Array, q_e: float) -> Array:
+        q, theta_A, theta_B = x[0], x[2], x[5]
+        pull = S / off * (d.r_m * (theta_A - theta_B) / (2.0 * d.r_j) - q)
+        tau = 0.5 * (x[18] + pull) + x[17]
+        ahead = x[15] + observer.q_of_q_dot * x[16] + observer.q_of_tau * tau
+        surprise = q - ahead
+        seen = (
+            ahead + observer.L_q * surprise,
+            observer.q_dot_of_q_dot * x[16] + observer.q_dot_of_tau * tau + observer.L_q_dot * surprise,
+            x[17] + observer.L_tau * surprise,
+        )
+        state = rejection.step(r, rejection.State(k_ext, *x[19:24]), seen[2])
+        answer = rejection.answer(state, S)
+        q_c, position = i_p.step(gains_q, i_p.State(x[14]), 0.0, q - answer.q, 0.0)
+        ref_A, ref_B = split @ (q_e, 0.0)
+        u_A, _, A = i_pd.step(tuning.motors.A, i_pd.State(*x[8:11]), ref_A, theta_A, math.inf)
+        u_B, _, B = i_pd.step(tuning.motors.B, i_pd.State(*x[11:14]), ref_B, theta_B, math.inf)
+        moved = held[:8, :8] @ x[:8] + held[:8, 8:] @ (u_A, u_B)
+        return np.concatenate([moved, A, B, position, seen, [pull], state[1:], [q_c + answer.q_e]])
+
+    columns = np.column_stack([tick(x, 0.0) for x in np.eye(_STATES)[:, : _STATES - 1].T])
+    given = tick(np.zeros(_STATES - 1), 1.0)
+    return columns[:-1], given[:-1], columns[-1]
+
+
+def M_s(A: Array, B: Array, C: Array) -> float:
+    """Largest sensitivity of the loop that is opened there."""
+    z = np.exp(2j * np.pi * np.geomspace(0.02, 100.0, 500) * T_s)
+    L = np.array([C @ np.linalg.solve(one * np.eye(len(A)) - A, B) for one in z])
+    return float(np.max(np.abs(1.0 / (1.0 - L))))
+
+
+@pytest.mark.parametrize("lam", [0.355, 1.0, 2.0])
+def test_the_margins_of_a_free_joint_are_what_they_were(lam: float) -> None:
+    for S in (8.0, 15.0):
+        without = M_s(*opened(lam, S, 0.0))
+        assert M_s(*opened(lam, S, 1.0)) == pytest.approx(without, abs=1e-3)
+        for off in (0.8, 1.25):  # springs that are not what they are taken for
+            assert M_s(*opened(lam, S, 1.0, off=off)) == pytest.approx(without, abs=0.01)
+
+
+@pytest.mark.parametrize("lam", [0.355, 0.5, 1.0, 2.0, 3.0])
+def test_nothing_grows_whatever_the_joint_leans_on(lam: float) -> None:
+    for S in (8.0, 15.0):
+        for k_ext in (0.7, 1.0):
+            for K_env in (0.0, 1.0, 10.0, 100.0, 300.0):
+                A, B, C = opened(lam, S, k_ext, K_env)
+                assert np.max(np.abs(np.linalg.eigvals(A + np.outer(B, C)))) < 1.0
+
+
+def test_against_something_stiff_the_margin_is_paid_for_the_share() -> None:
+    """There the force grows as the joint presses: half of it fed forward doubles M_s at most, all has no bound."""
+    assert M_s(*opened(2.0, 8.0, 0.0, 100.0)) < 1.1
+    assert 2.0 < M_s(*opened(2.0, 8.0, 0.7, 100.0)) < 1.0 / (1.0 - 0.7)
+    assert M_s(*opened(2.0, 8.0, 1.0, 100.0)) > 5.0
