@@ -9,6 +9,7 @@ export const TUNING = {
   b: 0,
   interpolate: false,
   u_plan: 0,
+  k_ext: 0,
   bank: null,
 };
 export const STATE = {

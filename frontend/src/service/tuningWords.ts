@@ -16,6 +16,7 @@ export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks
     bankInWords(settings.bank, banks),
     settings.interpolate === true ? "interpolating between entries" : "",
     planInWords(settings.u_plan),
+    rejectionInWords(settings.k_ext),
   ];
   return parts.filter((part) => part !== "").join(", ");
 }
@@ -30,6 +31,11 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
 /** What the references are followed by; nothing for the governor of the paper, and for runs from before there was a plan. */
 export function planInWords(u_plan: unknown): string {
   return typeof u_plan === "number" && u_plan > 0 ? `plan of ${u_plan} V` : "";
+}
+
+/** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
+export function rejectionInWords(k_ext: unknown): string {
+  return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${k_ext}` : "";
 }
 
 function partOf(value: unknown, symbol: string, unit: string): string {

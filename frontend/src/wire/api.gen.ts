@@ -2581,6 +2581,11 @@ export interface components {
              * @description budget of the plan that references are followed by; 0: the paper's governor [V]
              */
             u_plan: number;
+            /**
+             * K Ext
+             * @description share of the estimated outside force that is fed forward against it; 0: none [1]
+             */
+            k_ext: number;
             /** @description bank in use; None while the gains come from geometry */
             bank: components["schemas"]["BankReference"] | null;
         };
@@ -4472,6 +4477,56 @@ export interface components {
             duration_s: number;
         };
         /**
+         * PushPreview
+         * @description What a push does to the joint that is held, at the active entry of the bank.
+         */
+        PushPreview: {
+            /**
+             * Give
+             * @description largest deviation under the push [rad]
+             */
+            give: number;
+            /**
+             * Back S
+             * @description from when on it stays near its reference; null where it does not come back [s]
+             */
+            back_s: number | null;
+            /**
+             * Felt Slow
+             * @description outside torque over deviation when leant on, at 0.1 Hz [N·m/rad]
+             */
+            felt_slow: number;
+            /**
+             * Felt Fast
+             * @description outside torque over deviation when shaken, at 1 Hz [N·m/rad]
+             */
+            felt_fast: number;
+        };
+        /**
+         * PushedPreview
+         * @description A held push of ``F`` without a rejection and, where ``k_ext`` is not 0, with it.
+         */
+        PushedPreview: {
+            /**
+             * F
+             * @description the push [N]
+             */
+            F: number;
+            /**
+             * Near
+             * @description the joint is back when it stays so near to its reference [rad]
+             */
+            near: number;
+            /**
+             * K Ext
+             * @description share of the push that is fed forward [1]
+             */
+            k_ext: number;
+            without: components["schemas"]["PushPreview"];
+            /** @description with the rejection; null where k_ext is 0 */
+            rejected: components["schemas"]["PushPreview"] | null;
+        };
+        /**
          * QueuePlace
          * @description Where in the queue an experiment is to wait.
          */
@@ -4887,6 +4942,11 @@ export interface components {
              * @description budget of the plan that references are followed by; 0: the paper's governor [V]
              */
             u_plan: number;
+            /**
+             * K Ext
+             * @description share of the estimated outside force that is fed forward against it; 0: none [1]
+             */
+            k_ext: number;
             /** Who */
             who: string | null;
             /** At */
@@ -5897,6 +5957,11 @@ export interface components {
              */
             u_plan?: number | null;
             /**
+             * K Ext
+             * @description share of the outside force fed forward, 0: none [1]
+             */
+            k_ext?: number | null;
+            /**
              * Duration S
              * @description how long it stays in force [s]
              */
@@ -5938,6 +6003,11 @@ export interface components {
              */
             u_plan: number;
             /**
+             * K Ext
+             * @description share of the estimated outside force that is fed forward against it; 0: none [1]
+             */
+            k_ext: number;
+            /**
              * Remaining S
              * @description time until the earlier tuning is put back [s]
              */
@@ -5971,6 +6041,7 @@ export interface components {
              * @description when q has gone 90 % of that step; null where it does not get there [s]
              */
             rise_s: number | null;
+            pushed: components["schemas"]["PushedPreview"];
         };
         /**
          * TuningRequest
@@ -6007,6 +6078,11 @@ export interface components {
              * @description budget of the plan, 0 for the paper's governor [V]
              */
             u_plan?: number | null;
+            /**
+             * K Ext
+             * @description share of the outside force fed forward, 0: none [1]
+             */
+            k_ext?: number | null;
         };
         /**
          * TuningView
@@ -6043,6 +6119,11 @@ export interface components {
              * @description budget of the plan that references are followed by; 0: the paper's governor [V]
              */
             u_plan: number;
+            /**
+             * K Ext
+             * @description share of the estimated outside force that is fed forward against it; 0: none [1]
+             */
+            k_ext: number;
             /** @description bank in use; None while the gains come from geometry */
             bank: components["schemas"]["BankReference"] | null;
             /**
@@ -10595,6 +10676,8 @@ export interface operations {
                 lam_S: number;
                 /** @description budget of the plan [V], 0: none; default: in force */
                 u_plan?: number | null;
+                /** @description share of a push fed forward [1]; default: in force */
+                k_ext?: number | null;
             };
             header?: never;
             path?: never;

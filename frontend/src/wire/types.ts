@@ -10,6 +10,7 @@ export type Limits = Schemas["LimitsView"];
 export type Tuning = Schemas["TuningView"];
 export type TuningRequest = Schemas["TuningRequest"];
 export type TuningPreview = Schemas["TuningPreview"];
+export type Pushed = Schemas["PushedPreview"];
 export type MotorMargins = Schemas["MotorPreview"];
 export type LoopPreview = Schemas["LoopPreview"];
 export type Wall = Schemas["Wall"];

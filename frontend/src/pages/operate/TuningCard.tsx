@@ -19,6 +19,7 @@ import type { Tuning, TuningPreview } from "../../wire/types";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
 import { PlanControl } from "./PlanControl";
+import { RejectionControl } from "./RejectionControl";
 import { TuningChanges } from "./TuningChanges";
 
 const PREVIEW_AFTER_MS = 60;
@@ -49,9 +50,12 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const [lam_S] = useDebouncedValue(drafts.lam_S ?? wanted("lam_S"), PREVIEW_AFTER_MS);
   const [planDraft, setPlanDraft] = useState<number>();
   const [u_plan] = useDebouncedValue(planDraft ?? tuning.u_plan, PREVIEW_AFTER_MS);
-  const preview = useQuery(previewQuery(lam_q, lam_S, tuning.u_plan, tuningKey(tuning)));
-  const forecast = useQuery(previewQuery(lam_q, lam_S, u_plan, tuningKey(tuning)));
-  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuning.u_plan, tuningKey(tuning)));
+  const [shareDraft, setShareDraft] = useState<number>();
+  const [k_ext] = useDebouncedValue(shareDraft ?? tuning.k_ext, PREVIEW_AFTER_MS);
+  const key = tuningKey(tuning);
+  const preview = useQuery(previewQuery(lam_q, lam_S, tuning.u_plan, tuning.k_ext, key));
+  const forecast = useQuery(previewQuery(lam_q, lam_S, u_plan, k_ext, key));
+  const present = useQuery(previewQuery(tuning.lam_q, tuning.lam_S, tuning.u_plan, tuning.k_ext, key));
   const missing = preview.error?.message ?? "being computed";
   return (
     <>
@@ -83,6 +87,13 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         preview={forecast.error ? undefined : forecast.data}
         missing={forecast.error?.message ?? "being computed"}
         u_max={u_max}
+      />
+      <RejectionControl
+        tuning={tuning}
+        forecast={forecast.error ? undefined : forecast.data?.pushed}
+        missing={forecast.error?.message ?? "being computed"}
+        onDraft={setShareDraft}
+        onCommit={(k_ext) => setTuning.mutateAsync({ k_ext })}
       />
       <MotorMargins className={styles.margins} lam_motor={tuning.lam_motor} bank={tuning.bank?.id ?? null} />
       <Checkbox

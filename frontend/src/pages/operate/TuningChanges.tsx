@@ -26,6 +26,7 @@ const PARTS = [
   ["b", "b"],
   ["interpolate", "entries"],
   ["u_plan", "U_plan"],
+  ["k_ext", "k_ext"],
 ] as const;
 const DECIMALS = 3;
 const DECIMALS_OF_MOTOR = 4;
@@ -210,5 +211,6 @@ function isStaged(name: Part): name is LambdaName {
 function inWords(name: Part, value: number | boolean): string {
   if (typeof value === "boolean") return value ? "interpolating" : "switching";
   if (name === "u_plan") return value === 0 ? "governor" : `${fixed(value, 1)} V`;
+  if (name === "k_ext") return value === 0 ? "none" : fixed(value, 2);
   return fixed(value, name === "lam_motor" ? DECIMALS_OF_MOTOR : DECIMALS);
 }

@@ -27,6 +27,8 @@ export function ViewOnly() {
         </dd>
         <dt>References followed by</dt>
         <dd>{tuning.u_plan > 0 ? `a plan of ${fixed(tuning.u_plan, 1)} V` : "the governor alone"}</dd>
+        <dt>Pushes</dt>
+        <dd>{tuning.k_ext > 0 ? `rejected by ${fixed(tuning.k_ext, 2)}` : "left to the position loop"}</dd>
         <dt>Gains</dt>
         <dd>{tuning.bank === null ? "from geometry" : `bank ${tuning.bank.name} v${tuning.bank.version}`}</dd>
       </dl>

@@ -1,0 +1,75 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { Pushed, State, Tuning } from "../../wire/types";
+import { RejectionControl } from "./RejectionControl";
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+});
+afterEach(cleanup);
+
+const WITHOUT = { give: 0.0505, back_s: 11.9, felt_slow: 9.93, felt_fast: 9.59 };
+const REJECTED = { give: 0.0505, back_s: 1.42, felt_slow: 44.9, felt_fast: 7.18 };
+
+function open(k_ext: number, learned: boolean, rejected: Pushed["rejected"] = null) {
+  const drafted = vi.fn();
+  const sent = vi.fn(() => new Promise(() => {}));
+  const store = new LiveStore(0);
+  const points = learned ? [{ S: 10, F: 0, std_N: 0.01 }] : [];
+  store.setState({ touch: { learned: points, contact_N: 0, felt: null } } as unknown as State);
+  const forecast = { F: 5, near: 0.00157, k_ext, without: WITHOUT, rejected } as Pushed;
+  render(
+    <MantineProvider>
+      <LiveProvider store={store}>
+        <RejectionControl
+          tuning={{ k_ext } as Tuning}
+          forecast={forecast}
+          missing="being computed"
+          onDraft={drafted}
+          onCommit={sent}
+        />
+      </LiveProvider>
+    </MantineProvider>,
+  );
+  return { drafted, sent };
+}
+
+const said = () => screen.getByLabelText("Forecast of a push").textContent;
+
+it("is offered only where it is known what the estimate reads with nothing outside", () => {
+  open(0, false);
+  expect(screen.getByRole<HTMLInputElement>("switch").disabled).toBe(true);
+  expect(screen.getByText("learn at rest first (Touch)")).toBeTruthy();
+});
+
+it("is switched on at the usual share, forecast before it is in force, and off again", () => {
+  const { drafted, sent } = open(0, true);
+  fireEvent.click(screen.getByRole("switch"));
+  expect(sent.mock.calls).toEqual([[0.7]]);
+  expect(drafted).toHaveBeenLastCalledWith(0.7);
+  cleanup();
+  const on = open(0.7, false); // what was learned may be gone while it is still shown
+  fireEvent.click(screen.getByRole("switch"));
+  expect(on.sent.mock.calls).toEqual([[0]]);
+});
+
+it("says what a push does without it", () => {
+  open(0, true);
+  expect(said()).toMatch(
+    /^5 N held: gives way 2\.9 deg, back after 11\.9 s; feels like 9\.9 N·m\/rad leant on/,
+  );
+});
+
+it("says both with it, and of a joint that does not come back that it does not", () => {
+  open(1, true, REJECTED);
+  expect(said()).toContain(
+    "back after 11.9 s → 1.4 s; feels like 9.9 → 44.9 N·m/rad leant on (0.1 Hz), 9.6 → 7.2",
+  );
+  cleanup();
+  open(1, true, { ...REJECTED, back_s: null });
+  expect(said()).toContain("back after 11.9 s → never");
+});
