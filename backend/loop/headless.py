@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from backend.loop.access import Listener
-from backend.loop.commands import Accepted, Command, Event, Refused, SetTuning
+from backend.loop.commands import Accepted, Command, Event, Refused, SetTouch, SetTuning, TouchForgotten
 from backend.loop.loop import Loop
 from backend.loop.pacer import Granted
 from backend.loop.ring import Ring
@@ -18,6 +18,7 @@ class Headless:
     """A ``LoopAccess`` without clock, process or heartbeat.
 
     ``each_batch`` is called after at most 1000 ticks and at the end of each advance: to record, to show progress.
+    ``learned`` tells that the loop knows what the outside force reads with nothing outside.
     """
 
     def __init__(
@@ -33,6 +34,7 @@ class Headless:
         self._each_batch = each_batch
         self._listeners: list[Listener] = []
         self._sequence = 0
+        self.learned = False
 
     def listen(self, listener: Listener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
@@ -43,7 +45,10 @@ class Headless:
         """Hand over a command between two ticks and return the loop's answer."""
         self._sequence += 1
         self._loop.handle(self._sequence, command)
-        return next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
+        answer = next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
+        if isinstance(command, SetTouch) and isinstance(answer, Accepted):
+            self.learned = len(command.bias) > 0
+        return answer
 
     async def advance(self, seconds: float) -> None:
         """Step the loop for so many seconds of its time."""
@@ -76,6 +81,7 @@ class Headless:
     def _deliver(self) -> list[Event]:
         events = self._loop.drain_events()
         for event in events:
+            self.learned = self.learned and not isinstance(event, TouchForgotten)
             for listener in tuple(self._listeners):
                 listener(event)
         return events

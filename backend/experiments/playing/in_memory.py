@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.documents.result import Criterion, Metrics
-from backend.experiments.banks.bank_building import points_of
+from backend.experiments.banks.bank_building import points_of, tuning_command
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.playing.headless_station import headless_loop
+from backend.experiments.playing.learning import learn_for
 from backend.experiments.playing.play import play
 from backend.experiments.playing.playable import BankOf, playable
 from backend.experiments.results.composed import composed_result
 from backend.experiments.results.in_force import InForce
 from backend.loop.access import LoopDied
-from backend.loop.commands import Event, RunEnded
+from backend.loop.commands import Event, RunEnded, SetTuning
+from backend.loop.headless import Headless
+from backend.loop.program import Program
 from backend.loop.ring import Ring
 from backend.recording.columns import Columns
 from backend.recording.recorder import end_of
@@ -56,7 +59,7 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
     with closing(headless_loop(parameters, settings, bank, kept.drain)) as loop:
         program = playable(bank_of, parameters, plan, settings.tuning)
         loop.listen(kept.hear)
-        asyncio.run(play(loop, program, _RUN, lambda _doing, _elapsed_s: None))
+        asyncio.run(_played(loop, program, tuning_command(parameters, settings, bank)))
         kept.drain(loop.ring)
     assert kept.ended is not None  # else it would still be played
     state, detail = end_of(kept.ended)
@@ -70,6 +73,11 @@ def play_in_memory(parameters: PlantParameters, plan: ComposedPlan, settings: Lo
     in_force = InForce(parameters, plan, settings.tuning, points_of(bank))
     metrics, criteria = composed_result(columns, in_force, outline, 0)
     return Played(state.value, detail, metrics, criteria)
+
+
+async def _played(loop: Headless, program: Program, tuning: SetTuning) -> None:
+    await learn_for(loop, program, tuning)
+    await play(loop, program, _RUN, lambda _doing, _elapsed_s: None)
 
 
 class _Kept:

@@ -13,11 +13,13 @@ from typing import Any
 
 from backend import __version__
 from backend.documents.run_settings import SETTINGS, KeptGrant, KeptLoop, RunSettings
+from backend.experiments.banks.bank_building import tuning_command
 from backend.experiments.forecasts.forecast import forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.plan import IdentificationPlan, Plan
 from backend.experiments.plans.stored_plan import declared, kept_values
+from backend.experiments.playing.learning import learn_for
 from backend.experiments.playing.play import SLICE_S, NotPlayedError, play, require_ready
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.playing.progress import Doing, Notify
@@ -127,6 +129,8 @@ async def played(
     try:
         tuning = order.loop_settings.tuning
         program = await asyncio.to_thread(playable, banks_in(station.database), station.parameters, order.plan, tuning)
+        bank = banks_in(station.database)(tuning.bank) if tuning.bank else None
+        await learn_for(station.loop, program, tuning_command(station.parameters, tuning, bank))
         await play(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)
     except (NotPlayedError, RefusedValueError) as refused:
