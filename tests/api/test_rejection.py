@@ -1,0 +1,128 @@
+"""Pushes that are rejected, through the service: learned first, forgotten with what was learned, previewed beside λ."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from backend.experiments.banks import kept_choice
+from backend.loop.access import LoopDied
+from backend.loop.commands import TouchForgotten
+from backend.messages.touch import TouchOrder, TouchPoint
+from backend.messages.tuning import TrialRequest, TuningRequest
+from backend.refusal import OutOfRangeError, RefusalError
+from backend.storage import Database, open_database
+from plant.parameters import load_parameters
+from tests.api.stepped_service import Parts, stepped
+from tests.api.test_touch import WHO, at_rest, newest, push
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+async def learned(parts: Parts) -> None:
+    await at_rest(parts)
+    await parts.actuator.touching.order(TouchOrder(learn=True), WHO)
+
+
+def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Database) -> None:
+    async def operate(parts: Parts) -> None:
+        retuning, touching = parts.actuator.retuning, parts.actuator.touching
+        with pytest.raises(RefusalError, match="learn it first"):
+            await retuning.set(TuningRequest(k_ext=0.7), WHO)
+        with pytest.raises(RefusalError, match="learn it first"):
+            await retuning.try_out(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
+        assert parts.present.tuning.choice.k_ext == 0.0
+        await learned(parts)
+        with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
+            await retuning.set(TuningRequest(k_ext=1.5), WHO)
+        view = await retuning.set(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
+        assert (view.lam_q, view.k_ext) == (2.0, 1.0)
+        q = newest(parts, "q")
+        await push(parts, 5.0, 1.5)
+        assert abs(newest(parts, "q") - q) > 0.02  # it swings back out as it is let go
+        with pytest.raises(RefusalError, match="k_ext to 0"):
+            await touching.order(TouchOrder(forget=True), WHO)
+        assert len(touching.view().learned) == 1
+        assert (await retuning.set(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
+        assert (await touching.order(TouchOrder(forget=True), WHO)).learned == []
+
+    stepped(database, load_parameters("lab"), operate)
+
+
+def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None:
+    async def operate(parts: Parts) -> None:
+        await learned(parts)
+        touching = parts.actuator.touching
+        touching._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
+        with pytest.raises(RefusalError, match=r"moves by 0\.20 N"):
+            await parts.actuator.retuning.set(TuningRequest(k_ext=0.5), WHO)
+
+    stepped(database, load_parameters("lab"), operate)
+
+
+@pytest.mark.parametrize("how", [TouchForgotten(5), LoopDied("for a test")])
+def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
+    database: Database, how: TouchForgotten | LoopDied
+) -> None:
+    async def operate(parts: Parts) -> None:
+        retuning = parts.actuator.retuning
+        await learned(parts)
+        await retuning.set(TuningRequest(k_ext=0.7), WHO)
+        own = parts.present.tuning
+        await retuning.lend(replace(own.choice, k_ext=0.0, lam_q=0.9), None, WHO)
+        parts.actuator.touching._hear(how)
+        await retuning.give_back()
+        assert parts.present.tuning.choice == replace(own.choice, k_ext=0.0)
+
+        await learned(parts)
+        await retuning.set(TuningRequest(k_ext=0.7), WHO)
+        parts.actuator.touching._hear(how)
+        assert parts.present.tuning.choice.k_ext == 0.0
+        assert parts.present.state().tuning.k_ext == 0.0
+        assert parts.supervisor.setup.tuning.k_ext == 0.0
+        assert "k_ext" in (await retuning.undo(WHO)).model_dump()  # to before it was on
+
+    stepped(database, load_parameters("lab"), operate)
+
+
+def test_a_start_begins_without_it(database: Database) -> None:
+    parameters = load_parameters("lab")
+    chosen = []
+
+    async def operate(parts: Parts) -> None:
+        await learned(parts)
+        await parts.actuator.retuning.set(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
+
+    async def again(parts: Parts) -> None:
+        chosen.append(parts.present.tuning.choice)
+
+    stepped(database, parameters, operate)
+    kept = kept_choice.newest(database, parameters)
+    assert kept is not None
+    assert kept.choice.k_ext == 0.7
+    stepped(database, parameters, again)
+    assert chosen == [replace(kept.choice, k_ext=0.0)]
+
+
+def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:
+    async def operate(parts: Parts) -> None:
+        preview = parts.actuator.retuning.preview
+        plain = (await preview(2.0, 0.5, None, None)).pushed
+        assert (plain.k_ext, plain.rejected) == (0.0, None)
+        pushed = (await preview(2.0, 0.5, None, 1.0)).pushed
+        assert pushed.without == plain.without
+        assert pushed.rejected is not None
+        assert pushed.without.back_s is not None
+        assert pushed.rejected.back_s is not None
+        assert pushed.rejected.back_s < 0.3 * pushed.without.back_s
+        assert pushed.rejected.felt_slow > 3.0 * pushed.without.felt_slow
+        with pytest.raises(OutOfRangeError):
+            await preview(2.0, 0.5, None, 1.5)
+
+    stepped(database, load_parameters("ideal"), operate)
