@@ -12,10 +12,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from backend.api.app import create_app
+from backend.glossary.typescript import glossary_typescript
 from backend.messages.live import LiveMessage, Ping
 from backend.messages.typescript import sample_typescript
-
-_REFERENCES = "#/components/schemas/{model}"
 
 
 def openapi() -> dict[str, Any]:
@@ -24,7 +23,7 @@ def openapi() -> dict[str, Any]:
     components = schema["components"]["schemas"]
     messages: dict[str, TypeAdapter[Any]] = {"LiveMessage": TypeAdapter(LiveMessage), "Ping": TypeAdapter(Ping)}
     for name, adapter in messages.items():
-        part = adapter.json_schema(ref_template=_REFERENCES, mode="serialization")
+        part = adapter.json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
         for other, definition in part.pop("$defs", {}).items():
             components.setdefault(other, definition)
         components[name] = part
@@ -37,6 +36,7 @@ def files() -> dict[str, str]:
     return {
         "openapi.json": json.dumps(openapi(), indent=2, ensure_ascii=False) + "\n",
         "sample.gen.ts": sample_typescript(),
+        "glossary.gen.ts": glossary_typescript(),
     }
 
 

@@ -1,0 +1,128 @@
+"""Every word that the page shows of signals, results, faults and states has its meaning, and one source."""
+
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from backend.api.export import files
+from backend.bring_up.standing import StepState
+from backend.documents.outcome import Outcome
+from backend.experiments.results.document import figure_documents
+from backend.experiments.results.measures import FIGURES
+from backend.experiments.results.whole import Whole
+from backend.faults import EXPLAINED, Fault, Limit
+from backend.glossary import pages
+from backend.glossary.entry import Entry, Kind
+from backend.glossary.figures import EQUATIONS
+from backend.glossary.pages import GlossaryError
+from backend.glossary.typescript import glossary
+from backend.identification.result import Grade
+from backend.loop.causes import Cause, HomingEnd
+from backend.loop.mode import Mode
+from backend.messages.history import ChecklistState
+from backend.messages.state import ChainLinkView
+from backend.sample import FIELDS
+from backend.storage.runs import EndState
+from plant.parameter_sections import SECTIONS
+
+ROOT = Path(__file__).parents[2]
+ENTRIES = glossary()
+
+
+def of(kind: Kind) -> dict[str, Entry]:
+    return {entry.name: entry for entry in ENTRIES.values() if entry.kind is kind}
+
+
+def test_every_signal_of_the_sample_has_its_meaning_and_unit() -> None:
+    explained = {name: (entry.term, entry.unit, entry.meaning) for name, entry in of(Kind.SIGNAL).items()}
+    assert explained == {one.name: (one.symbol, "" if one.unit == "1" else one.unit, one.meaning) for one in FIELDS}
+
+
+@pytest.mark.parametrize(
+    ("kind", "members"),
+    [
+        (Kind.OUTCOME, Outcome),
+        (Kind.GRADE, Grade),
+        (Kind.END, EndState),
+        (Kind.MODE, Mode),
+        (Kind.STEP, StepState),
+        (Kind.SETUP, ChecklistState),
+        (Kind.CAUSE, (*Cause, *HomingEnd)),
+        (Kind.CHAIN, get_args(ChainLinkView.model_fields["name"].annotation)),
+        (Kind.LIMIT, [str(limit.name) for limit in Limit]),
+        (Kind.FAULT, [fault for fault in Fault if fault is not Fault.NONE]),
+        (Kind.CRITERION, ["pass", "fail", "not_measured"]),
+    ],
+)
+def test_every_member_of_what_may_be_shown_has_an_entry(kind: Kind, members: list[StrEnum | str]) -> None:
+    assert set(of(kind)) == {str(member) for member in members}
+
+
+def test_every_figure_of_a_result_is_explained_as_the_result_itself_does() -> None:
+    for measured in FIGURES.values():
+        for item in (one for one in vars(measured)["__dataclass_fields__"].values() if one.metadata):
+            entry = of(Kind.FIGURE)[item.name]
+            said = {entry.meaning, *(text for _, text in entry.more)}
+            assert item.metadata["definition"] in said, item.name
+
+
+def test_a_stored_figure_carries_a_definition_that_the_glossary_knows() -> None:
+    stored = figure_documents(Whole(min_tension_N=1.0, max_tension_N=2.0, peak_voltage_V=3.0))
+    assert [one.definition for one in stored] == [of(Kind.FIGURE)[one.name].meaning for one in stored]
+
+
+def test_equations_are_of_figures_that_there_are() -> None:
+    assert set(EQUATIONS) <= set(of(Kind.FIGURE))
+    assert all(of(Kind.FIGURE)[name].equation == text for name, text in EQUATIONS.items())
+
+
+def test_parameters_are_those_of_the_plant() -> None:
+    names = {f"{section}.{name}" for section, kind in SECTIONS.items() for name in vars(kind)["__dataclass_fields__"]}
+    assert set(of(Kind.PARAMETER)) == names
+
+
+def test_faults_say_what_the_state_says_and_what_to_do() -> None:
+    for name, entry in of(Kind.FAULT).items():
+        assert entry.meaning == EXPLAINED[Fault(name)].message
+        assert dict(entry.more)["Remedy"] == EXPLAINED[Fault(name)].remedy
+        assert [heading for heading, _ in entry.more] == ["Cause", "Reaction", "Within", "Remedy"]
+
+
+def test_no_entry_is_without_words_nor_has_marks_of_its_page_in_them() -> None:
+    for entry in ENTRIES.values():
+        told = [entry.meaning, entry.equation, entry.source, *(text for pair in entry.more for text in pair)]
+        assert entry.meaning.strip(), entry.key
+        assert not [text for text in told if "`" in text or "](" in text or "backend." in text], entry.key
+        assert entry.unit != "1"
+
+
+def test_sources_are_the_paper_or_pages_that_there_are() -> None:
+    for entry in ENTRIES.values():
+        cited = re.match(r"paper, |docs/decisions, decision \d+$", entry.source)
+        assert not entry.source or cited or (ROOT / entry.source).is_file(), f"{entry.key}: {entry.source}"
+
+
+def test_citations_of_the_paper_are_told_from_equations() -> None:
+    assert ENTRIES["signal:S"].source == "paper, equation (16)"
+    assert ENTRIES["signal:S"].equation == "S = 2 r_j² (k1 + k2 r_m (θ_A + θ_B))"
+    assert ENTRIES["parameter:geometry.r_m"].source == "paper, equations (1), (2)"
+    assert ENTRIES["signal:t"].equation == "t = k T_s"
+    assert ENTRIES["quantity:lam_motor"].source == "paper, table 2"
+
+
+def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
+    page = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+    with pytest.raises(GlossaryError, match="slack needs Cause, Reaction, Within, Remedy"):
+        pages.faults(page.replace("### `slack`", "### `slacker`"))
+    with pytest.raises(GlossaryError, match="limits GOVERNOR"):
+        pages.limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
+    with pytest.raises(GlossaryError, match="no section 'Signals'"):
+        pages.notation("# nothing\n")
+
+
+def test_the_generated_module_is_the_one_in_the_repository() -> None:
+    written = (ROOT / "frontend" / "src" / "wire" / "glossary.gen.ts").read_text(encoding="utf-8")
+    assert files()["glossary.gen.ts"] == written
