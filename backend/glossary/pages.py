@@ -62,7 +62,7 @@ def _of_row(kind: Kind, row: list[str]) -> list[Entry]:
         Entry(
             kind,
             name,
-            symbols[at] if len(symbols) > at else "",
+            (symbols[at] if len(symbols) > at else "") or name,
             meaning,
             _no_one(units[min(at, len(units) - 1)]),
             equation,

@@ -7,6 +7,7 @@ import { lazy, Suspense, useEffect } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { ControlLoss } from "./components/ControlLoss";
+import { Explanation } from "./components/Explanation";
 import { Header } from "./components/Header";
 import { NameQuestion } from "./components/NameQuestion";
 import { Navigation, usePages } from "./components/Navigation";
@@ -31,6 +32,7 @@ const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
 const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
+const GlossaryPage = lazy(() => import("./pages/glossary/GlossaryPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const LogPage = lazy(() => import("./pages/log/LogPage"));
 const SystemPage = lazy(() => import("./pages/system/SystemPage"));
@@ -78,6 +80,7 @@ function Shell() {
   useHotkeys([
     ["?", toggle],
     ["c", setup.toggle],
+    ["g", () => go("/glossary")],
     ...pages.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
   ]);
   const { angles } = usePreferences().preferences;
@@ -102,6 +105,7 @@ function Shell() {
                 <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
                 <Route path="/log" component={LogPage} />
+                <Route path="/glossary" component={GlossaryPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />
                 <Route>
@@ -112,6 +116,7 @@ function Shell() {
           </main>
         </div>
         <Shortcuts opened={shortcuts} onClose={close} />
+        <Explanation />
         <SetupDrawer opened={settingUp} onClose={setup.close} />
       </div>
     </AnglesContext>

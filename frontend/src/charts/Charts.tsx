@@ -3,6 +3,7 @@
 import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { Terms } from "../components/Terms";
 import { clockTime } from "../samples/format";
 import { type SampleTable, toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
@@ -173,56 +174,58 @@ export function Charts(props: ChartsProps) {
       data-measuring={measuring}
       aria-label="Charts"
     >
-      <div ref={size.ref} className={styles.body}>
-        {panels.map((panel, index) => (
-          <figure
-            key={panel.title}
-            className={styles.panel}
-            aria-label={panel.title}
-            data-last={index === panels.length - 1}
-            // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
-            tabIndex={0}
-            onKeyDown={(event) => {
-              if (event.target === event.currentTarget && steer(event.key, target)) event.preventDefault();
-            }}
-          >
-            <Legend
-              panel={panel}
-              hidden={hidden}
-              onToggle={toggle}
-              onHighlight={(signal) => stack.current?.highlight(signal)}
-            />
-            <div
-              className={styles.host}
-              ref={(element) => {
-                hosts.current[index] = element;
-              }}
-            />
-          </figure>
-        ))}
-        <div ref={area} className={styles.area}>
-          <div className={styles.cursor} data-role="hover" />
-          {([0, 1] as const).map((cursor) => (
-            <div
-              key={cursor}
-              className={styles.measure}
-              data-role={`cursor-${cursor}`}
-              role="slider"
-              aria-label={`Measuring cursor ${cursor + 1} [s]`}
-              aria-valuenow={0}
-              tabIndex={measuring ? 0 : -1}
+      <Terms>
+        <div ref={size.ref} className={styles.body}>
+          {panels.map((panel, index) => (
+            <figure
+              key={panel.title}
+              className={styles.panel}
+              aria-label={panel.title}
+              data-last={index === panels.length - 1}
+              // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
+              tabIndex={0}
               onKeyDown={(event) => {
-                const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-                if (by === undefined) return;
-                event.preventDefault();
-                const share = event.shiftKey ? 0.1 : 0.005;
-                readout.nudge(cursor, by * share, current.current.span_s);
+                if (event.target === event.currentTarget && steer(event.key, target)) event.preventDefault();
               }}
-            />
+            >
+              <Legend
+                panel={panel}
+                hidden={hidden}
+                onToggle={toggle}
+                onHighlight={(signal) => stack.current?.highlight(signal)}
+              />
+              <div
+                className={styles.host}
+                ref={(element) => {
+                  hosts.current[index] = element;
+                }}
+              />
+            </figure>
           ))}
+          <div ref={area} className={styles.area}>
+            <div className={styles.cursor} data-role="hover" />
+            {([0, 1] as const).map((cursor) => (
+              <div
+                key={cursor}
+                className={styles.measure}
+                data-role={`cursor-${cursor}`}
+                role="slider"
+                aria-label={`Measuring cursor ${cursor + 1} [s]`}
+                aria-valuenow={0}
+                tabIndex={measuring ? 0 : -1}
+                onKeyDown={(event) => {
+                  const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+                  if (by === undefined) return;
+                  event.preventDefault();
+                  const share = event.shiftKey ? 0.1 : 0.005;
+                  readout.nudge(cursor, by * share, current.current.span_s);
+                }}
+              />
+            ))}
+          </div>
         </div>
-      </div>
-      {preferences.statistics && <StatisticsTable panels={panels} hidden={hidden} table={selected} />}
+        {preferences.statistics && <StatisticsTable panels={panels} hidden={hidden} table={selected} />}
+      </Terms>
       <div className={styles.toolbar} role="toolbar" aria-label="Chart tools">
         {children}
         <ChartTools

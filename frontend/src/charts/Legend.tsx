@@ -1,6 +1,8 @@
 /** Head of a chart: what it shows, in which unit, and a switch with the value of each signal. */
 
-import { SignalName } from "../components/SignalName";
+import { Explained, entriesOf, explaining } from "../components/Explained";
+import { Written } from "../components/SignalName";
+import { symbolEntry } from "../service/glossary";
 import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { ColourChoice } from "./ColourChoice";
@@ -18,7 +20,8 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
   return (
     <figcaption className={styles.caption}>
       <span className={styles.title}>
-        {panel.title} <span className={styles.unit}>[{panel.unit}]</span>
+        <Explained of={panel.traces.map(({ name }) => symbolEntry(name))}>{panel.title}</Explained>{" "}
+        <span className={styles.unit}>[{panel.unit}]</span>
       </span>
       {panel.traces.map((trace) => (
         <span
@@ -32,11 +35,11 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
             type="button"
             className={styles.toggle}
             aria-pressed={!hidden.has(trace.name)}
-            title={hidden.has(trace.name) ? "Show" : "Hide"}
             onClick={() => onToggle(trace.name)}
+            {...explaining(entriesOf(symbolEntry(trace.name)))}
           >
             <span aria-hidden="true">
-              <SignalName name={trace.name} />
+              <Written name={trace.name} />
             </span>
             <span className="visually-hidden">{trace.name}</span>
           </button>

@@ -2,6 +2,7 @@
 
 import type { ReactNode } from "react";
 import styles from "./Card.module.css";
+import { Terms } from "./Terms";
 
 interface CardProps {
   readonly title: string;
@@ -17,11 +18,13 @@ export function Card({ title, aside, children, className }: CardProps) {
       className={className === undefined ? styles.card : `${styles.card} ${className}`}
       aria-label={title}
     >
-      <div className={styles.head}>
-        <h2 className={styles.title}>{title}</h2>
-        {aside}
-      </div>
-      {children}
+      <Terms>
+        <div className={styles.head}>
+          <h2 className={styles.title}>{title}</h2>
+          {aside}
+        </div>
+        {children}
+      </Terms>
     </section>
   );
 }

@@ -10,11 +10,13 @@ import { useMayCommand } from "../service/useMayCommand";
 import { AngleSwitch } from "./AngleSwitch";
 import badge from "./Badge.module.css";
 import { ControlMenu } from "./ControlMenu";
+import { Explained } from "./Explained";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
 import { PlantBadge } from "./PlantBadge";
 import { StopButton } from "./StopButton";
+import { Terms } from "./Terms";
 
 export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onName: () => void }) {
   const state = useLive((live) => live.state);
@@ -35,39 +37,32 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
           VIEW
         </span>
       )}
-      <span
-        className={styles.mode}
-        role="status"
-        aria-label="Mode"
-        data-mode={state?.mode}
-        data-stale={stale}
-        title={old_s === null ? undefined : `as it was ${age(1000 * old_s)} ago`}
-      >
-        <span className={styles.dot} aria-hidden="true" />
-        {state?.mode ?? "unknown"}
-      </span>
-      {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
-      <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
-        <Metric
-          label="Loop"
-          meaning="Ticks of the control loop per second, over the last 5 s"
-          value={timing ? kilohertz(timing.rate_Hz) : "unknown"}
-          width="9ch"
-        />
-        <Metric
-          label="Late p99"
-          meaning="99 of 100 ticks of the last 5 s began at most this late"
-          value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "unknown"}
-          width="8ch"
-        />
-        <Metric
-          label="Overruns"
-          meaning="Deadlines that the control loop missed since it started"
-          value={timing ? fixed(timing.overruns, 0) : "unknown"}
-          width="8ch"
-        />
-        <LinkStatus link={link} now_ms={now_ms} />
-      </div>
+      <Terms>
+        <span
+          className={styles.mode}
+          role="status"
+          aria-label="Mode"
+          data-mode={state?.mode}
+          data-stale={stale}
+          title={old_s === null ? undefined : `as it was ${age(1000 * old_s)} ago`}
+        >
+          <span className={styles.dot} aria-hidden="true" />
+          <Explained of={`mode:${state?.mode}`} quiet>
+            {state?.mode ?? "unknown"}
+          </Explained>
+        </span>
+        {/* biome-ignore lint/a11y/useSemanticElements: a fieldset is for inputs, these are readings */}
+        <div className={styles.metrics} role="group" aria-label="Loop timing" data-stale={stale}>
+          <Metric of="timing:rate_Hz" value={timing ? kilohertz(timing.rate_Hz) : "unknown"} width="9ch" />
+          <Metric
+            of="timing:lateness_p99_ms"
+            value={timing ? `${fixed(timing.lateness_p99_ms, 2)} ms` : "unknown"}
+            width="8ch"
+          />
+          <Metric of="timing:overruns" value={timing ? fixed(timing.overruns, 0) : "unknown"} width="8ch" />
+          <LinkStatus link={link} now_ms={now_ms} />
+        </div>
+      </Terms>
       <div className={styles.tools}>
         <ControlMenu onName={onName} />
         <AngleSwitch />

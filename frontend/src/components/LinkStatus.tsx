@@ -14,7 +14,7 @@ export function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   }[condition];
   return (
     <span role="status" aria-label="Link" data-health={condition} style={{ display: "flex" }}>
-      <Metric label="Link" meaning="From this page to the service and back" value={value} width="11ch" />
+      <Metric of="timing:latency_ms" value={value} width="11ch" />
     </span>
   );
 }

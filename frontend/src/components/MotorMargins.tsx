@@ -2,6 +2,7 @@
 
 import { useQuery } from "@tanstack/react-query";
 import { motorMarginsQuery } from "../service/queries";
+import { Explained } from "./Explained";
 import { marginsText } from "./motorMargins";
 
 interface MotorMarginsProps {
@@ -16,7 +17,7 @@ export function MotorMargins({ lam_motor, bank, className }: MotorMarginsProps) 
   const words = error?.message ?? (data === undefined ? "…" : marginsText(data));
   return (
     <output className={className} aria-label="Motor loop">
-      Motor loop at λ_motor {lam_motor} s: {words}
+      Motor loop at <Explained of="quantity:lam_motor">λ_motor</Explained> {lam_motor} s: {words}
     </output>
   );
 }

@@ -5,7 +5,9 @@ import { TbCheck, TbHandStop, TbPlayerRecord, TbPlugConnectedX, TbSkull, TbUrgen
 import { inWords } from "../samples/quantity";
 import { heading } from "../samples/words";
 import { useAngles } from "../service/angles";
+import { entryOf } from "../service/glossary";
 import type { Run } from "../wire/types";
+import { Explained } from "./Explained";
 import styles from "./RunState.module.css";
 
 const STATES: Record<string, { Icon: IconType; abnormal: boolean }> = {
@@ -30,17 +32,20 @@ export function RunState({
   const angles = useAngles();
   const known = STATES[state];
   const lacksResult = unevaluated !== undefined;
+  const of = entryOf(`end:${state}`);
+  const why = [reason, unevaluated ?? ""].filter((text) => text !== "").join("; ");
   const Icon = lacksResult ? TbUrgent : (known?.Icon ?? TbUrgent);
   return (
     <span
       className={styles.state}
       data-abnormal={lacksResult || (known?.abnormal ?? true)}
       data-state={state}
-      title={inWords([reason, unevaluated ?? ""].filter((text) => text !== "").join("; "), angles)}
     >
       <Icon size={15} aria-hidden="true" />
-      {heading(state)}
-      {lacksResult && ", not evaluated"}
+      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", inWords(why, angles)]] }} quiet>
+        {heading(state)}
+        {lacksResult && ", not evaluated"}
+      </Explained>
     </span>
   );
 }

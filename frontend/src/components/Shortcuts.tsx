@@ -1,6 +1,7 @@
 /** What the keys do. */
 
 import { Button, Kbd, Modal, Table } from "@mantine/core";
+import { Link } from "wouter";
 import { usePreferences } from "../service/preferences";
 import { usePages } from "./Navigation";
 
@@ -14,6 +15,7 @@ const KEYS: Keys = [
   [["M"], "Operate: measuring cursors"],
   [["Ctrl", "Wheel"], "Charts, also after a click: zoom time; hold V for the value axis, B for both"],
   [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
+  [["G"], "Glossary: what every symbol, figure, verdict and fault means"],
   [["?"], "This list"],
 ];
 
@@ -32,6 +34,17 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
         }}
       >
         Show the tour again
+      </Button>
+      <Button
+        component={Link}
+        href="/glossary"
+        variant="default"
+        size="compact-sm"
+        mb="sm"
+        ml="xs"
+        onClick={onClose}
+      >
+        Glossary
       </Button>
       <Table withRowBorders={false}>
         <Table.Tbody>

@@ -12,6 +12,7 @@ import { useReset } from "../service/commands";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
+import { Explained } from "./Explained";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
 import { currentStatus, type Status, type Tone, taskProgress } from "./status";
@@ -60,16 +61,22 @@ export function StatusStrip() {
 
 function Message({ status, instead }: { status: Status; instead: string | undefined }) {
   const angles = useAngles();
+  const fault = useLive((live) => live.state?.fault ?? null);
   const told = (text: string) => inWords(text, angles);
   const content = (
     <>
-      <strong>{told(status.text)}</strong> {told(instead ?? status.remedy)}
+      <strong>
+        <Explained of={status.text === fault?.message ? `fault:${fault.code}` : undefined}>
+          {told(status.text)}
+        </Explained>
+      </strong>{" "}
+      {told(instead ?? status.remedy)}
     </>
   );
   const title = told(`${status.text} ${status.remedy}`);
   if (status.tone === "fault") {
     return (
-      <div role="alert" aria-label="Fault" className={styles.message} title={title}>
+      <div role="alert" aria-label="Fault" className={styles.message}>
         {content}
       </div>
     );

@@ -3,21 +3,44 @@
 import type { ReactNode } from "react";
 import { TbAlertTriangle, TbCheck } from "react-icons/tb";
 import type { Experiment } from "../wire/types";
+import { Explained, type Meaning } from "./Explained";
 import { Told } from "./Told";
 import styles from "./Verdict.module.css";
 
-export function Verdict({ good, children }: { good: boolean; children: ReactNode }) {
+interface VerdictProps {
+  readonly good: boolean;
+  /** What decides it, of the glossary. */
+  readonly of?: Meaning;
+  readonly children: ReactNode;
+}
+
+export function Verdict({ good, of, children }: VerdictProps) {
   const Icon = good ? TbCheck : TbAlertTriangle;
   return (
     <span className={styles.verdict} data-good={good}>
       <Icon size={16} aria-hidden="true" />
-      <span>{typeof children === "string" ? <Told text={children} /> : children}</span>
+      <span>
+        <Explained of={of} quiet>
+          {typeof children === "string" ? <Told text={children} /> : children}
+        </Explained>
+      </span>
     </span>
   );
 }
 
 /** What a run came to, in the sentence of its report; only one that passed looks as if it had. */
 export function Outcome({ of: { outcome, verdict } }: { of: Pick<Experiment, "outcome" | "verdict"> }) {
-  if (outcome === "neutral") return <span>{verdict}</span>;
-  return <Verdict good={outcome === "passed"}>{verdict}</Verdict>;
+  const of = `outcome:${outcome}`;
+  if (outcome === "neutral") {
+    return (
+      <Explained of={of} quiet>
+        {verdict}
+      </Explained>
+    );
+  }
+  return (
+    <Verdict good={outcome === "passed"} of={of}>
+      {verdict}
+    </Verdict>
+  );
 }

@@ -363,6 +363,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:spring.points": {
     "kind": "parameter",
     "name": "spring.points",
+    "term": "spring.points",
     "meaning": "or rows of elongation and force, from zero force up, joined by a rising curve",
     "unit": "m, N",
     "source": "docs/notation.md"
@@ -517,6 +518,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:identified.points": {
     "kind": "parameter",
     "name": "identified.points",
+    "term": "identified.points",
     "meaning": "or its measured points",
     "unit": "m, N",
     "source": "docs/notation.md"
@@ -524,30 +526,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:asymmetry.spring_A": {
     "kind": "parameter",
     "name": "asymmetry.spring_A",
+    "term": "asymmetry.spring_A",
     "meaning": "factor on the force of spring A",
     "source": "docs/notation.md"
   },
   "parameter:asymmetry.spring_B": {
     "kind": "parameter",
     "name": "asymmetry.spring_B",
+    "term": "asymmetry.spring_B",
     "meaning": "factor on the force of spring B",
     "source": "docs/notation.md"
   },
   "parameter:asymmetry.motor_A": {
     "kind": "parameter",
     "name": "asymmetry.motor_A",
+    "term": "asymmetry.motor_A",
     "meaning": "factor on the torque of motor A",
     "source": "docs/notation.md"
   },
   "parameter:asymmetry.motor_B": {
     "kind": "parameter",
     "name": "asymmetry.motor_B",
+    "term": "asymmetry.motor_B",
     "meaning": "factor on the torque of motor B",
     "source": "docs/notation.md"
   },
   "parameter:sensors.joint_counts": {
     "kind": "parameter",
     "name": "sensors.joint_counts",
+    "term": "sensors.joint_counts",
     "meaning": "counts of the joint encoder, 0 for exact",
     "unit": "1/rev",
     "source": "docs/notation.md"
@@ -555,6 +562,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:sensors.motor_counts": {
     "kind": "parameter",
     "name": "sensors.motor_counts",
+    "term": "sensors.motor_counts",
     "meaning": "counts of a motor encoder, 0 for exact",
     "unit": "1/rev",
     "source": "docs/notation.md"
@@ -562,6 +570,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:sensors.force_delay": {
     "kind": "parameter",
     "name": "sensors.force_delay",
+    "term": "sensors.force_delay",
     "meaning": "delay of the load cells",
     "unit": "s",
     "source": "docs/notation.md"
@@ -569,6 +578,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:sensors.force_noise": {
     "kind": "parameter",
     "name": "sensors.force_noise",
+    "term": "sensors.force_noise",
     "meaning": "standard deviation of a load cell's noise",
     "unit": "N",
     "source": "docs/notation.md"
@@ -576,6 +586,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
   "parameter:sensors.converter_bits": {
     "kind": "parameter",
     "name": "sensors.converter_bits",
+    "term": "sensors.converter_bits",
     "meaning": "resolution of analog in and out, 0 for exact",
     "source": "docs/notation.md"
   },

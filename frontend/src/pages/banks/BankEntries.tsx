@@ -35,8 +35,12 @@ export function BankEntries({ bank }: { bank: Bank }) {
               <Table.Th>Entry</Table.Th>
               <Table.Th className={page.number}>S [N·m/rad]</Table.Th>
               <Table.Th>Loop</Table.Th>
-              <Table.Th className={page.number}>K</Table.Th>
-              <Table.Th className={page.number}>T [s]</Table.Th>
+              <Table.Th className={page.number}>
+                <SignalName name="K" />
+              </Table.Th>
+              <Table.Th className={page.number}>
+                <SignalName name="T" /> [s]
+              </Table.Th>
               <Table.Th className={page.number}>
                 <SignalName name="k_p" />
               </Table.Th>
@@ -124,7 +128,7 @@ function Fit({ fit }: { fit: ChannelFit | undefined }) {
   if (fit === undefined) return <span className={page.dim}>not known</span>;
   const errors = `standard errors: K ${percent(fit.K_error_percent)}, T ${percent(fit.T_error_percent)}`;
   return (
-    <Verdict good={fit.grade === "usable"}>
+    <Verdict good={fit.grade === "usable"} of={`grade:${fit.grade}`}>
       {percent(fit.fit_percent)}, {fit.grade ?? "grade not recorded"}
       <div className={page.dim}>{errors}</div>
     </Verdict>

@@ -6,6 +6,7 @@ import type { IconType } from "react-icons";
 import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX, TbPlayerPlay } from "react-icons/tb";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { NumberField } from "../../components/NumberField";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
@@ -55,7 +56,9 @@ export function StepCard({ step, number, open }: StepCardProps) {
       aside={
         <span className={styles.standing} data-standing={standing}>
           <Icon size={17} aria-hidden="true" />
-          {word}
+          <Explained of={`step:${state}`} quiet>
+            {word}
+          </Explained>
         </span>
       }
     >

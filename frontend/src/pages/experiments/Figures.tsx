@@ -1,11 +1,13 @@
 /** Criteria with pass or fail, and metrics, as tables. */
 
 import { Table } from "@mantine/core";
+import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { Verdict } from "../../components/Verdict";
 import { measured, NOT_MEASURED } from "../../samples/format";
 import { type Angles, inWords, readingOf, told } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { figureEntry } from "../../service/glossary";
 import type { Criterion, Metric } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -34,7 +36,9 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
           <Table.Tbody>
             {criteria.map((criterion) => (
               <Table.Tr key={criterion.name}>
-                <Table.Td>{criterion.label}</Table.Td>
+                <Table.Td>
+                  <Explained of={`figure:${criterion.name}`}>{criterion.label}</Explained>
+                </Table.Td>
                 <Table.Td className={page.number}>{figure(criterion, 3, angles)}</Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>
                   {criterion.relation} {told(criterion.bound, criterion.unit, angles)}
@@ -63,8 +67,8 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
           <Table.Tbody>
             {metrics.map((metric) => (
               <Table.Tr key={metric.name}>
-                <Table.Td title={metric.definition}>
-                  {metric.label}
+                <Table.Td>
+                  <Explained of={figureEntry(metric)}>{metric.label}</Explained>
                   <Reason text={metric.reason} seen={metric.value === null ? undefined : SEEN["<"]} />
                 </Table.Td>
                 <Table.Td className={page.number}>{figure(metric, 4, angles)}</Table.Td>
@@ -90,8 +94,19 @@ function figure(
 }
 
 function Outcome({ passed }: { passed: boolean | null }) {
-  if (passed === null) return <>{NOT_MEASURED}</>;
-  return <Verdict good={passed}>{passed ? "pass" : "fail"}</Verdict>;
+  if (passed === null) {
+    return (
+      <Explained of="criterion:not_measured" quiet>
+        {NOT_MEASURED}
+      </Explained>
+    );
+  }
+  const word = passed ? "pass" : "fail";
+  return (
+    <Verdict good={passed} of={`criterion:${word}`}>
+      {word}
+    </Verdict>
+  );
 }
 
 /** What a figure that was not seen whole is, by the relation to its bound. */

@@ -4,6 +4,7 @@ import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { CurvePlot } from "../../charts/CurvePlot";
 import { Shown } from "../../components/Absent";
+import { Explained } from "../../components/Explained";
 import { Verdict } from "../../components/Verdict";
 import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
@@ -187,7 +188,15 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
             <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
             <Tried value={candidate.fit_percent} problem={candidate.problem} told={(fit) => fixed(fit, 1)} />
             <Tried value={candidate.BIC} problem={candidate.problem} told={(BIC) => fixed(BIC, 0)} />
-            <Table.Td>{candidate.problem === "" ? candidate.grade : candidate.problem}</Table.Td>
+            <Table.Td>
+              {candidate.problem === "" ? (
+                <Explained of={`grade:${candidate.grade}`} quiet>
+                  {candidate.grade}
+                </Explained>
+              ) : (
+                candidate.problem
+              )}
+            </Table.Td>
           </Table.Tr>
         ))}
       </Table.Tbody>

@@ -2,10 +2,12 @@
 
 import { Table } from "@mantine/core";
 import { Shown } from "../../components/Absent";
+import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
 import { Verdict } from "../../components/Verdict";
 import { fixed, significant } from "../../samples/format";
 import { inWordsOf, structureInWords } from "../../samples/words";
+import { symbolEntry } from "../../service/glossary";
 import type { Model } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
@@ -30,7 +32,9 @@ export function ModelView({
       </h3>
       <dl className={styles.figures}>
         <div>
-          <dt>Gain K {unit !== "" && `[${unit}]`}</dt>
+          <dt>
+            <Explained of="quantity:K">Gain K</Explained> {unit !== "" && `[${unit}]`}
+          </dt>
           <dd>{significant(model.K, 4)}</dd>
           <small>
             geometry {significant(model.gain_geometry, 3)}, {sign}
@@ -38,12 +42,16 @@ export function ModelView({
           </small>
         </div>
         <div>
-          <dt>Sum of lags T [s]</dt>
+          <dt>
+            <Explained of="quantity:T">Sum of lags T</Explained> [s]
+          </dt>
           <dd>{significant(model.T, 3)}</dd>
           <small>first-order reduction</small>
         </div>
         <div>
-          <dt>Fit [%]</dt>
+          <dt>
+            <Explained of="quantity:fit_percent">Fit</Explained> [%]
+          </dt>
           <dd>
             <Shown value={model.fit_percent} why="not measured: no data was left aside">
               {(fit) => fixed(fit, 1)}
@@ -63,7 +71,9 @@ export function ModelView({
         <Table.Tbody>
           {Object.entries(model.parameters).map(([parameter, value]) => (
             <Table.Tr key={parameter}>
-              <Table.Td>{parameter}</Table.Td>
+              <Table.Td>
+                <Explained of={symbolEntry(parameter)}>{parameter}</Explained>
+              </Table.Td>
               <Table.Td className={page.number}>{significant(value, 4)}</Table.Td>
               <Table.Td className={page.number}>
                 <Shown value={model.std_errors[parameter]} why="not determined by this record">
@@ -75,7 +85,9 @@ export function ModelView({
         </Table.Tbody>
       </Table>
       <span className={page.dim}>Estimated by {inWordsOf(model.method)}.</span>
-      <Verdict good={model.grade === "usable"}>{model.verdict}</Verdict>
+      <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
+        {model.verdict}
+      </Verdict>
     </section>
   );
 }

@@ -26,7 +26,9 @@ export function MotorResult({ identification }: { identification: Identification
         <section key={motor.side} className={styles.model} aria-label={`Motor ${motor.side}`}>
           <h3 className={styles.heading}>Motor {motor.side}</h3>
           <Estimates motor={motor} />
-          <Verdict good={motor.grade === "usable"}>{motor.verdict}</Verdict>
+          <Verdict good={motor.grade === "usable"} of={`grade:${motor.grade}`}>
+            {motor.verdict}
+          </Verdict>
           {motor.refused.map((reason) => (
             <Verdict key={reason} good={false}>
               {reason}

@@ -2,6 +2,7 @@
 
 import type { ReactNode } from "react";
 import { Shown } from "../../components/Absent";
+import { Explained } from "../../components/Explained";
 import { SignalName } from "../../components/SignalName";
 import { fixed, short } from "../../samples/format";
 import type { LoopPreview } from "../../wire/types";
@@ -118,12 +119,12 @@ export function StepPreview({ symbol, hue, preview, missing, present, drafted, c
           unit="s"
         />
         <Reading
-          label="GM"
+          label={<Explained of="quantity:gain_margin">GM</Explained>}
           name="gain margin"
           value={margin(preview?.gain_margin, (factor) => fixed(factor, 1))}
         />
         <Reading
-          label="PM"
+          label={<Explained of="quantity:phase_margin_deg">PM</Explained>}
           name="phase margin"
           value={margin(preview?.phase_margin_deg, (degrees) => `${fixed(degrees, 0)}°`)}
         />
@@ -157,7 +158,7 @@ interface ReadingProps {
 
 function Reading({ label, name, value, unit = "", warn = false }: ReadingProps) {
   return (
-    <div data-warn={warn} title={name}>
+    <div data-warn={warn}>
       <dt>
         {label}
         <span className="visually-hidden">, {name}</span>

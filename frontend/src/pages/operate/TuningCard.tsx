@@ -6,6 +6,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { MotorMargins } from "../../components/MotorMargins";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
@@ -120,11 +121,12 @@ function StepForecast({ preview, missing, u_max }: StepForecastProps) {
   const saturates = preview !== undefined && preview.u_peak_V >= u_max;
   return (
     <output className={styles.forecast} aria-label="Forecast of a 60° step" data-warn={saturates}>
-      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step: peak{" "}
+      {angles === "deg" ? "60°" : told(LARGE_STEP, "rad", angles)} step:{" "}
+      <Explained of="quantity:u_peak_V">peak</Explained>{" "}
       <Shown value={preview?.u_peak_V} why={missing}>
         {(u_peak) => fixed(u_peak, 1)}
       </Shown>{" "}
-      of {fixed(u_max, 0)} V, tension ≥{" "}
+      of {fixed(u_max, 0)} V, <Explained of="quantity:F_min_N">tension</Explained> ≥{" "}
       <Shown value={preview?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
       </Shown>{" "}

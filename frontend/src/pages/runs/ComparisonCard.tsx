@@ -5,10 +5,12 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { dateTime, measured, significant } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { figureEntry } from "../../service/glossary";
 import { comparisonQuery } from "../../service/queries";
 import type { ComparedMetric } from "../../wire/types";
 import { Reason, SEEN } from "../experiments/Figures";
@@ -56,7 +58,9 @@ export function ComparisonCard({ runs }: { runs: readonly number[] }) {
             <Table.Tbody>
               {data.metrics.map((metric) => (
                 <Table.Tr key={metric.name}>
-                  <Table.Td title={metric.definition}>{metric.label}</Table.Td>
+                  <Table.Td>
+                    <Explained of={figureEntry(metric)}>{metric.label}</Explained>
+                  </Table.Td>
                   {data.runs.map((run, index) => (
                     <Value
                       key={run.id}

@@ -2,10 +2,12 @@
 
 import { Table } from "@mantine/core";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { settingValue, short } from "../../samples/format";
 import { angleText, labelWith, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { symbolEntry } from "../../service/glossary";
 import type { Run } from "../../wire/types";
 import { parseSegments, type Segment } from "../experiments/segments";
 import page from "../Page.module.css";
@@ -35,7 +37,9 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
               {plain.map(({ name, meaning, symbol, value, unit }) => (
                 <Table.Tr key={name}>
                   <Table.Td>{meaning}</Table.Td>
-                  <Table.Td>{symbol}</Table.Td>
+                  <Table.Td>
+                    <Explained of={symbolEntry(symbol) ?? symbolEntry(name)}>{symbol}</Explained>
+                  </Table.Td>
                   <Table.Td className={page.number}>
                     {settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value)}
                   </Table.Td>

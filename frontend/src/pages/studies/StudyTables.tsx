@@ -3,6 +3,7 @@
 import { Table } from "@mantine/core";
 import { Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
+import { Explained } from "../../components/Explained";
 import { Unit } from "../../components/Unit";
 import { fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
@@ -30,7 +31,9 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
           <Table.Tbody>
             {figures.map(({ name, label, unit, count, least, median, mean, largest }) => (
               <Table.Tr key={name}>
-                <Table.Td>{label}</Table.Td>
+                <Table.Td>
+                  <Explained of={`figure:${name}`}>{label}</Explained>
+                </Table.Td>
                 <Table.Td>
                   <Unit unit={unit} />
                 </Table.Td>

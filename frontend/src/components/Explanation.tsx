@@ -1,0 +1,84 @@
+/** Where the page explains a word: one tooltip for all of them, beside the word and never over the header. */
+
+import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
+import { createPortal } from "react-dom";
+import { close, type Explained, left, stay, useExplained } from "../service/explaining";
+import { useDescribedBy } from "../service/useDescribedBy";
+import { EntryText } from "./Entry";
+import styles from "./Explained.module.css";
+
+const GAP = 6;
+const EDGE = 8;
+
+export function Explanation() {
+  const shown = useExplained();
+  return shown === null ? null : createPortal(<Tooltip shown={shown} />, document.body);
+}
+
+function Tooltip({ shown }: { shown: Explained }) {
+  const { anchor, entries, by } = shown;
+  const id = useId();
+  const self = useRef<HTMLDivElement>(null);
+  const described = useMemo(() => ({ current: anchor }), [anchor]);
+  useDescribedBy(described, id);
+
+  useLayoutEffect(() => {
+    const follow = () => self.current !== null && place(self.current, anchor);
+    follow();
+    document.addEventListener("scroll", follow, { capture: true, passive: true });
+    window.addEventListener("resize", follow);
+    return () => {
+      document.removeEventListener("scroll", follow, { capture: true });
+      window.removeEventListener("resize", follow);
+    };
+  }, [anchor]);
+
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      if (event.key !== "Escape") return;
+      event.stopPropagation(); // it closes this alone, not the dialog below
+      close();
+    };
+    const onPress = (event: PointerEvent) => {
+      const at = event.target as Node;
+      if (!anchor.contains(at) && self.current?.contains(at) !== true) close();
+    };
+    const gone = setInterval(() => anchor.isConnected || close(), 500);
+    document.addEventListener("keydown", onKey, { capture: true });
+    document.addEventListener("pointerdown", onPress, { capture: true });
+    return () => {
+      clearInterval(gone);
+      document.removeEventListener("keydown", onKey, { capture: true });
+      document.removeEventListener("pointerdown", onPress, { capture: true });
+    };
+  }, [anchor]);
+
+  return (
+    <div
+      ref={self}
+      id={id}
+      role="tooltip"
+      className={styles.explanation}
+      onPointerEnter={stay}
+      onPointerLeave={left}
+    >
+      {entries.map((entry) => (
+        <EntryText key={`${entry.kind}:${entry.name}`} entry={entry} />
+      ))}
+      {by === "focus" && <p className={styles.keys}>Escape closes; arrow keys: the next word.</p>}
+    </div>
+  );
+}
+
+/** Below the word, above it where there is no room; within the window and clear of the header. */
+function place(tooltip: HTMLElement, anchor: HTMLElement): void {
+  const at = anchor.getBoundingClientRect();
+  const { width, height } = tooltip.getBoundingClientRect();
+  const head = document.querySelector("header")?.getBoundingClientRect().bottom ?? 0;
+  const below = at.bottom + GAP;
+  const above = at.top - GAP - height;
+  const fits = below + height <= window.innerHeight - EDGE;
+  const top = fits || above < head + EDGE ? Math.min(below, window.innerHeight - EDGE - height) : above;
+  tooltip.style.top = `${Math.max(top, head + GAP)}px`;
+  tooltip.style.left = `${Math.max(EDGE, Math.min(at.left, window.innerWidth - EDGE - width))}px`;
+}
