@@ -95,8 +95,7 @@ def step(
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
     # What a plan has set in motion it brings to a stand first: the loops alone let S run on by up to 0.5 N·m/rad.
-    in_motion = state.follows and not plan.stands(tuning.following.model, state.plan)
-    follows = tuning.following.budget > 0.0 or in_motion
+    follows = tuning.following.budget > 0.0 or (state.follows and not plan.stands(tuning.following.model, state.plan))
     tau_ext = tau_ext if position_loop and S > 0.0 else math.nan
     if follows != state.follows:
         state = _changed(tuning, state, S, m, tau_ext)
@@ -110,8 +109,7 @@ def step(
         way = state.plan
         at = following.governed(reference, governed)
     r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S
-    y_q, y_S = m.q - at.q, S - at.S
-    y_A, y_B = m.theta_A - at.theta_A, m.theta_B - at.theta_B
+    y_q, y_S, y_A, y_B = m.q - at.q, S - at.S, m.theta_A - at.theta_A, m.theta_B - at.theta_B
 
     answered = rejection.changed(tuning.rejection, state.rejection, tau_ext)
     before, by_now = rejection.answer(state.rejection, S), rejection.answer(answered, S)

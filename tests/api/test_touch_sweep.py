@@ -134,7 +134,9 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         assert "held in run, and the mode is off" in await why()
         await at_rest(parts)
         assert "ordered alone" in await why(TouchOrder(sweep="begin", learn=True))
-        parts.present.task = TaskView(kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=Doing.STARTING)
+        parts.present.task = TaskView(
+            kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=Doing.STARTING, part=None, number=1
+        )
         assert "run 4, tracking, is under way" in await why()
         parts.present.task = None
         await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)

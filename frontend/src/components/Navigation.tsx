@@ -37,7 +37,7 @@ const PAGES: readonly PageEntry[] = [
   { path: "/experiments", name: "Experiments", short: "Exper.", key: "e", Icon: TbFlask },
   { path: "/studies", name: "Studies", key: "t", Icon: TbGridDots },
   { path: "/runs", name: "Runs", key: "r", Icon: TbDatabase },
-  { path: "/log", name: "Log", key: "g", Icon: TbListDetails },
+  { path: "/log", name: "Log", key: "h", Icon: TbListDetails },
   { path: "/system", name: "System", key: "s", Icon: TbServerCog },
 ];
 

@@ -1244,6 +1244,44 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "mean over the speeds: impulse at the lowest S_ref over that at the highest",
     "source": "docs/experiments.md"
   },
+  "figure:reaction_peak": {
+    "kind": "figure",
+    "name": "reaction_peak",
+    "term": "Peak force, with over without reaction",
+    "meaning": "mean over stiffness and speed of the peaks' ratio",
+    "source": "docs/experiments.md"
+  },
+  "figure:reaction_impulse": {
+    "kind": "figure",
+    "name": "reaction_impulse",
+    "term": "Impulse, with over without reaction",
+    "meaning": "mean over stiffness and speed of the impulses' ratio",
+    "source": "docs/experiments.md"
+  },
+  "figure:felt_after_s": {
+    "kind": "figure",
+    "name": "felt_after_s",
+    "term": "Longest time to detect",
+    "meaning": "from the touch until the estimated force passes the threshold",
+    "unit": "s",
+    "source": "docs/experiments.md"
+  },
+  "figure:gave_way_after_s": {
+    "kind": "figure",
+    "name": "gave_way_after_s",
+    "term": "Longest time to react",
+    "meaning": "from the threshold until the joint gives way",
+    "unit": "s",
+    "source": "docs/experiments.md"
+  },
+  "figure:fell_after_s": {
+    "kind": "figure",
+    "name": "fell_after_s",
+    "term": "Longest time to the peak",
+    "meaning": "from the threshold until the force is at its largest, from where on it falls",
+    "unit": "s",
+    "source": "docs/experiments.md"
+  },
   "figure:rise_q_s": {
     "kind": "figure",
     "name": "rise_q_s",
@@ -2427,7 +2465,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "limit",
     "name": "CONTACT",
     "term": "contact",
-    "meaning": "a contact was felt, and the joint gives way until a mode is chosen",
+    "meaning": "a contact was felt, and the joint gives way until a mode is chosen, or an experiment that gives way by itself goes on",
     "source": "docs/faults.md"
   },
   "timing:rate_Hz": {
