@@ -159,7 +159,7 @@ def assemble(
     replay = Replay(database)
     mirrors = {
         "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: present.wall),
-        "/replay": SceneMirror(parameters, replay.row),
+        "/replay": SceneMirror(parameters, replay.row, replay.wall),
     }
     drawing: list[KeptThread] = []
     for mirror in mirrors.values():

@@ -5,37 +5,44 @@ import asyncio
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documents.kept_wall import standing
 from backend.recording.reader import read_samples
 from backend.sample import INDEX, NAMES
-from backend.storage import Database
+from backend.storage import Database, runs
 from plant.interface import T_s
+from plant.obstacle import Obstacle
 
-_NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push")
+_NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
 
 
 class Replay:
-    """Holds one row of a recording in the shape of a newest sample."""
+    """Holds one row of a recording in the shape of a newest sample, and the wall that stood then."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._row: NDArray[np.float64] | None = None
+        self._shown: tuple[NDArray[np.float64] | None, Obstacle | None] = None, None
 
     def row(self) -> NDArray[np.float64] | None:
         """Return the moment shown, one value per field of a sample; None before the first."""
-        return self._row
+        return self._shown[0]
+
+    def wall(self) -> Obstacle | None:
+        """Return the wall that stood in the joint's way at the moment shown; None for none, and for none known."""
+        return self._shown[1]
 
     async def show(self, run_id: int, t: float) -> None:
         """Show the sample at ``t`` [s] of a run. Raises UnknownRecordError; stays where it is past the run's end."""
-        row = await asyncio.to_thread(self._read, run_id, t)
-        if row is not None:
-            self._row = row
+        shown = await asyncio.to_thread(self._read, run_id, t)
+        if shown is not None:
+            self._shown = shown
 
-    def _read(self, run_id: int, t: float) -> NDArray[np.float64] | None:
+    def _read(self, run_id: int, t: float) -> tuple[NDArray[np.float64], Obstacle | None] | None:
         with self._database.reading() as session:
             samples = read_samples(session, run_id, _NEEDED, t, t + T_s)
+            walls = runs.get(session, run_id).set_to.walls or ()
         if not len(samples.t):
             return None
         row = np.full(len(NAMES), np.nan)
         for name, column in samples.columns.items():
             row[INDEX[name]] = column[0]
-        return row
+        return row, standing(walls, float(samples.t[0]) + 0.5 * T_s)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from backend.documents.edge import ABSENT, Edge, json_ready
+from backend.documents.kept_wall import KeptWall
 
 VERSION = 1
 
@@ -64,7 +65,8 @@ class DeclaredValue:
 class RunSettings:
     """All of it. ``mode`` is that of a session; ``versions`` are those of the packages that computed.
 
-    ``granted`` is absent for a loop that is computed tick by tick, on no clock.
+    ``granted`` is absent for a loop that is computed tick by tick, on no clock; ``walls``, what stood in the joint's
+    way, where nothing did or where an earlier version kept nothing of it.
     """
 
     mode: str | None = field(default=None, metadata=ABSENT)
@@ -73,6 +75,7 @@ class RunSettings:
     declared: tuple[DeclaredValue, ...] | None = field(default=None, metadata=ABSENT)
     versions: dict[str, str] | None = field(default=None, metadata=ABSENT)
     granted: KeptGrant | None = field(default=None, metadata=ABSENT)
+    walls: tuple[KeptWall, ...] | None = field(default=None, metadata=ABSENT)
     version: int = VERSION
 
     def told(self) -> dict[str, Value]:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from backend.faults import Fault
 from backend.loop.access import LoopDied
-from backend.loop.commands import Event, RunEnded
+from backend.loop.commands import Event, RunEnded, WallChanged
 from backend.loop.ring import Ring
 from backend.recording.codec import Table, pack, summarise
+from backend.recording.walls import Walls
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
 from backend.storage import Database, GoneError, Session, StorageError, events, recordings, runs
 from backend.storage.events import EventKind
@@ -41,7 +42,7 @@ _TICK, _RUN = INDEX["tick"], INDEX["run"]
 _LOG = logging.getLogger(__name__)
 
 Rows = NDArray[np.float64]
-_Note = LoopDied | RunEnded | Ring
+_Note = LoopDied | RunEnded | WallChanged | Ring
 
 
 class RecordingError(Exception):
@@ -69,6 +70,7 @@ class Recorder:
         self._open: set[int] = set()
         self._told: dict[int, RunEnded] = {}
         self._notes: deque[_Note] = deque()
+        self._walls = Walls()
         self._closing = threading.Event()
         self._one_at_a_time = threading.Lock()
 
@@ -79,7 +81,7 @@ class Recorder:
 
     def hear(self, event: Event | LoopDied) -> None:
         """Take note of what the samples cannot tell; a listener for ``LoopAccess.listen``."""
-        if isinstance(event, LoopDied) or (isinstance(event, RunEnded) and event.run):
+        if isinstance(event, LoopDied | WallChanged) or (isinstance(event, RunEnded) and event.run):
             self._notes.append(event)
 
     def follow(self, ring: Ring) -> None:
@@ -144,11 +146,14 @@ class Recorder:
         match note:
             case RunEnded():
                 self._told[note.run] = note
+            case WallChanged():
+                self._walls.tell(note)
             case LoopDied(reason):
                 self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
             case Ring():
                 self._finish(EndState.LINK_LOST, "the loop process was replaced")
                 self._ring, self._position = note, 0
+                self._walls.forget()
 
     def _finish(self, end_state: EndState, detail: str) -> None:
         while self._store_next(partial=True):
@@ -204,6 +209,7 @@ class Recorder:
             self._refused_run = run
         else:
             self._run, self._next_tick = run, tick
+            self._walls.begin(tick)
 
     def _store(self, rows: Rows) -> None:
         table = rows[:, STORED_COLUMNS].astype(np.float32)
@@ -213,7 +219,9 @@ class Recorder:
             if not (again and recordings.has_chunk(session, self._run, tick)):
                 self._note_gap(session, tick)
                 recordings.add_chunks(session, self._run, _chunks_of(tick, table))
+                runs.keep_walls(session, self._run, self._walls.until(tick + len(rows) - 1))
         self._next_tick = tick + len(rows)
+        self._walls.stored(self._next_tick - 1)
 
     def _leave_run(self, tick: int) -> None:
         """Go on from a run of which there are no more samples, the next tick being another's."""

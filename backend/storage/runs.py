@@ -10,6 +10,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.documents.kept_wall import KeptWall, joined
 from backend.documents.run_settings import SETTINGS, RunSettings
 from backend.faults import Fault
 from backend.storage.records import UnknownRecordError, require, to_record
@@ -196,6 +197,17 @@ def set_note(session: Session, run_id: int, note: str) -> Run:
 def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
     """Keep why a run could not be evaluated; empty once it could. Raises UnknownRecordError."""
     require(session, RunRow, run_id, "run").evaluation_problem = problem
+
+
+def keep_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None:
+    """Add to a run's settings which walls stood in the joint's way. Raises UnknownRecordError, UnreadableDocumentError.
+
+    Nothing changes where there were none.
+    """
+    if walls:
+        row = require(session, RunRow, run_id, "run")
+        earlier = SETTINGS.read(row.settings, f"run {run_id}").walls or ()
+        row.settings = {**row.settings, "walls": [vars(wall) for wall in joined(earlier, walls)]}
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
