@@ -11,6 +11,7 @@ import pytest
 from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
 from backend.loop import commands
+from backend.loop.access import LoopDied
 from backend.loop.mode import Mode
 from backend.messages.state import Push, TaskView
 from backend.messages.touch import SweepView, TouchOrder
@@ -208,6 +209,22 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
     with database.reading() as session:
         told = [event for event in events.find(session) if "it died" in event.text]
     assert [event.kind for event in told] == ["fault"]
+
+
+def test_a_loop_that_dies_ends_it_and_nothing_is_put_back(database: Database) -> None:
+    async def dies(parts: Parts) -> None:
+        await learned_two(parts)
+        parts.supervisor.dead = True
+        parts.actuator.touching._hear(LoopDied("killed"))
+        sweep = sweep_of(parts)
+        assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
+        assert parts.present.state().touch.learned == []  # as in a new loop
+        await asyncio.sleep(0.1)
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 11.5))
+        assert parts.actuator.touching.sweep.problem == ""
+
+    stepped(database, load_parameters("lab"), dies)
 
 
 @pytest.mark.live
