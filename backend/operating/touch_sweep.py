@@ -152,18 +152,16 @@ class TouchSweep:
             f"at {in_digits(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
         )
 
-    async def _go(self, S_ref: float, who: str = "") -> Accepted:
-        q_ref = self._held[0]
-        accepted = await self._command(SetReferences(q_ref, S_ref))
-        text = f"S_ref {in_digits(S_ref)} N·m/rad, to learn the outside force" if who else _BACK.format(S_ref)
-        self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
+    async def _go(self, S_ref: float, who: str = "", why: str = "to learn the outside force") -> Accepted:
+        accepted = await self._command(SetReferences(self._held[0], S_ref))
+        self._journal.note(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref)} N·m/rad, {why}", accepted.tick, who)
         return accepted
 
     async def _put_back(self) -> None:
         """Hold S as it was before, where the joint is still held for it."""
         if self._present.mode is Mode.RUN and self._supervisor.alive:
             with suppress(RefusalError, LoopDiedError):
-                await self._go(self._held[1])
+                await self._go(self._held[1], why="as before learning")
 
     def _show(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
@@ -193,9 +191,6 @@ class TouchSweep:
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
             return "the outside force is not known yet, the motors' zeros come with pretension"
         return touched_by(rows)
-
-
-_BACK = "S_ref {:g} N·m/rad, as before learning"
 
 
 def _restless(rows: NDArray[np.float64], S_ref: float) -> str:
