@@ -7,7 +7,16 @@ import numpy as np
 
 from backend.experiments.results.bode import UNLIKE, Array, Complex, Lines
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Section, Table, shown
-from backend.reports.drawing import COLOURS, LIMIT_GREY, figure, limit_line, panel_letter, to_svg, upper_legend
+from backend.reports.drawing import (
+    COLOURS,
+    LIMIT_GREY,
+    figure,
+    frequency_axis,
+    limit_line,
+    panel_letter,
+    to_svg,
+    upper_legend,
+)
 
 MOST_NAMED = 8
 """More runs than this are not named beside their curves: their colours tell the order."""
@@ -92,7 +101,8 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
                 label = f"${lines.signal}$"
                 panel.semilogx(lines.f[kept], values[kept], "o", color=colour, markersize=2.6, label=label)
                 panel.semilogx(lines.f[~kept], values[~kept], "x", color=LIMIT_GREY, markersize=3.0)
-        limit_line(axes[0], -3.0103, "−3 dB")
+        limit_line(axes[0], -3.0103, "−3 dB", above=True)
+        frequency_axis(axes[1])
         low, high = axes[0].get_ylim()
         axes[0].set(ylabel="Gain [dB]", ylim=(max(low, _BELOW_DB), max(high, 1.0)))
         axes[1].set(ylabel="Phase [°]", xlabel="f [Hz]")
@@ -120,10 +130,9 @@ def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
                         panel.semilogx(f, of(lines.predicted.response(f)), color=colour, linewidth=0.7)
             axes[0][column].set_ylabel(f"Gain of ${signal}$ [dB]")
             axes[1][column].set(ylabel=f"Phase of ${signal}$ [°]", xlabel="f [Hz]")
+            frequency_axis(axes[1][column])
         if len(runs) <= MOST_NAMED:
-            axes[0][1].legend(
-                loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.1, columnspacing=1.2
-            )
+            upper_legend(axes[0][1])
         return to_svg(drawn, name)
 
 

@@ -19,7 +19,17 @@ from backend.recording.columns import Columns
 from backend.reports import bode, held, pushed
 from backend.reports.compliance import force_panels
 from backend.reports.document import Figure, Report, Section
-from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.drawing import (
+    COLOURS,
+    axis_label,
+    figure,
+    frequency_axis,
+    in_unit,
+    panel_letter,
+    thinned,
+    to_svg,
+    upper_legend,
+)
 from backend.reports.experiment import experiment_report
 from backend.reports.impact import CAPTION, impact_panels, impact_tables
 from backend.reports.robustness import error_panels
@@ -170,6 +180,7 @@ def response_panels(found: tuple[Response, ...], name: str) -> str:
         axes[0].set_ylabel("Gain [dB]")
         axes[1].set_ylabel("Phase [°]")
         axes[1].set_xlabel("f [Hz]")
+        frequency_axis(axes[1])
         for panel, letter in zip(axes, "AB", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)

@@ -12,6 +12,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
@@ -39,6 +40,7 @@ WIDTH_IN = 6.7
 
 _STYLE = Path(__file__).with_name("report.mplstyle")
 _BUCKETS = 900
+_FEW_NAMED = 5
 
 
 @contextmanager
@@ -103,23 +105,39 @@ def panel_letter(axes: Axes, letter: str) -> None:
 
 def upper_legend(axes: Axes) -> None:
     """Put the legend in one line above the upper right corner, clear of all curves."""
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)
+    named = max(len(axes.get_legend_handles_labels()[1]), 1)
+    apart, handle = (1.2, 1.8) if named <= _FEW_NAMED else (0.8, 0.9)
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=named,
+        borderaxespad=0.1,
+        columnspacing=apart,
+        handlelength=handle,
+    )
 
 
-def limit_line(axes: Axes, value: float, label: str) -> None:
-    """Draw a bound in grey, named at its left end."""
+def limit_line(axes: Axes, value: float, label: str, *, above: bool = False) -> None:
+    """Draw a bound in grey, named at its left end, below it or ``above``."""
     axes.axhline(value, color=LIMIT_GREY, linewidth=0.7, linestyle=(0, (1, 1.5)))
     axes.annotate(
         label,
         (0.0, value),
         xycoords=("axes fraction", "data"),
-        xytext=(3, -1.5),
+        xytext=(3, 1.5 if above else -1.5),
         textcoords="offset points",
         ha="left",
-        va="top",
+        va="bottom" if above else "top",
         fontsize=6.5,
         color=LIMIT_GREY,
     )
+
+
+def frequency_axis(axes: Axes) -> None:
+    """Write frequencies [Hz] at an axis as they are spoken of, at 1, 2 and 5 of each decade."""
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda f, _place: f"{f:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def in_unit(values: NDArray[np.float64], unit: str, angles: Angles) -> NDArray[np.float64]:

@@ -79,14 +79,16 @@ def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str
             labels = {signal: f"${signal}$" if place == 0 else None for signal in ("q", "S", "u_A", "u_B")}
             off = (columns["q"][window] - columns["q_ref"][window]) / count
             axes[0].plot(*thinned(t, off), color=COLOURS["q"], linewidth=0.7, label=labels["q"])
-            off = columns["S"][window] - columns["S_ref"][window]
+            off = 1e3 * (columns["S"][window] - columns["S_ref"][window])
             axes[1].plot(*thinned(t, off), color=COLOURS["S"], linewidth=0.7, label=labels["S"])
             for signal in ("u_A", "u_B"):
                 u = columns[signal][window]
-                axes[2].plot(*thinned(t, u - u.mean()), color=COLOURS[signal], linewidth=0.7, label=labels[signal])
+                axes[2].plot(
+                    *thinned(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
+                )
         axes[0].set_ylabel("q off [counts]")
-        axes[1].set_ylabel("S off [N·m/rad]")
-        axes[2].set(xlabel="t [s]", ylabel="u − mean [V]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
+        axes[1].set_ylabel("S off [mN·m/rad]")
+        axes[2].set(xlabel="t [s]", ylabel="u − mean [mV]", xlim=(0.0, max(one.end_s - one.start_s for one in found)))
         for panel, letter in zip(axes, "ABC", strict=True):
             upper_legend(panel)
             panel_letter(panel, letter)

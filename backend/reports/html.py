@@ -6,7 +6,7 @@ from importlib import resources
 
 from backend.reports.document import Block, Figure, Paragraph, Report, Section, Table
 
-_SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)\b|·10\^(?P<power>−?\d+)"
+_SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)(?P<hat>_hat)?\b|·10\^(?P<power>−?\d+)"
 _SYMBOLS = re.compile(_SYMBOL)
 _SIZES = 1, 2, 4, 8
 """How many times as large a figure can be looked at; ``report.css`` has a rule for each."""
@@ -121,5 +121,6 @@ def _symbol(found: dict[str, str | None]) -> str:
     if found["power"]:
         return f"·10<sup>{found['power']}</sup>"
     if found["letter"]:
-        return f"<i>{found['letter']}</i><sub>{found['index']}</sub>"
+        hat = "\N{COMBINING CIRCUMFLEX ACCENT}" if found["hat"] else ""
+        return f"<i>{found['letter']}{hat}</i><sub>{found['index']}</sub>"
     return f"<i>{found['lone']}</i>"

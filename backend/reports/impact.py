@@ -8,7 +8,7 @@ from backend.experiments.results.impact import Hit, beside_each_other
 from backend.reading import Angles, read, reading_of
 from backend.recording.columns import Columns
 from backend.reports.document import NO_FIGURE, Column, Table, shown
-from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, to_svg
+from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, to_svg, upper_legend
 from backend.reports.judgement import measured
 from plant.interface import T_s
 
@@ -80,10 +80,10 @@ def reaction_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
         Column("Approach", reading_of("rad/s", angles).unit),
         Column("Peak without", "N"),
         Column("Peak with", "N"),
-        Column("With over without", "1"),
+        Column("With over without"),
         Column("Impulse without", "N·s"),
         Column("Impulse with", "N·s"),
-        Column("With over without", "1"),
+        Column("With over without"),
     )
     rows = tuple(
         (
@@ -136,12 +136,5 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
             panel.set_ylim(bottom=0.0)
         for panel, letter in zip(axes, "ABC", strict=True):
             panel_letter(panel, letter)
-        axes[0].legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=4,
-            borderaxespad=0.1,
-            columnspacing=1.0,
-            handlelength=1.6,
-        )
+        upper_legend(axes[0])
         return to_svg(drawn, name)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from backend.documents.result import Criterion, Metrics
 from backend.identification.result import Grade
-from backend.reading import Angles, read, reading_of
+from backend.reading import Angles, read
 from backend.reports.document import Column, Section, Table, exact, shown
 from backend.reports.provenance import shown_unit
 from backend.reports.source import Source
@@ -63,7 +63,7 @@ def criteria_table(criteria: Sequence[Criterion], angles: Angles) -> Table:
             item.title,
             f"{item.relation} {exact(read(item.bound, item.unit, angles))}",
             measured(read_or_none(item.figure, item.unit, angles)),
-            reading_of(item.unit, angles).unit,
+            shown_unit(item.unit, angles),
             _with_reason(
                 _WORDS[item.passed],
                 item.reason,

@@ -40,7 +40,7 @@ def _blocks(columns: Columns, found: Sequence[Push], angles: Angles) -> Iterator
         "pushes",
         push_panels(columns, found, "pushes", angles),
         "Pushes at the joint: (A) force, (B) deviation of the joint from before the push, measured, and expected "
-        "(dashed), (C) stiffness off its reference.",
+        "(dashed), (C) stiffness off its reference; beyond the panel it is on its way to another one.",
     )
     yield push_table(found, angles)
     if why := next((one.unpredicted for one in found if one.unpredicted), ""):
@@ -67,7 +67,7 @@ def push_table(found: Sequence[Push], angles: Angles) -> Table:
         (
             one.window.shape,
             shown(one.window.pushed.start * T_s, 4),
-            shown(one.S, 3),
+            shown(one.S, 4),
             shown(one.F, 3),
             shown(one.impulse, 3),
             shown(read(one.peak_q, "rad", angles), 4),

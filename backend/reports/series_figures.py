@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from backend.documents.result import Figure
 from backend.reading import Angles, read
-from backend.reports.drawing import INK, axis_label, figure, in_unit, thinned, to_svg
+from backend.reports.drawing import INK, axis_label, figure, in_unit, thinned, to_svg, upper_legend
 from backend.reports.provenance import shown_unit
 
 _COLUMNS = 3
 _ROW_IN = 1.25
 _UNITS = {"q": "rad", "S": "N·m/rad"}
-_LEGEND = 10
+_LEGEND = 8
 """Runs that are named beside the curves; of more, first and last."""
 
 
@@ -45,7 +45,7 @@ def metric_panels(metrics: Sequence[Sequence[Figure | None]], angles: Angles) ->
             panel.set_xlim(0.5, len(items) + 0.5)
         for panel in axes.flat[len(metrics) :]:
             panel.set_visible(False)
-        for panel in axes[-1]:
+        for panel in axes.flat[max(len(metrics) - _COLUMNS, 0) : len(metrics)]:  # the lowest of each column
             panel.set_xlabel("place in the list of runs")
         return to_svg(drawn, "metrics")
 
@@ -59,7 +59,7 @@ def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angle
                 named = len(runs) <= _LEGEND or place in (0, len(runs) - 1)
                 _curve(panel, columns, signal, colours[place], f"run {number}" if named else "", angles)
             panel.set_ylabel(axis_label(signal, _UNITS[signal], angles))
-        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.1, columnspacing=1.2)
+        upper_legend(axes[0])
         axes[1].set_xlabel("t [s]")
         axes[1].set_xlim(0.0, max(float(columns["t"][-1]) for _, columns in runs) or 1.0)
         return to_svg(drawn, "curves")

@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from backend.faults import Limit
 from backend.loop.causes import Cause
@@ -28,6 +30,8 @@ from backend.tuning.models import Lambdas
 from plant.obstacle import Obstacle
 from plant.parameters import load_parameters
 from tests.loop.bench_top import BenchTop
+
+_E = TypeVar("_E")
 
 LAB = load_parameters("lab")
 FROM_N = 1.5
@@ -57,11 +61,11 @@ def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
     return bench, begun
 
 
-def gives_way(bench: BenchTop, begun: int) -> np.ndarray:
+def gives_way(bench: BenchTop, begun: int) -> NDArray[np.int64]:
     return np.flatnonzero(bench.column("limits")[begun:].astype(int) & Limit.CONTACT)
 
 
-def told(bench: BenchTop, kind: type) -> list:
+def told(bench: BenchTop, kind: type[_E]) -> list[_E]:
     return [event for event in bench.events if isinstance(event, kind)]
 
 
@@ -133,7 +137,8 @@ def test_a_contact_in_another_part_is_none() -> None:
 
 @pytest.mark.parametrize("why", ["nothing was learned", "it was learned while a hand moved the joint"])
 def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why: str) -> None:
-    first, touches = PARTS[0], (Touch(FROM_N), Touch())
+    first = PARTS[0]
+    touches: tuple[Touch, ...] = (Touch(FROM_N), Touch())
     before: tuple[Segment, ...] = (first,)
     if why != "nothing was learned":
         shaken = Segment(3.0, 0.0, 12.0, F_push=8.0, shape=Shape.SINE, period_s=0.3, wall=1)
@@ -154,7 +159,7 @@ def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -
     refused = bench.send(RunProgram(HITS, 8))
     assert isinstance(refused, Refused)
     assert "contacts from 1.2 N on" in refused.reason
-    assert bench.loop.mode is Mode.RUN
+    assert told(bench, RunEnded) == []
     assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it gives way to nothing by itself
     bench.send(SetMode(Mode.PRETENSION))
     bench.advance(5.0)

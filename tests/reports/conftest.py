@@ -7,17 +7,18 @@ from matplotlib.figure import Figure
 from backend.reports.document import Report
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
-from tests.reports.figure_labels import assert_labels_are_true
+from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
 @pytest.fixture(scope="package", autouse=True)
 def figures_tell_the_truth() -> Iterator[None]:
-    """Look at the labels of every figure that a report draws here, at the moment when it becomes a picture."""
+    """Look at the labels and words of every figure that a report draws here, when it becomes a picture."""
     drawn = Figure.savefig
 
     def looked_at(self: Figure, *args: Any, **how: Any) -> None:
         assert_labels_are_true(self)
+        assert_words_are_legible(self)
         drawn(self, *args, **how)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -3,9 +3,11 @@
 import re
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FuncFormatter
+from matplotlib.transforms import Bbox, BboxBase
 
 _WORDS = (FixedFormatter, FuncFormatter)
 """What Matplotlib makes of labels that are named one by one: the second where their places are named as well."""
@@ -35,3 +37,53 @@ def assert_true(axis: Axis) -> None:
     for tick in seen:
         read = as_read(tick.label1.get_text())
         assert abs(read - tick.get_loc()) < 1e-3 * distance, f"{read} stands at {tick.get_loc()}"
+
+
+_A_PIXEL = 1.0
+
+
+def assert_words_are_legible(drawn: Figure) -> None:
+    """No word of a figure leaves it, none lies on another panel, and what names an axis lies on none of its numbers."""
+    drawn.draw_without_rendering()
+    panels = [panel for panel in drawn.axes if panel.get_visible()]
+    for panel in panels:
+        others = [other.get_window_extent() for other in panels if other is not panel]
+        numbers = [box for axis in (panel.xaxis, panel.yaxis) for box in _numbers(axis)]
+        for what, box in _words(panel):
+            assert _within(box, drawn.bbox), f"{what} leaves the figure"
+            assert not any(_overlap(box, other) for other in others), f"{what} lies on another panel"
+            assert not any(_overlap(box, number) for number in numbers), f"{what} lies on a number of its axis"
+        for note in (text for text in panel.texts if text.get_text()):
+            box, frame = note.get_window_extent(), panel.get_window_extent()
+            assert _within(box, frame) or not _overlap(box, frame), f"{note.get_text()!r} lies on the edge of its panel"
+
+
+def _words(panel: Axes) -> list[tuple[str, Bbox]]:
+    named = [(panel.xaxis.label, "xlabel"), (panel.yaxis.label, "ylabel"), (panel.title, "title")]
+    words = [(f"{what} {text.get_text()!r}", text.get_window_extent()) for text, what in named if text.get_text()]
+    legend = panel.get_legend()
+    if legend is not None:
+        entries = ", ".join(text.get_text() for text in legend.get_texts())
+        words.append((f"legend {entries}", legend.get_window_extent()))
+    return words
+
+
+def _numbers(axis: Axis) -> list[Bbox]:
+    labels = [tick.label1 for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())]
+    return [label.get_window_extent() for label in labels if label.get_visible() and label.get_text()]
+
+
+def _within(box: Bbox, outer: BboxBase) -> bool:
+    return bool(
+        box.x0 >= outer.x0 - _A_PIXEL
+        and box.y0 >= outer.y0 - _A_PIXEL
+        and box.x1 <= outer.x1 + _A_PIXEL
+        and box.y1 <= outer.y1 + _A_PIXEL
+    )
+
+
+def _overlap(one: Bbox, other: Bbox) -> bool:
+    return bool(
+        min(one.x1, other.x1) - max(one.x0, other.x0) > _A_PIXEL
+        and min(one.y1, other.y1) - max(one.y0, other.y0) > _A_PIXEL
+    )
