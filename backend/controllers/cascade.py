@@ -122,14 +122,16 @@ def step(
     stiffness = i_p.bumpless(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
     inner = motors.bumpless(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
-    more_q, position = i_p.step(gains_q, position, r_q, y_q - pushed.q, state.correction_q, tuning.following.unseen_q)
-    more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, tuning.following.unseen_S)
+    resting = position_loop and follows and not at.moving and following.unseen(tuning.following, r_q - y_q, r_S - y_S)
+    unseen_q = math.inf if resting else tuning.following.unseen_q
+    unseen_S = math.inf if resting else tuning.following.unseen_S
+    more_q, position = i_p.step(gains_q, position, r_q, y_q - pushed.q, state.correction_q, unseen_q)
+    more_S, stiffness = i_p.step(gains_S, stiffness, r_S, y_S, state.correction_S, unseen_S)
     q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
     if not position_loop:
         q_c = at.q_e if follows else at.reference.q_ref
     allowed, within = envelope.step(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
-    resting = position_loop and follows and not at.moving and following.unseen(tuning.following, r_q - y_q, r_S - y_S)
     motor, inner = motors.step(
         tuning.motors,
         inner,
@@ -140,7 +142,7 @@ def step(
         tuning.u_max,
         at.u_A,
         at.u_B,
-        math.inf if resting else 0.0,
+        resting,
     )
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
@@ -150,9 +152,7 @@ def step(
     correction_q = clipped_q + (allowed.q_c - q_c) / TRACKING_TIME_S
     correction_S = clipped_S + (allowed.S_c - S_c) / TRACKING_TIME_S
 
-    alone = inner
-    if follows:
-        alone = following.absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m)
+    alone = following.absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m) if follows else inner
     clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
     clipped_s, reserve = following.patient(state.clipped_s, state.reserve, clipped, at.moving)
 

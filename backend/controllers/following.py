@@ -13,11 +13,16 @@ LESS = 0.9
 """What is left of the budget then."""
 
 
+NEARLY = 1.2
+"""Rest is granted at so many times what the position's integrator leaves alone: a reference half-way between two counts
+is read half a count off wherever the joint is, and a little more by one of the two."""
+
+
 class Following(NamedTuple):
     """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
 
     ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone. While both are
-    within, and the references stand, the motors' integrators rest too.
+    nearly within, and the references stand, all integrators rest.
     """
 
     budget: float
@@ -61,7 +66,7 @@ def planned(p: plan.Now, by: plan.Driven) -> Followed:
 @compiled
 def unseen(f: Following, e_q: float, e_S: float) -> bool:
     """Whether the errors of position [rad] and stiffness [N·m/rad] are both so small that they are left alone."""
-    return abs(e_q) <= f.unseen_q and abs(e_S) <= f.unseen_S
+    return abs(e_q) <= NEARLY * f.unseen_q and abs(e_S) <= f.unseen_S
 
 
 @compiled

@@ -40,15 +40,15 @@ def step(
     u_max: float,
     forward_A: float = 0.0,
     forward_B: float = 0.0,
-    unseen: float = 0.0,
+    resting: bool = False,
 ) -> tuple[Output, State]:
     """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
 
-    ``forward_A``, ``forward_B`` [V] come on top of what the loops give. Their integrators leave errors of up to
-    ``unseen`` [rad] alone.
+    ``forward_A``, ``forward_B`` [V] come on top of what the loops give. While they are ``resting`` their
+    integrators leave errors alone.
     """
-    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, unseen)
-    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, unseen)
+    u_A, excess_A, state_A = i_pd.step(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, resting)
+    u_B, excess_B, state_B = i_pd.step(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, resting)
     return Output(u_A, u_B, excess_A, excess_B), State(state_A, state_B)
 
 

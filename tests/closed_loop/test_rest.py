@@ -28,8 +28,9 @@ WAYS = (
     ((1.0, 14.0), (-1.0, 9.0)),
     ((0.2, 12.0), (0.2, 13.0)),
     ((-1.2, 9.0), (0.7, 13.0)),
+    ((-0.6, 9.0), (-380.55 * COUNT, 14.8)),
 )
-"""From, to: position [rad] and stiffness [N·m/rad]."""
+"""From, to: position [rad] and stiffness [N·m/rad]; the last of them half-way between two counts."""
 
 
 class Hold(NamedTuple):
@@ -71,17 +72,17 @@ def worst(holds: list[Hold]) -> Hold:
     return Hold(*np.max(holds, axis=0).tolist())
 
 
-@pytest.mark.parametrize(("name", "settled_s"), [("lab-stick", 5), ("lab", 12)])
-def test_a_hold_is_quiet(name: str, settled_s: int) -> None:
-    """Motors on smoothed friction creep for ten seconds and more before they stand; friction that sticks holds them."""
+@pytest.mark.parametrize("name", ["lab", "lab-stick"])
+def test_a_hold_is_quiet(name: str) -> None:
+    """On friction that sticks, and on smoothed friction, along which motors creep to where they stand."""
     plant = load_parameters(name)
-    hold = worst([after_move(plant, way, usual_budget(plant), settled_s) for way in WAYS])
+    hold = worst([after_move(plant, way, usual_budget(plant), 5) for way in WAYS])
     assert hold.q <= 0.3
     assert hold.off <= 1.0
     assert hold.u <= 0.15
     assert hold.S <= 0.005
     assert hold.moving == 0.0
-    assert hold.theta <= (0.5 if name == "lab-stick" else 10.0)
+    assert hold.theta <= (0.5 if name == "lab-stick" else 2.0)
 
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])
@@ -122,7 +123,13 @@ def test_a_push_at_rest_is_pushed_back(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("position_loop", "rate", "off", "rests"),
-    [(True, 0.0, 0.0, True), (False, 0.0, 0.0, False), (True, 0.001, 0.0, False), (True, 0.0, COUNT, False)],
+    [
+        (True, 0.0, 0.0, True),
+        (False, 0.0, 0.0, False),
+        (True, 0.001, 0.0, False),
+        (True, 0.0, 0.58 * COUNT, True),
+        (True, 0.0, -0.62 * COUNT, False),
+    ],
 )
 def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     position_loop: bool, rate: float, off: float, rests: bool
@@ -134,10 +141,10 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     _, law = at_rest(rig_of(lab), tuning, 0.3, 10.0)
     m = Measurement(0.3 + off, theta_A + MOTOR_COUNT, theta_B - MOTOR_COUNT, 17.0, 17.0, 10.0, 0.0, 0.0)
     integrals = []
-    for k in range(20):
+    for k in range(600):
         _, law = cascade.step(tuning, law, References(0.3 + rate * 1e-3 * k, 10.0), position_loop, m)
         integrals.append(law.motors.A.integral)
-    assert (len(set(integrals[5:])) == 1) == rests
+    assert (np.ptp(integrals[500:]) < 1e-9) == rests
 
 
 @pytest.mark.parametrize(("e", "seen"), [(0.0, 0.0), (0.3, 0.0), (-0.5, 0.0), (0.7, 0.2), (-2.0, -1.5)])

@@ -71,3 +71,32 @@ def test_rest_state_holds_its_voltage() -> None:
         u, excess, state = i_pd.step(gains, state, 3.0, 3.0, 10.0)
         assert u == pytest.approx(0.25, abs=1e-12)
         assert excess == 0.0
+
+
+@pytest.mark.parametrize("k", [3, 400])
+def test_a_motor_that_rests_is_held_where_it_stands(k: int) -> None:
+    """By 1 + HOLDS times k_p, whatever its reference is, and with the same voltage on entering and on leaving."""
+    gains, delta = motor_gains(K_m, T_m, 0.0854), 0.01
+    state = i_pd.at_rest(gains, 3.0, 0.25)
+    first, _, state = i_pd.step(gains, state, 3.5, 3.0, 10.0, resting=True)
+    assert first == pytest.approx(0.25, abs=1e-12)
+    for _ in range(k):
+        before = state
+        u, _, state = i_pd.step(gains, state, 3.5, 3.0 + delta, 10.0, resting=True)
+    left, _, _ = i_pd.step(gains, before, 3.5, 3.0 + delta, 10.0)
+    assert left == u
+    if k > 300:
+        assert u == pytest.approx(0.25 - (1.0 + i_pd.HOLDS) * gains.k_p * delta, abs=1e-6)
+
+
+def test_a_motor_that_rests_without_friction_is_damped() -> None:
+    """Pushed off by 0.01 rad it swings to the other side by 0.6 of that at most, and comes to rest."""
+    gains = motor_gains(K_m, T_m, 0.0854)
+    state = i_pd.at_rest(gains, 0.0, 0.0)
+    theta, omega, path = 0.01, 0.0, np.empty(2000)
+    for k in range(path.size):
+        path[k] = theta
+        u, _, state = i_pd.step(gains, state, 0.0, theta, 10.0, resting=True)
+        theta, omega = motor(theta, omega, u)
+    assert path.min() > -0.6 * path[0]
+    assert np.max(np.abs(path[1000:])) < 1e-4
