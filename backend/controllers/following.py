@@ -12,7 +12,6 @@ PATIENCE_S = 0.1
 LESS = 0.9
 """What is left of the budget then."""
 
-
 NEARLY = 1.2
 """Rest is granted at so many times what the position's integrator leaves alone: a reference half-way between two counts
 is read half a count off wherever the joint is, and a little more by one of the two."""
