@@ -70,15 +70,19 @@ function Tooltip({ shown }: { shown: Explained }) {
   );
 }
 
-/** Below the word, above it where there is no room; within the window and clear of the header. */
+/**
+ * Below the word, above it where there is no room; in a table beside it, so that the next row is not covered. Always
+ * within the window, and clear of the header.
+ */
 function place(tooltip: HTMLElement, anchor: HTMLElement): void {
   const at = anchor.getBoundingClientRect();
   const { width, height } = tooltip.getBoundingClientRect();
   const head = document.querySelector("header")?.getBoundingClientRect().bottom ?? 0;
-  const below = at.bottom + GAP;
+  const [right, bottom] = [window.innerWidth - EDGE, window.innerHeight - EDGE];
+  const beside = anchor.closest("td, tr > th:only-of-type") !== null && at.right + GAP + width <= right;
   const above = at.top - GAP - height;
-  const fits = below + height <= window.innerHeight - EDGE;
-  const top = fits || above < head + EDGE ? Math.min(below, window.innerHeight - EDGE - height) : above;
-  tooltip.style.top = `${Math.max(top, head + GAP)}px`;
-  tooltip.style.left = `${Math.max(EDGE, Math.min(at.left, window.innerWidth - EDGE - width))}px`;
+  const under = at.bottom + GAP;
+  const vertical = beside ? at.top : under + height <= bottom || above < head + GAP ? under : above;
+  tooltip.style.top = `${Math.max(Math.min(vertical, bottom - height), head + GAP)}px`;
+  tooltip.style.left = `${Math.max(EDGE, Math.min(beside ? at.right + GAP : at.left, right - width))}px`;
 }

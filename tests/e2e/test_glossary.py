@@ -1,0 +1,169 @@
+"""Words explain themselves in place, in what the service itself says of them; and all of them are to be looked up."""
+
+import re
+from typing import Literal
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect
+
+from backend.faults import EXPLAINED, Fault
+from backend.glossary.entry import Kind
+from backend.glossary.typescript import glossary
+from tests.api.conftest import client_with
+from tests.e2e.browser import DESKTOP
+from tests.e2e.layout import covered
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.service import Service
+from tests.e2e.test_accessibility import PHONE, violations
+
+STOP = "button[aria-label=STOP]"
+ENTRIES = glossary()
+
+
+def tooltip(page: Page) -> Locator:
+    return page.get_by_role("tooltip")
+
+
+def term(page: Page, text: str, within: Locator | None = None) -> Locator:
+    return (within or page).get_by_role("term").filter(has_text=re.compile(f"^{re.escape(text)}$")).first
+
+
+def told(page: Page, key: str) -> None:
+    """Expect the one explanation to be that of the service's own sources, angles as they are read here."""
+    entry = ENTRIES[key]
+    expect(tooltip(page)).to_have_count(1)
+    for words in (entry.meaning, entry.equation, entry.source, *(text for _, text in entry.more)):
+        if "rad" not in words.split():
+            expect(tooltip(page)).to_contain_text(words)
+
+
+def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    tuning = page.get_by_role("region", name="Tuning", exact=True)
+    expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    before = tuning.bounding_box()
+
+    term(page, "Ms", tuning).hover()
+    told(page, "quantity:M_s")
+    assert covered(page, STOP) == []
+    page.keyboard.press("Escape")
+    expect(tooltip(page)).to_have_count(0)
+    term(page, "GM", tuning).hover()
+    told(page, "quantity:gain_margin")
+    assert tuning.bounding_box() == before  # what is explained moves nothing
+    page.mouse.move(2, 450)
+    expect(tooltip(page)).to_have_count(0)
+
+    # one word of the card is on the way of the Tab key, the others are an arrow key away
+    assert tuning.get_by_role("term").evaluate_all("all => all.filter(one => one.tabIndex === 0).length") == 1
+    first = term(page, "λq", tuning)
+    first.focus()
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Tab")
+    expect(first).to_be_focused()
+    told(page, "signal:lam_q")
+    page.keyboard.press("ArrowRight")
+    told(page, "quantity:M_s")
+    expect(term(page, "Ms", tuning)).to_have_attribute("aria-describedby", str(tooltip(page).get_attribute("id")))
+    expect(term(page, "Ms", tuning)).to_have_accessible_description(re.compile("maximum sensitivity"))
+    page.keyboard.press("Escape")
+    expect(tooltip(page)).to_have_count(0)
+
+    # a switch of a legend says what its signal is, and a chart what it shows
+    operator.legend("Tendon force", "F_B").hover()
+    told(page, "signal:F_B")
+    term(page, "Joint stiffness").hover()
+    expect(tooltip(page)).to_contain_text(ENTRIES["signal:S"].equation)
+    expect(tooltip(page)).to_contain_text(ENTRIES["signal:S_ref"].meaning)
+
+
+def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    operator.press("STOP")
+    fault = page.get_by_role("alert", name="Fault", exact=True)
+    expect(fault).to_contain_text(EXPLAINED[Fault.STOP_PRESSED].message)
+    with client_with(operator.service, "token") as script:
+        latched = script.get("/api/state").json()["fault"]
+    fault.get_by_role("term").hover()
+    told(page, f"fault:{latched['code']}")
+    expect(tooltip(page)).to_contain_text(latched["message"])
+    expect(tooltip(page)).to_contain_text(latched["remedy"])
+    page.mouse.move(2, 450)
+    operator.press("Reset")
+    operator.go("System")
+    chain = page.get_by_role("region", name="Safety chain", exact=True)
+    chain.get_by_role("term").last.hover()
+    told(page, "chain:safety_module")
+
+
+def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    operator.be_in_run()
+    operator.go("Experiments")
+    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("sequence")
+    for _ in range(2):
+        page.get_by_role("button", name="Remove segment 2", exact=True).click()
+    operator.fill("Time [s] of segment 1", 1)
+    operator.fill("Time [s] of segment 2", 2)
+    page.locator("main form").first.get_by_role("button", name=re.compile("^Start ")).click()
+    done = page.get_by_role("region", name="Result", exact=True)
+    expect(done.get_by_role("table", name="Metrics")).to_be_visible(timeout=3 * MOTION_TIMEOUT_MS)
+    run = int(page.url.rsplit("/", 1)[1])
+    with client_with(operator.service, "token") as script:
+        result = script.get(f"/api/experiments/{run}").json()
+    for metric in result["metrics"]:
+        term(page, metric["label"], done).hover()
+        expect(tooltip(page)).to_contain_text(ENTRIES[f"figure:{metric['name']}"].equation)
+        if "rad" not in metric["definition"].split():
+            expect(tooltip(page)).to_contain_text(metric["definition"])
+    verdict = done.get_by_role("term").filter(has_text=result["verdict"])
+    verdict.hover()
+    told(page, f"outcome:{result['outcome']}")
+
+
+def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
+    page = operator.page
+    operator.sign_in()
+    page.keyboard.press("?")
+    page.get_by_role("dialog", name="Keyboard shortcuts").get_by_role("link", name="Glossary").click()
+    expect(page.get_by_role("heading", level=1, name="Glossary")).to_be_visible()
+    expect(page.get_by_role("status", name="Found")).to_have_text(f"{len(ENTRIES)} entries")
+    faults = page.get_by_role("region", name="Faults", exact=True)
+    listed = sum(entry.kind is Kind.FAULT for entry in ENTRIES.values())
+    expect(faults.get_by_role("listitem")).to_have_count(listed)
+    page.get_by_role("textbox", name="Look up").fill("card watchdog drives")
+    expect(page.get_by_role("main")).to_contain_text(EXPLAINED[Fault.WATCHDOG].message)
+    expect(page.get_by_role("region", name="Modes", exact=True)).to_have_count(0)
+    page.get_by_role("textbox", name="Look up").fill("no such word")
+    expect(page.get_by_role("status", name="Found")).to_have_text("0 entries")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_explanations_violate_no_rule_and_stay_in_the_window(
+    browser: Browser, service: Service, scheme: Literal["light", "dark"], size: ViewportSize
+) -> None:
+    context = browser.new_context(viewport=size, color_scheme=scheme, has_touch=True, reduced_motion="reduce")
+    operator = Operator(context.new_page(), service)
+    page = operator.page
+    operator.sign_in()
+    operator.go("Operate")
+    expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_attached(timeout=MOTION_TIMEOUT_MS)
+    for word in ("Ms", "PM", "Motor voltage"):
+        term(page, word).tap()
+        expect(tooltip(page)).to_be_in_viewport(ratio=1)
+        assert covered(page, STOP) == []
+        # what lies over a control for as long as it is asked for makes it no smaller
+        assert [one for one in violations(page) if not one.startswith("target-size")] == []
+    page.keyboard.press("Escape")
+    assert violations(page) == []
+    page.goto(f"{page.url.split('#')[0]}#/glossary")
+    expect(page.get_by_role("status", name="Found")).to_be_visible()
+    assert violations(page) == []
+    assert page.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0
+    context.close()
