@@ -93,6 +93,22 @@ def test_on_the_ideal_plant_peaks_are_those_expected_with_a_plan_and_without(u_p
     assert 1.0 < (played.metrics.value_of("pushed_static_ratio") or 0.0) < 2.0
 
 
+@pytest.mark.parametrize("begun_with", [0.0, 0.8])
+def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_with: float) -> None:
+    """A computed run learns first; the program then changes k_ext on its way. The second push is as the first one."""
+    text = with_parts(HELD, STEP, REST, "{do: tuning, k_ext: 0.4}", STEP, REST, more="measures: [pushes]\n")
+    settings = LoopSettings(lam_q=1.0, u_plan=8.5, k_ext=begun_with)
+    played = play_in_memory(IDEAL, plan_of(text), settings, lambda _: pytest.fail("no bank"))
+    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
+    plan = plan_of(text)
+    choice = TuningChoice(lam_q=1.0, u_plan=8.5, k_ext=begun_with)
+    first, second = pushes_seen(columns(plan), plan.program(), of(plan, choice))
+    assert first.expected is not None
+    assert second.expected is not None
+    left = [float(abs(one.expected[900])) for one in (first, second)]
+    assert (left[1] < 0.75 * left[0]) if begun_with == 0.0 else (left[1] > 1.25 * left[0])
+
+
 def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviation() -> None:
     text = with_parts(HELD, STEP, REST, more="measures: [pushes]\nlaw: compliance\n")
     played = play_in_memory(IDEAL, plan_of(text), LoopSettings(), lambda _: pytest.fail("no bank"))
