@@ -98,14 +98,14 @@ function PushForecast({ forecast, missing }: Pick<RejectionControlProps, "foreca
     </Shown>
   );
   return (
-    <output className={styles.forecast} aria-label="Forecast of a push">
+    <output className={styles.pushForecast} aria-label="Forecast of a push">
       {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
       <Shown value={without?.give} why={missing}>
         {(give) => `${angleText(give, 1, angles)} ${angles}`}
       </Shown>
       , back after {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 1)} s`))}; feels like{" "}
-      {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad leant on (0.1 Hz),{" "}
-      {figure(({ felt_fast }) => fixed(felt_fast, 1))} shaken (1 Hz)
+      {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}
+      {figure(({ felt_fast }) => fixed(felt_fast, 1))} at 1 Hz
     </output>
   );
 }
