@@ -67,6 +67,8 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
             controller += f"; references followed by a plan of {exact(loop.u_plan)} V"
         elif source.run.kind == RunKind.TRACKING:
             controller += "; references slowed down by the governor, as in the paper"
+        if loop.k_ext:
+            controller += f"; pushes rejected by feed-forward, k_ext = {exact(loop.k_ext)}"
     lines = [Fact("Tuning", ", ".join(parts)), Fact("Controller", controller)]
     if source.run.plant in SIMULATED and loop.seed is not None:
         lines.append(Fact("Seed", str(loop.seed)))

@@ -67,7 +67,7 @@ class TuningChoice:
         return ", ".join(text for name, text in self.parts_in_words().items() if name != "bank")
 
     def parts_in_words(self) -> dict[str, str]:
-        """Return each part by name as a person reads it: "λ_q 0.5 s", "gains from geometry"."""
+        """Return each part by name as a person reads it: "λ_q 0.5 s", "gains from geometry"; no k_ext of 0."""
         words = {
             setting.name: f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
             + ("" if setting.unit == "1" else f" {setting.unit}")
@@ -76,7 +76,7 @@ class TuningChoice:
         if self.u_plan == 0.0:
             words["u_plan"] = "references slowed down by the governor"
         if self.k_ext == 0.0:
-            words["k_ext"] = "pushes left to the position loop"
+            del words["k_ext"]  # pushes are left to the position loop, as nothing else is said
         words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
         words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
         return words
