@@ -695,6 +695,13 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "unit": "V",
     "source": "docs/decisions, decision 0046"
   },
+  "quantity:k_ext": {
+    "kind": "quantity",
+    "name": "k_ext",
+    "term": "k_ext",
+    "meaning": "share of the estimated outside force that is fed forward against it, 0 for none",
+    "source": "docs/decisions, decision 0048"
+  },
   "quantity:q_c": {
     "kind": "quantity",
     "name": "q_c",
