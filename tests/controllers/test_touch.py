@@ -116,5 +116,5 @@ def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(l
         seen.append(state.tau_ext)
     weights = np.exp(-T_S / touch.MEAN_S * np.arange(q.size)[::-1])
     mean = np.average(seen, weights=weights)
-    assert state.mean == pytest.approx(mean, abs=0.02 * np.std(seen))
+    assert state.mean == pytest.approx(mean, abs=0.02 * float(np.std(seen)))
     assert state.variance == pytest.approx(np.average((np.array(seen) - mean) ** 2, weights=weights), rel=0.1)

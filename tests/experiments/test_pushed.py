@@ -102,10 +102,9 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
     assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
     choice = TuningChoice(lam_q=1.0, u_plan=8.5, k_ext=begun_with)
-    first, second = pushes_seen(columns(plan), plan.program(), of(plan, choice))
-    assert first.expected is not None
-    assert second.expected is not None
-    left = [float(abs(one.expected[900])) for one in (first, second)]
+    pushes = pushes_seen(columns(plan), plan.program(), of(plan, choice))
+    left = [float(abs(one.expected[900])) for one in pushes if one.expected is not None]
+    assert len(left) == 2
     assert (left[1] < 0.75 * left[0]) if begun_with == 0.0 else (left[1] > 1.25 * left[0])
 
 
