@@ -1,6 +1,7 @@
 """The outside force without a sensor: what the observer says against the force that acts, and how late."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -118,3 +119,13 @@ def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(l
     mean = np.average(seen, weights=weights)
     assert state.mean == pytest.approx(mean, abs=0.02 * float(np.std(seen)))
     assert state.variance == pytest.approx(np.average((np.array(seen) - mean) ** 2, weights=weights), rel=0.1)
+
+
+def test_a_joint_without_damping_is_the_limit_of_one_that_has_little(lab: PlantParameters) -> None:
+    """Below what the closed form can tell, q under a torque of its own is T_s²/(2 J_j), as of any mass."""
+    g = lab.geometry
+    observers = [touch.observer_for(replace(lab, geometry=replace(g, B_j=g.J_j * b))) for b in (0.0, 1e-4, 0.1)]
+    for observer in observers:
+        assert observer.q_of_tau == pytest.approx(0.5 * T_S**2 / g.J_j, rel=1e-4)
+        assert observer.q_of_q_dot == pytest.approx(T_S, rel=1e-4)
+        assert observer[1:] == pytest.approx(observers[0][1:], rel=1e-3)
