@@ -1,12 +1,16 @@
 """Everything that happened, as the log shows it."""
 
 from datetime import datetime
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AwareDatetime, Field
 
 from backend.messages.base import Schema, quantity
 from backend.storage.events import EventKind
 from backend.storage.index_schema import TAG_MAX
+
+Instant = Annotated[AwareDatetime, Field(json_schema_extra={"maxLength": 40})]
+"""A time with its zone; what is longer than that is none."""
 
 
 class TimelineEntry(Schema):
@@ -36,4 +40,6 @@ class Remark(Schema):
     """What a person says of an event; with neither note nor tags it is taken off."""
 
     note: str = Field(default="", max_length=10_000)
-    tags: list[str] = Field(default=[], max_length=100, description=f"words of at most {TAG_MAX} characters")
+    tags: list[Annotated[str, Field(max_length=10 * TAG_MAX)]] = Field(
+        default=[], max_length=100, description=f"words of at most {TAG_MAX} characters"
+    )

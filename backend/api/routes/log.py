@@ -3,14 +3,13 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
-from pydantic import AwareDatetime
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import DATA, download
 from backend.api.service import RowId, ServiceInUse
 from backend.exports.formats import MEDIA_TYPES, DataFormat
 from backend.messages.flight import FlightList
-from backend.messages.timeline import Remark, Timeline
+from backend.messages.timeline import Instant, Remark, Timeline
 from backend.storage.events import EventKind
 from backend.storage.timeline import Asked
 
@@ -23,8 +22,8 @@ async def get_log(
     _person: SignedIn,
     kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
     words: Annotated[str, Query(max_length=400, description="each of these words, in text, person, note or tag")] = "",
-    since: Annotated[AwareDatetime | None, Query(description="from this time on")] = None,
-    before: Annotated[AwareDatetime | None, Query(description="before this time")] = None,
+    since: Annotated[Instant | None, Query(description="from this time on")] = None,
+    before: Annotated[Instant | None, Query(description="before this time")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
