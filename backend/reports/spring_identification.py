@@ -98,6 +98,10 @@ def _figures(springs: Mapping[str, SpringFound]) -> tuple[Block, ...]:
     )
 
 
+SMALL_N = 0.05
+"""Errors that stay below are drawn in mN: a number in N would have no room beside its axis."""
+
+
 def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
     """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):
@@ -111,14 +115,16 @@ def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
             force.plot(curve_x, curve, color=INK, linewidth=0.8, label=f"order {recommended}")
             force.set_ylabel(f"$F_{side}$ [N]")
             upper_legend(force)
+            small = max(np.max(np.abs(errors)) for errors in found.errors.values()) < SMALL_N
+            factor, unit = (1e3, "mN") if small else (1.0, "N")
             for order, errors in found.errors.items():
                 drawn_in = _ORDER_COLOURS.get(int(order), LIMIT_GREY)
                 for way, marker in ((rising, "."), (~rising, "x")):
                     label = f"order {order}" if marker == "." else None
                     style = {"color": drawn_in, "linestyle": "none", "marker": marker, "markersize": 2.0}
-                    error.plot(x[way], np.array(errors)[way], label=label, markeredgewidth=0.4, **style)
+                    error.plot(x[way], factor * np.array(errors)[way], label=label, markeredgewidth=0.4, **style)
             error.axhline(0.0, color=LIMIT_GREY, linewidth=0.5)
-            error.set(xlabel=f"$x_{side}$ [mm]", ylabel="error [N]")
+            error.set(xlabel=f"$x_{side}$ [mm]", ylabel=f"error [{unit}]")
             error.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)
             panel_letter(force, "AB"[column])
             panel_letter(error, "CD"[column])

@@ -43,7 +43,7 @@ def test_a_run_begins_and_ends_in_it_and_an_order_stands_at_its_second(running: 
     tick = running.get("/api/state").json()["tick"]
 
     def ordered() -> dict[str, Any] | None:
-        return next((entry for entry in log(running, kind="references") if entry["t"] is not None), None)
+        return next((entry for entry in log(running, kind="references") if entry["run"] == run), None)
 
     entry = until(ordered)
     assert entry["run"] == run
