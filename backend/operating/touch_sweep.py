@@ -127,8 +127,10 @@ class TouchSweep:
         except Exception as error:
             _LOG.exception("learning over S died")
             why = self._died(f"{type(error).__name__}: {error}")
-        await self._put_back()
-        self._end(why)
+        try:
+            await self._put_back()
+        finally:  # whatever becomes of that, it is not shown as going on
+            self._end(why)
 
     def _died(self, cause: str) -> str:
         self.problem = f"Learning over S died ({cause}): what was learned until then stays. Begin it again."

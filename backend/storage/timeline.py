@@ -79,7 +79,7 @@ def _merged(session: Session, asked: Asked, limit: int | None) -> list[Happening
 
 
 def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
-    """Put a note and tags on an event of the station in the place of those before; nothing takes them off.
+    """Put a note and tags on an event of the station in the place of those before; with neither they go.
 
     Raises UnknownRecordError, TagError, RefusalError for a note that is too long or too many tags.
     """
