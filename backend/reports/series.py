@@ -133,7 +133,7 @@ def _set_to(source: Source, angles: Angles) -> Iterator[tuple[str, str]]:
     yield "name of the parameters", run.parameters_name
     yield "Sinew", run.software
     yield from (run.set_to.versions or {}).items()
-    if text := (run.set_to.plan or {}).get("experiment"):
+    if text := run.set_to.experiment:
         yield "text of the experiment, sha256", digest_of(text)[:_DIGITS]
     yield "bank", "none" if bank is None else f"“{bank.name}” version {bank.version}"
     if bank is not None:
