@@ -32,6 +32,7 @@ const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
 const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
+const DocsPage = lazy(() => import("./pages/docs/DocsPage"));
 const GlossaryPage = lazy(() => import("./pages/glossary/GlossaryPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const LogPage = lazy(() => import("./pages/log/LogPage"));
@@ -43,6 +44,7 @@ const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
 const EXPERIMENTS = numbered("experiments");
 const STUDIES = numbered("studies");
+const DOCS = /^\/docs(?:\/(?<rest>.+))?$/;
 
 export function App() {
   const session = useQuery(sessionQuery);
@@ -81,6 +83,7 @@ function Shell() {
     ["?", toggle],
     ["c", setup.toggle],
     ["g", () => go("/glossary")],
+    ["d", () => go("/docs")],
     ...pages.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
   ]);
   const { angles } = usePreferences().preferences;
@@ -105,6 +108,7 @@ function Shell() {
                 <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
                 <Route path="/log" component={LogPage} />
+                <Route path={DOCS} component={DocsPage} />
                 <Route path="/glossary" component={GlossaryPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />
