@@ -1,4 +1,4 @@
-"""What is written is read where one works: every document, its links, a search; the set-up leads into the first hour."""
+"""What is written is read where one works: every document, its links, a search; the set-up leads into it."""
 
 import re
 from pathlib import Path
