@@ -104,23 +104,25 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
           {step.detail}
           {step.at !== null && <span className={styles.when}> {dateTime(step.at)}</span>}
         </p>
-        {step.state !== "done" && (
-          <Link href={about.path} onClick={onFollowed}>
-            {about.action}
+        <div className={styles.ways}>
+          {step.state !== "done" && (
+            <Link href={about.path} onClick={onFollowed}>
+              {about.action}
+            </Link>
+          )}
+          <Link
+            href={`/docs/first-hour/${about.told}`}
+            aria-label={`${about.title}: how, and why`}
+            onClick={onFollowed}
+          >
+            How
           </Link>
-        )}
-        <Link
-          href={`/docs/first-hour/${about.told}`}
-          aria-label={`${about.title}: how, and why`}
-          onClick={onFollowed}
-        >
-          How
-        </Link>
-        {step.run !== null && step.state === "done" && (
-          <Link href={`/runs/${step.run}`} onClick={onFollowed}>
-            Run {step.run}
-          </Link>
-        )}
+          {step.run !== null && step.state === "done" && (
+            <Link href={`/runs/${step.run}`} onClick={onFollowed}>
+              Run {step.run}
+            </Link>
+          )}
+        </div>
       </div>
     </li>
   );

@@ -1,6 +1,7 @@
 /** The documents of Sinew, read where one works, with a search over all of them. */
 
 import { TextInput } from "@mantine/core";
+import { useMediaQuery } from "@mantine/hooks";
 import { useEffect, useState } from "react";
 import { Link, useParams } from "wouter";
 import { Card } from "../../components/Card";
@@ -11,6 +12,7 @@ import { Markdown } from "./Markdown";
 
 const DECISIONS = "decisions/";
 const MOST = 40;
+const NARROW = "(max-width: 700px)";
 
 export default function DocsPage() {
   const { rest } = useParams<{ rest?: string }>();
@@ -30,7 +32,7 @@ export default function DocsPage() {
             onChange={(event) => setWords(event.currentTarget.value)}
           />
           {words.trim() === "" ? (
-            <Contents here={name} />
+            <Contents key={name} here={name} chosen={rest !== undefined} />
           ) : (
             <Results found={found} onFollowed={() => setWords("")} />
           )}
@@ -45,11 +47,16 @@ export default function DocsPage() {
   );
 }
 
-function Contents({ here }: { here: string }) {
+/** On a phone out of the way once something is read. */
+function Contents({ here, chosen }: { here: string; chosen: boolean }) {
+  const narrow = useMediaQuery(NARROW, false, { getInitialValueInEffect: false });
   const isDecision = ({ name }: Document) => name.startsWith(DECISIONS);
   return (
     <nav className={styles.contents} aria-label="Documents">
-      <Titles of={DOCUMENTS.filter((one) => !isDecision(one))} here={here} />
+      <details open={!(narrow && chosen)}>
+        <summary>What there is</summary>
+        <Titles of={DOCUMENTS.filter((one) => !isDecision(one))} here={here} />
+      </details>
       <details open={here.startsWith(DECISIONS)}>
         <summary>Why it is built so: decisions</summary>
         <Titles of={DOCUMENTS.filter(isDecision)} here={here} />
