@@ -1,4 +1,4 @@
-"""Layouts of the charts: kept for each person as they were sent, and refused in words where no chart could show them."""
+"""Layouts of the charts: kept for each person as they were sent, refused in words where no chart could show them."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ def layout(*panels: dict[str, Any], name: str = "Mine") -> dict[str, Any]:
         ([layout(ERRORS, {**PLANE, "over": "speed"})], "there is no signal speed"),
         (
             [layout({**ERRORS, "signals": ["q", "q"]})],
-            "signal in panel “Errors” of layout “Mine”: “q” is there 2 times",
+            "signal in panel “Errors” of layout “Mine”: “q” is there 2",
         ),
         ([layout(ERRORS, ERRORS)], "panel of layout “Mine”: “Errors” is there 2 times; once is enough"),
         ([layout(ERRORS), layout(PLANE, ERRORS)], "layout of the charts: “Mine” is there 2 times; once is enough"),
