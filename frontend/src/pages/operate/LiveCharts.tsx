@@ -2,7 +2,7 @@
 
 import { Button, NativeSelect } from "@mantine/core";
 import { useHotkeys } from "@mantine/hooks";
-import { useEffect, useMemo } from "react";
+import { useCallback, useEffect, useMemo } from "react";
 import { TbPlayerPause, TbPlayerPlay } from "react-icons/tb";
 import { Charts } from "../../charts/Charts";
 import type { PlacedMark } from "../../charts/decorations";
@@ -22,6 +22,7 @@ import { limitLines } from "./limitLines";
 export function LiveCharts() {
   const store = useLiveStore();
   const source = useMemo(() => new LiveSource(store), [store]);
+  const epoch_s = useCallback(() => source.epoch_s(), [source]);
   const control = useViewport();
   const panels = usePanels();
   const angles = useAngles();
@@ -57,6 +58,7 @@ export function LiveCharts() {
         [marks, angles],
       )}
       stale={old_s !== null}
+      epoch_s={epoch_s}
       name="sinew-live"
       remark={
         <output aria-label="View">

@@ -142,6 +142,11 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
   const panels = usePanels();
   const angles = useAngles();
   const limits = useLive((live) => live.state?.limits);
+  const { data: started } = useQuery({ ...runQuery(run), select: (found) => found.started });
+  const began = useMemo(() => {
+    const epoch_s = started === undefined ? Number.NaN : Date.parse(started) / 1000;
+    return Number.isNaN(epoch_s) ? undefined : () => epoch_s;
+  }, [started]);
   const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
   return (
     <Charts
@@ -154,6 +159,7 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
       marks={useMemo(() => marks.map((mark) => placed(mark, angles)), [marks, angles])}
       stale={false}
       {...(playhead === undefined ? {} : { playhead })}
+      {...(further === 0 && began !== undefined ? { epoch_s: began } : {})}
       name={`sinew-run-${run}`}
       remark={
         <>
