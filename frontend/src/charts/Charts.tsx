@@ -8,21 +8,21 @@ import { type SampleTable, toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
 import { type Panel, unitOf } from "../theme/signals";
 import styles from "./Charts.module.css";
-import { ChartTools } from "./ChartTools";
-import { readColours } from "./colours";
+import { ChartTools, type PictureKind } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
 import { type GestureTarget, listen, steer } from "./gestures";
 import { LayoutTools } from "./LayoutTools";
 import { Legend } from "./Legend";
 import { MeasureCursors } from "./MeasureCursors";
+import { type Origin, sheetNow } from "./origin";
 import { PlaneFigure } from "./Planes";
-import { stackPicture } from "./picture";
 import { isPlane } from "./plane";
 import type { Playhead } from "./playhead";
 import { Readout } from "./readout";
 import { SpectrumDialog } from "./SpectrumDialog";
 import { StatisticsTable } from "./StatisticsTable";
-import { save, stamp } from "./save";
+import { pngOf, save, stamp } from "./save";
+import { svgOf, WIDTH_MM } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import { timeText } from "./timeAxis";
@@ -43,6 +43,8 @@ interface ChartsProps {
   readonly stale: boolean;
   /** Of a recording: follows the pointer, and shows where it stands otherwise. */
   readonly playhead?: Playhead;
+  /** What is drawn, for the foot of pictures. */
+  readonly origin: Origin;
   /** Begin of the names of saved files. */
   readonly name: string;
   /** Time of day at time 0 [s since 1970]; left out where there is no one such time. */
@@ -166,14 +168,13 @@ export function Charts(props: ChartsProps) {
     remember({ hidden: kept.length < preferences.hidden.length ? kept : [...kept, signal] });
   }
 
-  function savePicture(): void {
-    const [built, element] = [stack.current, frame.current];
-    if (built === null || element === null) return;
-    const { from_s, to_s } = built.seen();
-    const [from, to] = [from_s, to_s].map((time_s) => timeText(time_s, 0.001, epoch()));
-    const foot = `${name}, ${from} to ${to}, saved ${stamp(new Date())}`;
-    const picture = stackPicture(timed, built.canvases, hidden, readColours(element), foot);
-    picture.toBlob((content) => content && save(content, `${name}-${stamp(new Date())}.png`));
+  async function savePicture(kind: PictureKind): Promise<void> {
+    const drawn = { panels: timed, planes, hidden, source, limits, marks };
+    const svg = svgOf(
+      sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin),
+    );
+    const content = kind === "svg" ? new Blob([svg], { type: "image/svg+xml" }) : await pngOf(svg, WIDTH_MM);
+    save(content, `${name}-${stamp(new Date())}.${kind}`);
   }
 
   function saveData(): void {
@@ -260,7 +261,7 @@ export function Charts(props: ChartsProps) {
           onMeasure={measure.toggle}
           onFigures={() => remember({ statistics: !preferences.statistics })}
           onSpectrum={() => setSpectrum(selected())}
-          onPicture={savePicture}
+          onPicture={(kind) => void savePicture(kind)}
           onData={saveData}
         />
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />

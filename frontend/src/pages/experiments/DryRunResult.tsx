@@ -6,6 +6,7 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { plantWord } from "../../components/PlantBadge";
 import { RunState } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
@@ -92,11 +93,13 @@ function Curves({ samples, duration_s }: CurvesProps) {
         marks={NO_MARKS}
         stale={false}
         fixed
+        origin={DRY_RUN}
         name="sinew-dry-run"
       />
     </div>
   );
 }
 
+const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
 const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];
