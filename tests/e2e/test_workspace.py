@@ -109,7 +109,7 @@ def recorded(operator: Operator, run: int, **asked: Any) -> dict[str, Any]:
 def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Operator) -> None:
     page, run = laid_out.page, finished_run(laid_out)
     length = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["duration_s"]
-    page.goto(f"{laid_out.service.url}/runs/{run}@{AT_S}")
+    page.goto(f"{laid_out.service.url}/#/runs/{run}@{AT_S}")
     error = page.get_by_role("figure", name="q - q_ref", exact=True)
     expect(error).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     error.press("Home")  # all of it in sight, however long it became

@@ -5,19 +5,18 @@ import { useState } from "react";
 import { TbTrash } from "react-icons/tb";
 import { type Edited, moved, renamed, withPanel } from "../theme/editing";
 import { useLayouts } from "../theme/useLayouts";
+import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";
 import styles from "./LayoutEditor.module.css";
 import { PanelRow } from "./PanelRow";
 import { signalChoices } from "./signalChoices";
 
 export function LayoutEditor() {
-  const { used, own, change, remove } = useLayouts();
+  const { used, own, edit, remove } = useLayouts();
   const [refusal, refuse] = useState<string | null>(null);
   const isOwn = own.includes(used);
 
-  function take(edited: Edited): void {
-    refuse(typeof edited === "string" ? edited : change(edited));
-  }
+  const take = (how: (layout: ChartLayout) => Edited) => refuse(edit(how));
 
   return (
     <section className={styles.editor} aria-label="Layout editor">
@@ -27,7 +26,7 @@ export function LayoutEditor() {
           <EditedText
             label="Name of the layout"
             text={used.name}
-            onDone={(text) => take(renamed(used, text))}
+            onDone={(text) => take((layout) => renamed(layout, text))}
           />
         </span>
         {isOwn ? (
@@ -57,14 +56,14 @@ export function LayoutEditor() {
             panel={panel}
             place={place}
             onEdit={take}
-            onMove={(by) => take(moved(used, place, by))}
+            onMove={(by) => take((layout) => moved(layout, place, by))}
           />
         ))}
       </ol>
       <NativeSelect
         aria-label="Add panel"
         value=""
-        onChange={(event) => take(withPanel(used, event.currentTarget.value))}
+        onChange={({ currentTarget: { value } }) => take((layout) => withPanel(layout, value))}
         data={[{ value: "", label: "Add a panel with …", disabled: true }, ...signalChoices(null)]}
         w={200}
       />

@@ -26,7 +26,7 @@ interface PanelRowProps {
   readonly layout: ChartLayout;
   readonly panel: ChartPanel;
   readonly place: number;
-  onEdit(to: Edited): void;
+  onEdit(how: (layout: ChartLayout) => Edited): void;
   onMove(by: 1 | -1): void;
 }
 
@@ -58,7 +58,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
       <EditedText
         label={`Title of panel ${place + 1}`}
         text={title}
-        onDone={(text) => onEdit(withTitle(layout, place, text))}
+        onDone={(text) => onEdit((now) => withTitle(now, place, text))}
       />
       <span className={styles.signals}>
         {signals.map((name) => (
@@ -67,7 +67,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
             type="button"
             className={styles.signal}
             aria-label={`Remove ${name} from ${title}`}
-            onClick={() => onEdit(withoutSignal(layout, place, name))}
+            onClick={() => onEdit((now) => withoutSignal(now, place, name))}
           >
             <Written name={name} /> <TbX size={12} aria-hidden="true" />
           </button>
@@ -76,7 +76,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
       <NativeSelect
         aria-label={`Add a signal to ${title}`}
         value=""
-        onChange={(event) => onEdit(withSignal(layout, place, event.currentTarget.value))}
+        onChange={({ currentTarget: { value } }) => onEdit((now) => withSignal(now, place, value))}
         data={[
           { value: "", label: "Add a signal …", disabled: true },
           ...signalChoices(unitOf(signals[0] ?? "")),
@@ -86,7 +86,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
       <NativeSelect
         aria-label={`Axis of ${title}`}
         value={over ?? ""}
-        onChange={(event) => onEdit(withOver(layout, place, event.currentTarget.value || null))}
+        onChange={({ currentTarget: { value } }) => onEdit((now) => withOver(now, place, value || null))}
         data={[{ value: "", label: "over time" }, ...signalChoices(null)]}
         w={110}
       />
@@ -94,7 +94,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         <Tool
           name={`Make ${title} lower`}
           idle={share <= LEAST_SHARE}
-          onClick={() => onEdit(resized(layout, place, -1))}
+          onClick={() => onEdit((now) => resized(now, place, -1))}
         >
           <TbMinus size={14} />
         </Tool>
@@ -104,7 +104,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         <Tool
           name={`Make ${title} higher`}
           idle={share >= MOST.share}
-          onClick={() => onEdit(resized(layout, place, 1))}
+          onClick={() => onEdit((now) => resized(now, place, 1))}
         >
           <TbPlus size={14} />
         </Tool>
@@ -124,7 +124,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
         >
           <TbArrowDown size={14} />
         </Tool>
-        <Tool name={`Remove ${title}`} idle={false} onClick={() => onEdit(withoutPanel(layout, place))}>
+        <Tool name={`Remove ${title}`} idle={false} onClick={() => onEdit((now) => withoutPanel(now, place))}>
           <TbTrash size={14} />
         </Tool>
       </span>
