@@ -121,5 +121,5 @@ COMBINED: tuple[Combined, ...] = (
     ),
 )
 COMBINED_BY_NAME: dict[str, Combined] = {combined.name: combined for combined in COMBINED}
-UNIT_OF: dict[str, str] = {one.name: one.unit for one in (*STORED, *COMBINED)}
+UNIT_OF: dict[str, str] = {field.name: field.unit for field in STORED} | {one.name: one.unit for one in COMBINED}
 """Unit of everything that can be drawn."""

@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 
@@ -110,9 +111,9 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     page, run = laid_out.page, finished_run(laid_out)
     length = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["duration_s"]
     page.goto(f"{laid_out.service.url}/#/runs/{run}@{AT_S}")
-    error = page.get_by_role("figure", name="q - q_ref", exact=True)
-    expect(error).to_be_visible(timeout=MOTION_TIMEOUT_MS)
-    error.press("Home")  # all of it in sight, however long it became
+    chart = page.get_by_role("figure", name="q - q_ref", exact=True)
+    expect(chart).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    chart.press("Home")  # all of it in sight, however long it became
     assert panels(page) == ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
     expect(page.get_by_role("status", name="Resolution", exact=True)).not_to_have_text("loading")
 
@@ -128,7 +129,7 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     bucket = min(range(len(whole["t"])), key=lambda place: abs(whole["t"][place] - AT_S))
     for name, digits in (("q", 2), ("q - q_ref", 3)):
         ends = [whole["signals"][name][end][bucket] for end in ("minimum", "maximum")]
-        laid_out.wait(lambda name=name, ends=ends, digits=digits: _reads(page, name, sum(ends) / 2 * DEGREES, digits))
+        laid_out.wait(partial(reads, page, name, sum(ends) / 2 * DEGREES, digits))
 
     page.get_by_role("button", name="Save picture", exact=True).click()
     with page.expect_download() as download:
@@ -182,7 +183,7 @@ def finished_run(operator: Operator) -> int:
     return run
 
 
-def _reads(page: Page, name: str, value: float, digits: int) -> bool:
+def reads(page: Page, name: str, value: float, digits: int) -> bool:
     found = float(page.evaluate(READINGS, [name])[name])
     return abs(found - value) <= 0.51 * 10.0**-digits
 
