@@ -199,7 +199,7 @@ export function Charts(props: ChartsProps) {
               aria-label={panel.title}
               data-last={index === timed.length - 1}
               data-panel={index}
-              style={{ flexGrow: panel.share ?? 1 }}
+              style={{ flexGrow: panel.share ?? 1, minHeight: 80 * (panel.share ?? 1) }}
               // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
               tabIndex={0}
               onKeyDown={(event) => {
