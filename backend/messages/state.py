@@ -22,6 +22,8 @@ class PlantView(Schema):
     simulated: bool = Field(description="whether what moves is computed: it can be pushed, and broken to order")
     name: str
     says: str
+    r_m: float = quantity("m", "radius of a motor's reel")
+    r_j: float = quantity("m", "radius of the joint's pulley")
 
 
 class LinkView(Schema):

@@ -239,7 +239,15 @@ class PresentState:
 
     def _plant_view(self) -> PlantView:
         plant = self.plant
-        return PlantView(kind=plant.kind, simulated=plant.simulated, name=plant.name, says=self._supervisor.driven)
+        says, geometry = self._supervisor.driven, self.parameters.geometry
+        return PlantView(
+            kind=plant.kind,
+            simulated=plant.simulated,
+            name=plant.name,
+            says=says,
+            r_m=geometry.r_m,
+            r_j=geometry.r_j,
+        )
 
     def _limits(self) -> LimitsView:
         b = self.bounds

@@ -4,6 +4,7 @@ import {
   bytes,
   clockTime,
   dateTime,
+  dayTime,
   digitsApart,
   digitsOver,
   duration,
@@ -90,5 +91,15 @@ describe("bytes", () => {
       "999.9 MB",
       "size unknown",
     ]);
+  });
+});
+
+describe("the time of day", () => {
+  it("is that of the moment in the person's zone, as finely as the step", () => {
+    const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 250).getTime() / 1000;
+    expect(dayTime(epoch_s, 0.01)).toBe("14:05:09.25");
+    expect(dayTime(epoch_s - 0.25, 5)).toBe("14:05:09");
+    expect(dayTime(epoch_s + 0.7499, 0.1)).toBe("14:05:10.0");
+    expect(dayTime(epoch_s, 0.001)).toBe("14:05:09.250");
   });
 });

@@ -2463,6 +2463,44 @@ export interface components {
             T_error_percent: number | null;
         };
         /**
+         * ChartLayout
+         * @description A stack of panels under a name.
+         */
+        ChartLayout: {
+            /**
+             * Version
+             * @constant
+             */
+            version: 1;
+            /** Name */
+            name: string;
+            /** Panels */
+            panels: components["schemas"]["ChartPanel"][];
+        };
+        /**
+         * ChartPanel
+         * @description One chart: signals of one unit over time, or over another signal.
+         */
+        ChartPanel: {
+            /** Title */
+            title: string;
+            /**
+             * Signals
+             * @description what is drawn, in this order
+             */
+            signals: string[];
+            /**
+             * Over
+             * @description signal along the other axis; null for time
+             */
+            over: string | null;
+            /**
+             * Share
+             * @description height, as a multiple of that of a plain panel [1]
+             */
+            share: number;
+        };
+        /**
          * CheckedExperiment
          * @description What can be told of an experiment before it is kept or started, its settings at their defaults.
          */
@@ -4255,6 +4293,16 @@ export interface components {
             name: string;
             /** Says */
             says: string;
+            /**
+             * R M
+             * @description radius of a motor's reel [m]
+             */
+            r_m: number;
+            /**
+             * R J
+             * @description radius of the joint's pulley [m]
+             */
+            r_j: number;
         };
         /**
          * Pong
@@ -4365,6 +4413,21 @@ export interface components {
              * @description signals switched off in the charts
              */
             hidden: string[];
+            /**
+             * Layout
+             * @description name of the charts' layout in use: an own one, or one of the page's
+             */
+            layout: string;
+            /**
+             * Layouts
+             * @description own layouts of the charts
+             */
+            layouts: components["schemas"]["ChartLayout"][];
+            /**
+             * Clock
+             * @description the time axis tells the time of day; else the time since the start
+             */
+            clock: boolean;
             /**
              * Window S
              * @description length of the following window [s]

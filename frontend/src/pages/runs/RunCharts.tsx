@@ -10,13 +10,15 @@ import type { PlotSource } from "../../charts/source";
 import { TraceLine } from "../../charts/TraceLine";
 import { useViewport, type ViewControl } from "../../charts/useViewport";
 import type { Viewport } from "../../charts/viewport";
+import { plantWord } from "../../components/PlantBadge";
 import { useLive } from "../../live/react";
 import { type Angles, inWords } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
-import { runMarksQuery, runQuery } from "../../service/queries";
+import { banksQuery, runMarksQuery, runQuery } from "../../service/queries";
+import { bankInWords } from "../../service/tuningWords";
 import { HUES, type Trace } from "../../theme/signals";
 import { usePanels } from "../../theme/usePanels";
-import type { RunMark } from "../../wire/types";
+import type { Bank, RunMark } from "../../wire/types";
 import { limitLines } from "../operate/limitLines";
 import page from "../Page.module.css";
 import { Replay } from "./Replay";
@@ -25,6 +27,7 @@ import { type Recorded, useRecordings } from "./useRecordings";
 
 const NO_MARKS: readonly RunMark[] = [];
 
+const NO_BANKS: readonly Bank[] = [];
 const NO_OTHERS: readonly number[] = [];
 
 /** What the pieces of curves in the key are of. */
@@ -142,6 +145,13 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
   const panels = usePanels();
   const angles = useAngles();
   const limits = useLive((live) => live.state?.limits);
+  const { data: found } = useQuery(runQuery(run));
+  const { data: banks = NO_BANKS } = useQuery(banksQuery);
+  const started = found?.started;
+  const began = useMemo(() => {
+    const epoch_s = started === undefined ? Number.NaN : Date.parse(started) / 1000;
+    return Number.isNaN(epoch_s) ? undefined : () => epoch_s;
+  }, [started]);
   const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
   return (
     <Charts
@@ -154,6 +164,12 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
       marks={useMemo(() => marks.map((mark) => placed(mark, angles)), [marks, angles])}
       stale={false}
       {...(playhead === undefined ? {} : { playhead })}
+      {...(further === 0 && began !== undefined ? { epoch_s: began } : {})}
+      origin={{
+        of: runs.map(({ id }, n) => `run ${id}${markOf(n)}`).join(", "),
+        plant: found === undefined ? "plant not known" : plantWord(found.plant),
+        bank: bankInWords(found?.settings.find((one) => one.name === "bank")?.value, banks),
+      }}
       name={`sinew-run-${run}`}
       remark={
         <>

@@ -8,11 +8,11 @@ import { stretch, type Viewport } from "../../charts/viewport";
 import { significant } from "../../samples/format";
 import type { Stretch } from "../../samples/stretch";
 import { recordingQuery } from "../../service/queries";
-import { PANELS } from "../../theme/signals";
+import { usePanels } from "../../theme/usePanels";
 import type { Excerpt } from "../../wire/curves";
 
-/** What the charts show, and what the drawing of the actuator needs beside. */
-const SIGNALS = [...PANELS.flatMap((panel) => panel.traces.map((trace) => trace.name)), "theta_A", "theta_B"];
+/** What the drawing of the actuator and the foot of a picture need, whatever the charts show. */
+const ALWAYS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "lam_q", "lam_S", "bank_entry"];
 const POINTS = 2000;
 const RESTED_MS = 80;
 
@@ -29,10 +29,15 @@ export interface Recordings {
 
 /** `runs` has to be the same array as long as it says the same. */
 export function useRecordings(runs: readonly Recorded[], view: Viewport): Recordings {
+  const panels = usePanels();
+  const signals = useMemo(() => {
+    const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
+    return [...new Set([...drawn.map(({ name }) => name), ...ALWAYS])];
+  }, [panels]);
   const sources = useMemo(() => runs.map(({ duration_s }) => new RecordedSource(duration_s)), [runs]);
   const overviews = useQueries({
     queries: runs.map(({ id, duration_s }) =>
-      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, SIGNALS),
+      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, signals),
     ),
   });
   const longest_s = Math.max(...runs.map(({ duration_s }) => duration_s));
@@ -49,7 +54,7 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   );
   const details = useQueries({
     queries: runs.map(({ id }, index) => ({
-      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, SIGNALS),
+      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, signals),
       enabled: zoomed[index] === true,
     })),
   });
