@@ -66,9 +66,10 @@ export function signalOf(name: string): string {
   return name.replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
 }
 
-/** Unit of a signal in recordings and exports (SI). */
+/** Unit of a signal in recordings and exports (SI), and of its difference Δ. */
 export function unitOf(name: string): string {
-  return FIELDS.find((field) => field.name === name)?.unit ?? "1";
+  const plain = name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, "");
+  return FIELDS.find((field) => field.name === plain)?.unit ?? "1";
 }
 
 export const POSITION: Panel = {
