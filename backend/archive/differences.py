@@ -1,6 +1,6 @@
 """Signals of runs minus that of a reference, on its samples: as curves, and where they leave a tolerance band."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +81,12 @@ def beside(session: Session, asked: DifferencesAsked) -> Beside:
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
     return Beside(reference, _UNIT.get(asked.signal, "1"), own.period_s, grid, own.at(grid), others, offsets, reasons)
+
+
+def samples_of(database: Database, run_ids: Sequence[int]) -> int:
+    """Return how many samples runs have, all together."""
+    with database.reading() as session:
+        return sum(0 if one is None else one.count for _, one in recordings.of_runs(session, run_ids).values())
 
 
 def differences(database: Database, asked: DifferencesAsked) -> Differences:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from backend.archive.bundling import bundle_pieces
 from backend.archive.comparison_file import curves_file, table_file
-from backend.archive.differences import differences
+from backend.archive.differences import differences, samples_of
 from backend.experiments.results.again import left_behind
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import of_columns, of_run
@@ -31,6 +31,9 @@ COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
 AT_ONCE = 6
 """Downloads of samples under way at a time, each with a process of its own."""
+
+AT_HAND_SAMPLES = 1_000_000
+"""Fewer are compared beside the live stream without making it stutter, and sooner than in a process."""
 
 _LOG = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"
@@ -83,6 +86,8 @@ class Downloads:
 
     async def differences(self, asked: DifferencesAsked) -> Differences:
         """Return the differences of runs to one. Raises RefusalError, UnknownRecordError, UnknownSignalError."""
+        if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
+            return await asyncio.to_thread(differences, self._database, asked)
         return await self._offload.run(differences, self._database, asked)
 
     async def comparison(self, content: Literal["curves", "table"], asked: DifferencesAsked) -> AsyncGenerator[bytes]:

@@ -37,9 +37,12 @@ export function differencesQuery(
   });
 }
 
-/** The differences as curves, each called as `named` says. */
-export function curvesOf(found: Differences, named: (run: number) => string) {
-  const signals = found.runs.map(({ run, minimum, maximum }) => [named(run), { unit: "", minimum, maximum }]);
+/** The differences as curves, each called as `named` says; without those that have no name. */
+export function curvesOf(found: Differences, named: (run: number) => string | null) {
+  const signals = found.runs.flatMap(({ run, minimum, maximum }) => {
+    const name = named(run);
+    return name === null ? [] : [[name, { unit: found.unit, minimum, maximum }]];
+  });
   return excerptOf({ ...found, run: found.reference, signals: Object.fromEntries(signals) });
 }
 

@@ -69,6 +69,7 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
       {by !== "begin" && (
         <SettledNumber
           label={by === "step" ? "Number of the step" : "Number of the event"}
+          before="no."
           value={number}
           fits={(found) =>
             Number.isInteger(found) && found >= 1 && found <= MOST_NUMBER ? "" : "is a whole number from 1 on"

@@ -30,6 +30,7 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
   const { data, error, isPlaceholderData } = useQuery(comparisonQuery(asked));
   const told = isPlaceholderData ? undefined : data;
   const placed = usePlaced(asked, told);
+  const drawn = useMemo(() => asked.run.filter((id) => placed?.offsets.has(id)), [asked, placed]);
   const change = (to: Partial<Compared>) =>
     go(addressOf(run.id, others, null, textOf({ ...compared, ...to })), { replace: true });
   return (
@@ -49,7 +50,7 @@ export function ComparedRuns({ run, others, compared }: ComparedRunsProps) {
       </Card>
       <DifferencesCard
         asked={asked}
-        drawn={placed === undefined ? [] : asked.run.filter((id) => placed.offsets.has(id))}
+        drawn={drawn}
         signal={compared.signal}
         band={compared.band}
         onChange={change}

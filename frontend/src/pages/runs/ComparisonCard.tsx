@@ -128,9 +128,12 @@ function Value({ metric, index, angles, compared }: ValueProps) {
   );
 }
 
+/** Two that differ by less are the same but for the last digits of their computation [%]. */
+const SAME_PERCENT = 1e-9;
+
 /** "+0.5 (+12 %)"; nothing where both are the same, or one is not there. */
 function difference(value: number | null, percent: number | null, factor: number): string {
-  if (value === null || value === 0) return "";
+  if (value === null || value === 0 || Math.abs(percent ?? 100) < SAME_PERCENT) return "";
   const sign = value > 0 ? "+" : "";
   const relative = percent === null ? "" : ` (${sign}${significant(percent, 3)} %)`;
   return `${sign}${significant(value * factor, 4)}${relative}`;

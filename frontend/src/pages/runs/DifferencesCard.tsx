@@ -3,7 +3,7 @@
 import { NativeSelect } from "@mantine/core";
 import { useDebouncedValue } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { useEffect, useMemo } from "react";
+import { useCallback, useEffect, useMemo } from "react";
 import { Charts } from "../../charts/Charts";
 import type { PlacedMark } from "../../charts/decorations";
 import { RecordedSource } from "../../charts/recordedSource";
@@ -51,7 +51,8 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
           />
           <SettledNumber
             key={signal}
-            label="Tolerance ±"
+            label="Tolerance"
+            before="±"
             unit={unitOf(signal)}
             value={band}
             optional
@@ -66,7 +67,7 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
       ) : (
         <div className={styles.deviations}>
           <DeviationTable found={data} band={band} />
-          {data.runs.some(({ reason }) => reason === "") && (
+          {data.runs.some(({ run }) => drawn.includes(run)) && (
             <div className={styles.difference}>
               <DifferenceCharts key={keyOf(asked, signal)} found={data} {...{ asked, drawn, signal, band }} />
             </div>
@@ -101,6 +102,7 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
     () => differencePanel(signal, drawn, asked.reference, angles),
     [signal, drawn, asked.reference, angles],
   );
+  const named = useCallback((run: number) => nameOf(signal, drawn, run), [signal, drawn]);
   const [view] = useDebouncedValue(control.view, RESTED_MS);
   const seen = stretch(view, end_s);
   const part = { from_s: Math.max(0, seen.from_s), to_s: Math.max(found.width_s, seen.to_s) };
@@ -109,8 +111,8 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
     enabled: !found.raw && part.to_s - part.from_s < 0.99 * home.span_s,
   });
   useEffect(() => {
-    source.setOverview(curvesOf(found, (run) => nameOf(signal, drawn, run)));
-  }, [source, found, signal, drawn]);
+    source.setOverview(curvesOf(found, named));
+  }, [source, found, named]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
   useEffect(() => {
     if (detail)

@@ -9,6 +9,9 @@ import { useAngles } from "../../service/angles";
 import type { ComparedSetting, RunComparison } from "../../wire/types";
 import page from "../Page.module.css";
 
+/** Texts of more letters stand out by themselves. */
+const LONG = 40;
+
 export function DifferingSettings({ told: { settings, runs, reference } }: { told: RunComparison }) {
   const angles = useAngles();
   if (settings.length === 0) {
@@ -63,5 +66,6 @@ function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) 
   const value = values[index] ?? null;
   if (value === null) return <Absent why="not set" />;
   const text = settingValue(typeof value === "number" ? value * readingOf(unit, angles).factor : value);
-  return value === values[alike] ? <span className={page.dim}>{text}</span> : <strong>{text}</strong>;
+  if (value === values[alike]) return <span className={page.dim}>{text}</span>;
+  return text.length > LONG ? text : <strong>{text}</strong>;
 }

@@ -4,7 +4,7 @@ import { TextInput } from "@mantine/core";
 import { useDebouncedCallback } from "@mantine/hooks";
 import { useState } from "react";
 import { notANumber } from "../../samples/number";
-import { boxText, inSI, labelWith } from "../../samples/quantity";
+import { boxText, inSI, labelWith, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 
 const RESTED_MS = 400;
@@ -14,6 +14,8 @@ interface SettledNumberProps {
   /** In SI; null where there is none. */
   readonly value: number | null;
   readonly unit?: string;
+  /** What stands before the number in its box. */
+  readonly before: string;
   /** What is wrong with a number, "" for nothing. */
   fits(value: number): string;
   /** Whether an empty box is no number on purpose. */
@@ -21,7 +23,8 @@ interface SettledNumberProps {
   onChange(value: number | null): void;
 }
 
-export function SettledNumber({ label, value, unit = "1", fits, optional, onChange }: SettledNumberProps) {
+export function SettledNumber(props: SettledNumberProps) {
+  const { label, before, value, unit = "1", fits, optional, onChange } = props;
   const angles = useAngles();
   const [typed, setTyped] = useState<string | null>(null);
   const settle = useDebouncedCallback((text: string) => {
@@ -33,9 +36,12 @@ export function SettledNumber({ label, value, unit = "1", fits, optional, onChan
   return (
     <TextInput
       aria-label={labelWith(label, unit, angles)}
-      placeholder={labelWith(label, unit, angles)}
+      placeholder={label}
       autoComplete="off"
-      w={160}
+      leftSection={before}
+      rightSection={unit === "1" ? null : readingOf(unit, angles).unit}
+      rightSectionWidth={70}
+      w={170}
       value={shown}
       error={typed === null ? null : wrongWith(typed)}
       onChange={({ currentTarget }) => {

@@ -12,9 +12,10 @@ export const SIGNALS = FIELDS.filter(({ unit }) => unit !== "1").map(({ name }) 
 const GREY = PALETTE[PALETTE.length - 1] as string;
 const OTHERS = { quantity: "", factor: 1, decimals: 4, narrowest: 1e-3 };
 
-/** What the difference of a run is called: with the mark that the run has in the curves. */
-export function nameOf(signal: string, drawn: readonly number[], run: number): string {
-  return `Δ${signal}${markOf(drawn.indexOf(run))}`;
+/** What the difference of a run is called: with the mark that the run has in the curves; null where it has none. */
+export function nameOf(signal: string, drawn: readonly number[], run: number): string | null {
+  const place = drawn.indexOf(run);
+  return place < 0 ? null : `Δ${signal}${markOf(place)}`;
 }
 
 /** Of all `drawn` runs but the reference. */
@@ -27,9 +28,9 @@ export function differencePanel(
   const like = PANELS.find(({ traces }) => traces.some(({ name }) => name === signal));
   const hue = like?.traces.find(({ name }) => name === signal)?.hue ?? GREY;
   const traces = drawn
-    .map((run, n) => ({
+    .map((_, n) => ({
       ...traceOf({ name: signal, hue, dashed: false }, n, drawn.length),
-      name: nameOf(signal, drawn, run),
+      name: `Δ${signal}${markOf(n)}`,
     }))
     .filter((_, n) => drawn[n] !== reference);
   const panel = { ...OTHERS, ...like, title: `Difference of ${signal}`, unit: unitOf(signal), traces };
