@@ -44,7 +44,7 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for begin in range(0, found.t.size, _ROWS):
-        part = {name: np.ascontiguousarray(column[begin : begin + _ROWS]) for name, (column, _, _) in columns.items()}
+        part = {name: column[begin : begin + _ROWS].astype(_written(name)) for name, (column, _, _) in columns.items()}
         buffer = io.BytesIO()
         pyarrow.csv.write_csv(pa.table(part), buffer, plain)
         yield buffer.getvalue()
@@ -67,6 +67,11 @@ def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
             remark = "not set" if value is None else ""
             lines.writerow(("setting", setting.name, "", setting.unit, run.id, _cell(value), "", "", remark))
     yield text.getvalue().encode()
+
+
+def _written(name: str) -> type[np.floating]:
+    """Return how finely a column is written: signals as they were stored, times and differences in full."""
+    return np.float64 if name == "t" or name.startswith("d_") else np.float32
 
 
 def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:

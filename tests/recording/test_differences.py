@@ -159,9 +159,9 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
     a, b = (np.asarray(values["q"], np.float32).astype(float) for values in (one, other))
     for k, row in enumerate(rows):
         assert float(row["t"]) == pytest.approx(k * 1e-3)
-        assert float(row[f"q_run_{reference}"]) == a[k]
+        assert np.float32(row[f"q_run_{reference}"]) == a[k]
         there = 0 <= k + 150 < 900
-        value, apart = float(row[f"q_run_{run}"]), float(row[f"d_q_run_{run}"])
+        value, apart = np.float32(row[f"q_run_{run}"]), float(row[f"d_q_run_{run}"])
         assert (value, apart) == (b[k + 150], b[k + 150] - a[k]) if there else math.isnan(value) and math.isnan(apart)
 
 
