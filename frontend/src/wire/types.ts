@@ -85,3 +85,5 @@ export type BringUpResult = NonNullable<BringUpStep["result"]>;
 export type BringUpRunning = NonNullable<BringUpStep["running"]>;
 export type LogEntry = Schemas["TimelineEntry"];
 export type Planned = Schemas["Planned"];
+export type Flight = Schemas["FlightView"];
+export type Fault = Schemas["FaultView"];
