@@ -190,6 +190,7 @@ def flight_view(flight: Flight) -> FlightView:
         fault=flight.fault,
         text=flight.text,
         run=flight.run_id,
+        tick=flight.trip_tick,
         before_s=before * T_s,
         after_s=(flight.count - before) * T_s,
     )

@@ -31,6 +31,7 @@ const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));
 const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
+const FlightPage = lazy(() => import("./pages/runs/FlightPage"));
 const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
 const DocsPage = lazy(() => import("./pages/docs/DocsPage"));
 const GlossaryPage = lazy(() => import("./pages/glossary/GlossaryPage"));
@@ -45,6 +46,7 @@ const BANKS = numbered("banks");
 const EXPERIMENTS = numbered("experiments");
 const STUDIES = numbered("studies");
 const DOCS = /^\/docs(?:\/(?<rest>.+))?$/;
+const FLIGHT = /^\/flights\/(?<id>[1-9]\d*)$/;
 
 export function App() {
   const session = useQuery(sessionQuery);
@@ -107,6 +109,7 @@ function Shell() {
                 <Route path={EXPERIMENTS} component={ExperimentsPage} />
                 <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
+                <Route path={FLIGHT} component={FlightPage} />
                 <Route path="/log" component={LogPage} />
                 <Route path={DOCS} component={DocsPage} />
                 <Route path="/glossary" component={GlossaryPage} />

@@ -1,6 +1,7 @@
 /** A line under the header that is always there, so that nothing moves when it has something to say. */
 
 import { Button, Progress } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-icons/tb";
 import { Link } from "wouter";
 import { age_ms, health } from "../live/link";
@@ -9,6 +10,7 @@ import { duration } from "../samples/format";
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
+import { flightOf, flightsQuery } from "../service/system";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
@@ -38,9 +40,12 @@ export function StatusStrip() {
       <Icon size={18} aria-hidden="true" className={styles.icon} />
       <Message status={status} instead={status.resettable ? refused?.message : undefined} />
       {status.tone === "fault" && (
-        <Link href="/log" className={styles.more}>
-          What happened
-        </Link>
+        <>
+          <FlightLink />
+          <Link href="/log" className={styles.more}>
+            What happened
+          </Link>
+        </>
       )}
       {status.task !== null && <TaskProgress task={status.task} />}
       {status.resettable && may !== false && (
@@ -56,6 +61,19 @@ export function StatusStrip() {
       )}
       <StopResult />
     </div>
+  );
+}
+
+/** To the seconds around the trip, once they are over and kept. */
+function FlightLink() {
+  const fault = useLive((live) => live.state?.fault ?? null);
+  const { data = [] } = useQuery({ ...flightsQuery, refetchInterval: 1000 });
+  const flight = flightOf(data, fault);
+  if (flight === undefined) return null;
+  return (
+    <Link href={`/flights/${flight.id}`} className={styles.more}>
+      Flight record
+    </Link>
   );
 }
 

@@ -81,9 +81,9 @@ export function signalOf(name: string): string {
   return (name.split(" - ")[0] as string).replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
 }
 
-/** Unit of a signal in recordings and exports (SI). */
+/** Unit of a signal in recordings and exports (SI), and of its difference Δ. */
 export function unitOf(name: string): string {
-  return BY_NAME.get(name)?.unit ?? "1";
+  return BY_NAME.get(name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, ""))?.unit ?? "1";
 }
 
 export function isDrawn(name: string): boolean {

@@ -544,6 +544,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/flights/{id}/replay": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Show Flight Moment
+         * @description Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves.
+         */
+        post: operations["show_flight_moment"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/tuning": {
         parameters: {
             query?: never;
@@ -1413,9 +1433,49 @@ export interface paths {
         };
         /**
          * Compare Runs
-         * @description Return the metrics of runs beside each other, with their differences to one of them.
+         * @description Return metrics and settings of runs beside those of one of them, and how they come onto its time axis.
          */
         get: operations["compare_runs"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/run-comparison/differences": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Differences
+         * @description Return a signal of runs minus that of one of them, and where it leaves a tolerance band.
+         */
+        get: operations["get_differences"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/run-comparison/{content}.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Comparison File
+         * @description Return aligned curves with their differences, or the table of what differs; SI units.
+         */
+        get: operations["get_comparison_file"];
         put?: never;
         post?: never;
         delete?: never;
@@ -2039,6 +2099,12 @@ export interface components {
              */
             estimator: "default" | "arx";
         };
+        /**
+         * AlignBy
+         * @description What of each run is brought to one moment.
+         * @enum {string}
+         */
+        AlignBy: "begin" | "step" | "event";
         /**
          * Angles
          * @description Unit in which somebody reads angles.
@@ -2668,6 +2734,36 @@ export interface components {
              * @description in one sentence
              */
             verdict: string;
+            /**
+             * Aligned At S
+             * @description moment that is aligned, from the run's first sample; null: none [s]
+             */
+            aligned_at_s: number | null;
+            /**
+             * Offset S
+             * @description what its times are shifted by onto the reference's axis; null: not aligned [s]
+             */
+            offset_s: number | null;
+            /**
+             * Not Aligned
+             * @description why it is not aligned
+             */
+            not_aligned: string;
+        };
+        /**
+         * ComparedSetting
+         * @description Something that not all compared runs were set to alike: of each run in its order, null where it has none.
+         */
+        ComparedSetting: {
+            /** Name */
+            name: string;
+            /**
+             * Unit
+             * @description SI, 1 for what has none
+             */
+            unit: string;
+            /** Values */
+            values: (boolean | number | string | null)[];
         };
         /**
          * ComparedValue
@@ -2823,6 +2919,35 @@ export interface components {
             size_bytes: number | null;
             /** Disk Free Bytes */
             disk_free_bytes: number;
+        };
+        /**
+         * Differences
+         * @description Differences of all runs to the reference, but for itself, computed from every sample.
+         */
+        Differences: {
+            /** Reference */
+            reference: number;
+            /** Signal */
+            signal: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Raw
+             * @description buckets are single samples
+             */
+            raw: boolean;
+            /**
+             * Width S
+             * @description length of a bucket [s]
+             */
+            width_s: number;
+            /**
+             * T
+             * @description where the buckets begin, on the reference's axis [s]
+             */
+            t: number[];
+            /** Runs */
+            runs: components["schemas"]["RunDifference"][];
         };
         /**
          * Doing
@@ -3161,6 +3286,17 @@ export interface components {
             flights: components["schemas"]["FlightView"][];
         };
         /**
+         * FlightMoment
+         * @description The moment of a flight record to show.
+         */
+        FlightMoment: {
+            /**
+             * T
+             * @description time since the trip [s]
+             */
+            t: number;
+        };
+        /**
          * FlightView
          * @description One trip and the extent of what was kept around it.
          */
@@ -3178,6 +3314,11 @@ export interface components {
             text: string;
             /** Run */
             run: number | null;
+            /**
+             * Tick
+             * @description tick of the trip, of the loop that ran then
+             */
+            tick: number;
             /**
              * Before S
              * @description length kept before the trip [s]
@@ -4801,6 +4942,69 @@ export interface components {
             runs: components["schemas"]["ComparedRun"][];
             /** Metrics */
             metrics: components["schemas"]["ComparedMetric"][];
+            /**
+             * Settings
+             * @description what differs of what they were set to
+             */
+            settings: components["schemas"]["ComparedSetting"][];
+        };
+        /**
+         * RunDifference
+         * @description A signal of a run minus that of the reference, at the reference's samples; null where either has none.
+         */
+        RunDifference: {
+            /** Run */
+            run: number;
+            /**
+             * Reason
+             * @description why nothing is compared
+             */
+            reason: string;
+            /**
+             * Minimum
+             * @description smallest difference per bucket; raw: the difference
+             */
+            minimum: (number | null)[];
+            /**
+             * Maximum
+             * @description largest difference per bucket; raw: the difference
+             */
+            maximum: (number | null)[];
+            /**
+             * Compared S
+             * @description length of what was compared, of the stretch asked for [s]
+             */
+            compared_s: number;
+            /**
+             * Missing S
+             * @description the rest of the stretch, where one of both has no sample [s]
+             */
+            missing_s: number;
+            /**
+             * Left At S
+             * @description when the band is left first, on the reference's axis; null: never [s]
+             */
+            left_at_s: number | null;
+            /**
+             * Outside S
+             * @description how long it is outside the band, together [s]
+             */
+            outside_s: number;
+            /**
+             * Longest S
+             * @description how long at most without coming back into it [s]
+             */
+            longest_s: number;
+            /**
+             * Largest
+             * @description difference of the largest size, in the signal's unit
+             */
+            largest: number | null;
+            /**
+             * Largest At S
+             * @description when, on the reference's axis [s]
+             */
+            largest_at_s: number | null;
         };
         /**
          * RunList
@@ -5518,6 +5722,12 @@ export interface components {
              */
             at: string;
         };
+        /**
+         * StepSignal
+         * @description Signals that jump when they are told to.
+         * @enum {string}
+         */
+        StepSignal: "q_ref" | "S_ref" | "F_push";
         /**
          * StepState
          * @description How a step stands.
@@ -9734,6 +9944,121 @@ export interface operations {
                     "application/x-matlab-data": unknown;
                     "application/octet-stream": unknown;
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    show_flight_moment: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FlightMoment"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
@@ -15609,6 +15934,14 @@ export interface operations {
                 run: number[];
                 /** @description run that the differences are to; the first if left out */
                 reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
             };
             header?: never;
             path?: never;
@@ -15624,6 +15957,270 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["RunComparison"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_differences: {
+        parameters: {
+            query: {
+                /** @description runs to compare, in order */
+                run: number[];
+                /** @description run that the differences are to; the first if left out */
+                reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
+                signal?: string;
+                /** @description begin, on the reference's axis [s] */
+                from_s?: number;
+                /** @description end, on the reference's axis [s] */
+                to_s?: number;
+                /** @description most points; beyond it the envelope is sent */
+                points?: number;
+                /** @description tolerance to either side, in the signal's unit */
+                band?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Differences"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_comparison_file: {
+        parameters: {
+            query: {
+                /** @description runs to compare, in order */
+                run: number[];
+                /** @description run that the differences are to; the first if left out */
+                reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
+                signal?: string;
+                /** @description begin, on the reference's axis [s] */
+                from_s?: number;
+                /** @description end, on the reference's axis [s] */
+                to_s?: number;
+                /** @description most points; beyond it the envelope is sent */
+                points?: number;
+                /** @description tolerance to either side, in the signal's unit */
+                band?: number;
+            };
+            header?: never;
+            path: {
+                content: "curves" | "table";
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
