@@ -12,7 +12,7 @@ import { timeText } from "./timeAxis";
 export interface Origin {
   /** "run 12", or what else is drawn. */
   readonly of: string;
-  /** SIM, RIG, or another word for what moved. */
+  /** SIM, RIG, or another word for what moved; "" for what lies between runs, which has no tuning either. */
   readonly plant: string;
   readonly bank: string;
 }
@@ -33,7 +33,7 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
     ...drawn,
     planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, looked_s, null) })),
     foot: [
-      [of, plant, ...lambdas(source, seen), bank].filter((part) => part !== "").join(" · "),
+      [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank].filter((part) => part !== "").join(" · "),
       `${from} to ${to}${of_day} · saved ${dateTime(new Date().toISOString())}`,
     ],
   };

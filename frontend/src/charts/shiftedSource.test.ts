@@ -1,9 +1,11 @@
 import { expect, it } from "vitest";
-import { POSITION } from "../theme/signals";
+import { panelsOf, STANDARD } from "../theme/layouts";
+import type { Panel } from "../theme/signals";
 import { RecordedSource } from "./recordedSource";
 import { ShiftedSource } from "./shiftedSource";
 
 const DURATION_S = 4;
+const POSITION = panelsOf(STANDARD)[0] as Panel;
 
 /** q is its own time: 0, 1, 2, 3. */
 function recording(): RecordedSource {

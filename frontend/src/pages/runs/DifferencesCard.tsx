@@ -138,6 +138,7 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
       limits={useMemo(() => bandLines(panel, band), [panel, band])}
       marks={marks}
       stale={false}
+      origin={{ of: `difference of ${signal} to run ${asked.reference}`, plant: "", bank: "" }}
       name={`sinew-difference-to-run-${asked.reference}`}
       remark={found.raw ? "every sample" : "smallest and largest difference"}
     />

@@ -9,10 +9,12 @@ import { RecordedSource } from "../../charts/recordedSource";
 import { ShiftedSource } from "../../charts/shiftedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { plantWord } from "../../components/PlantBadge";
 import { Told } from "../../components/Told";
 import { useLive } from "../../live/react";
 import { fixed, instant } from "../../samples/format";
 import { useAngles } from "../../service/angles";
+import { runQuery } from "../../service/queries";
 import { flightSamplesQuery, flightsQuery, showFlightMoment } from "../../service/system";
 import { usePanels } from "../../theme/usePanels";
 import type { Columns } from "../../wire/csv";
@@ -79,7 +81,8 @@ export default function FlightPage() {
 }
 
 function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns }) {
-  const { id, text } = flight;
+  const { id, text, run } = flight;
+  const { data: recorded } = useQuery({ ...runQuery(run ?? 0), enabled: run !== null });
   const begin_s = samples.t?.[0] ?? 0;
   const end_s = (samples.t?.at(-1) ?? 0) + PERIOD_S;
   const home = useMemo(() => ({ span_s: end_s - begin_s, end_s }), [begin_s, end_s]);
@@ -103,6 +106,11 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
         marks={useMemo(() => [{ time_s: 0, text, fault: true }], [text])}
         stale={false}
         playhead={playhead}
+        origin={{
+          of: `flight record ${id}`,
+          plant: recorded === undefined ? "plant not known" : plantWord(recorded.plant),
+          bank: "",
+        }}
         name={`sinew-trip-${id}`}
         remark="every sample; time counts from the trip"
       />

@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 import { comparedPanels } from "../../charts/comparedSource";
 import { curvesOf } from "../../service/comparison";
-import { PANELS, unitOf } from "../../theme/signals";
+import { panelsOf, STANDARD } from "../../theme/layouts";
+import { unitOf } from "../../theme/signals";
 import type { Differences } from "../../wire/types";
 import { bandLines, differencePanel, nameOf } from "./differencePanel";
 
@@ -11,7 +12,7 @@ describe("the panel of differences", () => {
   it("has each run but the reference, in the mark and the look of its curves", () => {
     const panel = differencePanel("S", DRAWN, 9, "deg");
     expect(panel.traces.map(({ name }) => name)).toEqual(["ΔS", "ΔS′′"]);
-    const curves = comparedPanels(PANELS, 2).flatMap(({ traces }) => traces);
+    const curves = comparedPanels(panelsOf(STANDARD), 2).flatMap(({ traces }) => traces);
     for (const trace of panel.traces) {
       const curve = curves.find(({ name }) => name === trace.name.slice(1));
       expect([trace.hue, trace.dash]).toEqual([curve?.hue, curve?.dash]);
@@ -22,9 +23,9 @@ describe("the panel of differences", () => {
   it("shows angles and the band as the person reads them", () => {
     const panel = differencePanel("q", DRAWN, 7, "deg");
     expect([panel.unit, panel.factor]).toEqual(["deg", 180 / Math.PI]);
-    const lines = bandLines(panel, Math.PI / 180).get(panel.title);
-    expect(lines?.map(({ value }) => value)).toEqual([1, -1]);
-    expect(bandLines(panel, null).size).toBe(0);
+    const lines = bandLines(panel, Math.PI / 180);
+    expect(lines.map(({ value }) => value)).toEqual([1, -1]);
+    expect(bandLines(panel, null)).toEqual([]);
     expect(differencePanel("q", DRAWN, 7, "rad").unit).toBe("rad");
     expect(differencePanel("theta_A_ref", DRAWN, 7, "deg").unit).toBe("deg");
   });
