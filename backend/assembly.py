@@ -124,7 +124,13 @@ def assemble(
     actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
-    hand_over = HandOver(control, authentication.people, actuator.note_control)
+
+    def say_of_control(text: str, who: str) -> None:
+        """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
+        journal.record(EventKind.NOTE, text, who)
+        actuator.changed()
+
+    hand_over = HandOver(control, authentication.people, say_of_control)
     present.holder, present.people, present.wishes = control.view, authentication.people.view, hand_over.view
     keep(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
