@@ -73,6 +73,7 @@ class Relay:
 
     async def _end(self) -> None:
         self._server.close()
+        self._moving.set()
         others = asyncio.all_tasks() - {asyncio.current_task()}
         for task in others:
             task.cancel()
@@ -84,6 +85,7 @@ class Relay:
         self._lines.append(_Line(first, (writer, far_writer)))
         if first.startswith(f"GET {self._held} ".encode()):
             await self._free.wait()
+        await self._moving.wait()
         far_writer.write(first)
         await asyncio.gather(self._pump(reader, far_writer), self._pump(far_reader, writer), return_exceptions=True)
 
