@@ -3,7 +3,7 @@
 import { useMantineColorScheme } from "@mantine/core";
 import { useDisclosure, useHotkeys } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { lazy, Suspense, useEffect } from "react";
+import { lazy, Suspense, useEffect, useState } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { ControlLoss } from "./components/ControlLoss";
@@ -20,6 +20,7 @@ import { OperatePage } from "./pages/operate/OperatePage";
 import { RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
 import { AnglesContext } from "./service/angles";
+import type { ControlForm } from "./service/handOver";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
@@ -77,6 +78,7 @@ function Shell() {
   const [shortcuts, { open, close, toggle }] = useDisclosure(false);
   const [settingUp, setup] = useDisclosure(false);
   const [naming, name] = useDisclosure(false);
+  const [form, setForm] = useState<ControlForm | null>(null);
   const [, go] = useLocation();
   const pages = usePages();
   useFreshness();
@@ -92,8 +94,8 @@ function Shell() {
   return (
     <AnglesContext value={angles}>
       <div className={styles.shell}>
-        <Header onShortcuts={open} onName={name.open} />
-        <StatusStrip />
+        <Header onShortcuts={open} onName={name.open} onForm={setForm} />
+        <StatusStrip form={form} onForm={setForm} />
         <ControlLoss />
         <NameQuestion wanted={naming} onDone={name.close} />
         <Tour />

@@ -33,7 +33,9 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
     ...drawn,
     planes: planes.map((plane) => ({ plane, drawn: drawnNow(plane, source, hidden, seen, looked_s, null) })),
     foot: [
-      [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank].filter((part) => part !== "").join(" · "),
+      [of, plant, ...(plant === "" ? [] : lambdas(source, seen)), bank]
+        .filter((part) => part !== "")
+        .join(" · "),
       `${from} to ${to}${of_day} · saved ${dateTime(new Date().toISOString())}`,
     ],
   };

@@ -10,11 +10,13 @@ import { duration } from "../samples/format";
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
+import type { ControlForm } from "../service/handOver";
 import { flightOf, flightsQuery } from "../service/system";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import { Explained } from "./Explained";
+import { HandOver } from "./HandOver";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
 import { currentStatus, type Status, type Tone, taskProgress } from "./status";
@@ -26,7 +28,13 @@ const ICONS: Record<Tone, typeof TbInfoCircle> = {
   fault: TbCircleX,
 };
 
-export function StatusStrip() {
+interface StatusStripProps {
+  /** What the person is about to say of control; null for nothing. */
+  readonly form: ControlForm | null;
+  onForm(form: ControlForm | null): void;
+}
+
+export function StatusStrip({ form, onForm }: StatusStripProps) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
   const now_ms = useNow(500);
@@ -39,6 +47,7 @@ export function StatusStrip() {
     <div className={styles.strip} data-tone={status.tone}>
       <Icon size={18} aria-hidden="true" className={styles.icon} />
       <Message status={status} instead={status.resettable ? refused?.message : undefined} />
+      <HandOver form={form} onForm={onForm} />
       {status.tone === "fault" && (
         <>
           <FlightLink />

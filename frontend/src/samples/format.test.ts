@@ -12,6 +12,7 @@ import {
   kilohertz,
   short,
   significant,
+  timeOfDay,
 } from "./format";
 
 describe("numbers", () => {
@@ -76,6 +77,9 @@ describe("times", () => {
     const local = new Date(2026, 0, 9, 7, 5, 3);
     expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
     expect(dateTime("")).toBe("time not known");
+    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 9, 23, 0))).toBe("07:05");
+    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 10, 1, 0))).toBe("2026-01-09 07:05");
+    expect(timeOfDay("")).toBe("time not known");
   });
 });
 

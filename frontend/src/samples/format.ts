@@ -111,7 +111,14 @@ export function dateTime(iso: string): string {
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
 }
 
-/** The same to the millisecond, for what happens within one second. */
+/** Hours and minutes of the day, with the date where that is another day than `now`. */
+export function timeOfDay(iso: string, now = new Date()): string {
+  const [date, time = ""] = dateTime(iso).split(" ");
+  const today = dateTime(now.toISOString()).startsWith(`${date} `);
+  return Number.isNaN(Date.parse(iso)) ? dateTime(iso) : `${today ? "" : `${date} `}${time.slice(0, 5)}`;
+}
+
+/** Date and time to the millisecond, for what happens within one second. */
 export function instant(iso: string): string {
   const when = new Date(iso);
   const ms = String(when.getMilliseconds()).padStart(3, "0");

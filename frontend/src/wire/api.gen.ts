@@ -160,6 +160,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/control/wishes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Ask For Control
+         * @description Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it.
+         */
+        post: operations["ask_for_control"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/control/wishes/{id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Answer Wish
+         * @description Hand over, keep control, do not take it, or take back what was asked or offered.
+         */
+        post: operations["answer_wish"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/state": {
         parameters: {
             query?: never;
@@ -2112,6 +2152,12 @@ export interface components {
          */
         Angles: "deg" | "rad";
         /**
+         * Answer
+         * @description What one of the two says to a request or an offer.
+         * @enum {string}
+         */
+        Answer: "hand_over" | "decline";
+        /**
          * BackupView
          * @description A copy of the database in the data folder.
          */
@@ -2822,6 +2868,11 @@ export interface components {
              * @description the key of this page before it was loaded again: goes on, or is refused
              */
             resume?: string | null;
+            /**
+             * Handed
+             * @description the number under which it was handed over or offered: takes that, or is refused
+             */
+            handed?: number | null;
         };
         /**
          * Correlation
@@ -4352,6 +4403,12 @@ export interface components {
              * @description pages and scripts of this person that follow the loop
              */
             pages: number;
+            /**
+             * Since
+             * Format: date-time
+             * @description when the first of these came
+             */
+            since: string;
         };
         /**
          * Ping
@@ -5507,6 +5564,12 @@ export interface components {
             fits: components["schemas"]["SpringFitView"][];
         };
         /**
+         * Standing
+         * @description How a request or an offer stands: the first three wait for somebody, the others are its end.
+         * @enum {string}
+         */
+        Standing: "asked" | "offered" | "handed" | "taken" | "declined" | "withdrawn" | "lapsed" | "left" | "freed";
+        /**
          * Started
          * @description The task was started; its run, the first where there are several, carries the result.
          */
@@ -5548,6 +5611,11 @@ export interface components {
              * @description who has a page open; a number tells persons of one name apart
              */
             people: components["schemas"]["PersonView"][];
+            /**
+             * Wishes
+             * @description who asks for control or is offered it, and what came of that
+             */
+            wishes: components["schemas"]["WishView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -5607,6 +5675,11 @@ export interface components {
              * @description who has a page open; a number tells persons of one name apart
              */
             people: components["schemas"]["PersonView"][];
+            /**
+             * Wishes
+             * @description who asks for control or is offered it, and what came of that
+             */
+            wishes: components["schemas"]["WishView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -6510,6 +6583,71 @@ export interface components {
          */
         WallOrder: {
             wall: components["schemas"]["Wall"] | null;
+        };
+        /**
+         * Wish
+         * @description Ask whoever holds control for it, or offer it to somebody as the page that holds it.
+         */
+        Wish: {
+            /**
+             * Reason
+             * @description why, in a few words; stands in the log
+             */
+            reason: string;
+            /**
+             * To
+             * @description to whom it is offered; null asks for it
+             */
+            to?: string | null;
+        };
+        /**
+         * WishAnswer
+         * @description What is said to a request or an offer; whoever keeps control says why.
+         */
+        WishAnswer: {
+            answer: components["schemas"]["Answer"];
+            /**
+             * Reason
+             * @description why, in a few words; stands in the log
+             * @default
+             */
+            reason: string;
+        };
+        /**
+         * WishView
+         * @description Control that somebody asks for, or that is offered to somebody.
+         */
+        WishView: {
+            /** Number */
+            number: number;
+            /**
+             * Name
+             * @description who is to have it
+             */
+            name: string;
+            /**
+             * By
+             * @description who holds it: is asked, or offers it
+             */
+            by: string;
+            /** Reason */
+            reason: string;
+            standing: components["schemas"]["Standing"];
+            /**
+             * Answer
+             * @description why it was declined, or what was said beside handing it over
+             */
+            answer: string;
+            /**
+             * Offered
+             * @description offered without being asked for
+             */
+            offered: boolean;
+            /**
+             * Epoch
+             * @description what others know the control by that was taken by this; null before
+             */
+            epoch: number | null;
         };
     };
     responses: never;
@@ -7649,6 +7787,241 @@ export interface operations {
             cookie?: never;
         };
         requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    ask_for_control: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Wish"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WishView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    answer_wish: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WishAnswer"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             204: {
