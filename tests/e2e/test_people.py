@@ -36,7 +36,7 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     expect(question).to_have_count(0)
 
     vic = browser.new_context(viewport=DESKTOP).new_page()
-    vic.goto(service.url)
+    vic.goto(f"{service.url}/#/studies")
     vic.get_by_role("textbox", name="Token").fill((service.data / "viewer-token").read_text().strip())
     vic.get_by_role("textbox", name="Your name").fill("Ana")
     vic.get_by_role("button", name="Sign in").click()
@@ -84,7 +84,7 @@ def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Se
         for page, url, token in ((ana, through.url, "token"), (vic, service.url, "viewer-token")):
             signing_in = {"token": (service.data / token).read_text().strip(), "name": "Ana" if page is ana else "Vic"}
             assert page.request.post(f"{url}/api/session", data=signing_in).ok
-            page.goto(url)
+            page.goto(f"{url}/#/studies")
             expect(page.get_by_role("banner")).to_be_visible()
         _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
         relay.freeze()
