@@ -2,7 +2,7 @@
 
 import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
-import { type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { Terms } from "../components/Terms";
 import { type SampleTable, toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
@@ -199,7 +199,7 @@ export function Charts(props: ChartsProps) {
               aria-label={panel.title}
               data-last={index === timed.length - 1}
               data-panel={index}
-              style={{ flexGrow: panel.share ?? 1, minHeight: 80 * (panel.share ?? 1) }}
+              style={{ flexGrow: panel.share ?? 1, "--share": panel.share ?? 1 } as CSSProperties}
               // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
               tabIndex={0}
               onKeyDown={(event) => {
