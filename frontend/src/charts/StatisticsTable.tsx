@@ -41,9 +41,8 @@ export function StatisticsTable({ panels, hidden, table, timeText }: StatisticsT
       <table className={styles.table} aria-label="Statistics">
         <thead>
           <tr>
-            {["Signal", "Min", "at", "Max", "at", "Mean", "Std dev", "Unit"].map((heading, place) => (
-              // biome-ignore lint/suspicious/noArrayIndexKey: two headings are the same, and none moves
-              <th key={place} scope="col">
+            {["Signal", "Min, at", "Max, at", "Mean", "Std dev", "Unit"].map((heading) => (
+              <th key={heading} scope="col">
                 {heading}
               </th>
             ))}
@@ -58,19 +57,25 @@ export function StatisticsTable({ panels, hidden, table, timeText }: StatisticsT
               </Shown>
             );
             const at = (time_s: number | undefined) => (
-              <Shown value={time_s} why="no value of it in sight">
-                {timeText}
-              </Shown>
+              <div className={styles.when}>
+                <Shown value={time_s} why="no value of it in sight">
+                  {timeText}
+                </Shown>
+              </div>
             );
             return (
               <tr key={key}>
                 <th scope="row">
                   <SignalName name={name} />
                 </th>
-                <td>{shown(figure?.minimum, panel.decimals)}</td>
-                <td>{at(figure?.minimum_s)}</td>
-                <td>{shown(figure?.maximum, panel.decimals)}</td>
-                <td>{at(figure?.maximum_s)}</td>
+                <td>
+                  {shown(figure?.minimum, panel.decimals)}
+                  {at(figure?.minimum_s)}
+                </td>
+                <td>
+                  {shown(figure?.maximum, panel.decimals)}
+                  {at(figure?.maximum_s)}
+                </td>
                 <td>{shown(figure?.mean, panel.decimals)}</td>
                 <td>{shown(figure?.deviation, panel.decimals + 1)}</td>
                 <td>{panel.unit}</td>
