@@ -12,8 +12,11 @@ from backend.messages.live import Ping, Pong
 from backend.operating.live_stream import Client, LiveStream
 
 PATIENCE_S = 20.0
-SILENT_S = 15.0
-"""A page, which pings every second, is gone when it has said nothing for so long: its laptop was closed, say."""
+SILENT_S = 75.0
+"""A page, which pings every second, is gone when it has said nothing for so long: its laptop was closed, say.
+
+One that is hidden for minutes is let speak by its browser once a minute only, and is there all the same.
+"""
 
 _log = logging.getLogger(__name__)
 

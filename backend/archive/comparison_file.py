@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from backend import __version__
 from backend.archive.comparison import compare
@@ -30,13 +31,16 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
 
     with database.reading() as session:
         compared, found = compare(session, asked), beside(session, asked)
+    # signals are written as finely as they were stored, times and differences in full
+    own = found.own.astype(np.float32)
     meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == asked.signal), "")
-    columns = {"t": (found.t, "s", f"time since the first sample of run {found.reference}")}
+    columns: dict[str, tuple[NDArray[Any], str, str]] = {}
+    columns["t"] = (found.t, "s", f"time since the first sample of run {found.reference}")
     name, unit = asked.signal, found.unit
-    columns[f"{name}_run_{found.reference}"] = found.own, unit, f"{meaning}; of run {found.reference}, the reference"
+    columns[f"{name}_run_{found.reference}"] = own, unit, f"{meaning}; of run {found.reference}, the reference"
     for run, values in found.others.items():
         shift = f"its times shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
-        columns[f"{name}_run_{run}"] = values, unit, f"{meaning}; of run {run}, {shift}"
+        columns[f"{name}_run_{run}"] = values.astype(np.float32), unit, f"{meaning}; of run {run}, {shift}"
     for run, values in found.others.items():
         words = f"run {run} minus run {found.reference}"
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
@@ -44,7 +48,7 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for begin in range(0, found.t.size, _ROWS):
-        part = {name: column[begin : begin + _ROWS].astype(_written(name)) for name, (column, _, _) in columns.items()}
+        part = {name: column[begin : begin + _ROWS] for name, (column, _, _) in columns.items()}
         buffer = io.BytesIO()
         pyarrow.csv.write_csv(pa.table(part), buffer, plain)
         yield buffer.getvalue()
@@ -67,11 +71,6 @@ def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
             remark = "not set" if value is None else ""
             lines.writerow(("setting", setting.name, "", setting.unit, run.id, _cell(value), "", "", remark))
     yield text.getvalue().encode()
-
-
-def _written(name: str) -> type[np.floating]:
-    """Return how finely a column is written: signals as they were stored, times and differences in full."""
-    return np.float64 if name == "t" or name.startswith("d_") else np.float32
 
 
 def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:

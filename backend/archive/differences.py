@@ -10,7 +10,7 @@ from backend.archive.alignment import aligned
 from backend.archive.comparison import chosen_runs
 from backend.messages.comparison import Differences, DifferencesAsked, RunDifference
 from backend.recording.reader import read_samples
-from backend.sample import FIELDS
+from backend.sample import UNIT_OF
 from backend.storage import Database, Session, recordings
 from backend.storage.records import UnknownRecordError
 
@@ -18,8 +18,6 @@ Array = NDArray[np.float64]
 
 _EXACT = 1e-3
 """Share of a period within which a sample is taken for that of the moment asked for."""
-
-_UNIT = {field.name: field.unit for field in FIELDS}
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ def beside(session: Session, asked: DifferencesAsked) -> Beside:
             others[number] = _curve(session, number, asked.signal).at(grid - offset_s)
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
-    return Beside(reference, _UNIT.get(asked.signal, "1"), own.period_s, grid, own.at(grid), others, offsets, reasons)
+    return Beside(reference, UNIT_OF[asked.signal], own.period_s, grid, own.at(grid), others, offsets, reasons)
 
 
 def samples_of(database: Database, run_ids: Sequence[int]) -> int:
