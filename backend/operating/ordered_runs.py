@@ -123,9 +123,11 @@ class OrderedRuns:
         order = Order(checked.entry.usual, self._loop_settings(), person.name)
         try:
             played = await self._play_dry(order, person, left)
-        except (RefusalError, RefusedValueError) as error:
-            return checked.view({}, str(error))
-        return checked.view({item.name: item.value for item in played.metrics})
+        except RefusalError as error:
+            return checked.view(None, str(error), busy=error.because is Because.TOO_MANY)
+        except RefusedValueError as error:
+            return checked.view(None, str(error))
+        return checked.view(played)
 
     async def keep_experiment(self, written: str, who: str) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
