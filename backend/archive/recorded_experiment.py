@@ -3,7 +3,7 @@
 import json
 import math
 
-from backend.experiments.composing import text
+from backend.documents.experiment import FORMAT
 from backend.experiments.composing.recorded import followed
 from backend.messages.own_experiment import WrittenExperiment
 from backend.recording.reader import read_samples
@@ -22,7 +22,7 @@ def recorded_experiment(
     found = followed(columns["q_ref"].astype(float), columns["S_ref"].astype(float))
     off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
     document = {
-        "format": text.FORMAT,
+        "format": FORMAT,
         "name": f"as_run_{run_id}",
         "title": f"As run {run_id}",
         "description": f"The references of run {run_id} as they were commanded, followed within {off} at every sample. "

@@ -17,8 +17,10 @@ WITHIN_Q_RAD = 1e-3
 WITHIN_S = 0.02
 """How far a straight way may be off the recorded references at any tick [rad, N·m/rad]."""
 
-_SAME = 1e-6
+_SAME = 2e-3
 """Of a bound: numbers that are off by less are the same, but for how they were written."""
+_DECIMALS = 6
+"""Of what is written, in SI: finer than a bound, and short."""
 _LEAST, _MOST = 10, round(LONGEST_PART_S / T_s)
 """Ticks of the shortest and the longest part that an experiment may have."""
 
@@ -40,9 +42,9 @@ def followed(q_ref: Column, S_ref: Column) -> Followed:
     there = np.isfinite(q_ref) & np.isfinite(S_ref)
     if not there.any():
         raise ExperimentError("it has no references: nothing was commanded that could be played again")
-    first, last = int(np.argmax(there)), len(there) - int(np.argmax(there[::-1]))
-    q, S = q_ref[first:last], S_ref[first:last]
-    if not there[first:last].all():
+    first, end = int(np.argmax(there)), len(there) - int(np.argmax(there[::-1]))
+    q, S = q_ref[first:end], S_ref[first:end]
+    if not there[first:end].all():
         raise ExperimentError("its references have a gap: what was commanded within it is not known")
     parts: list[dict[str, Any]] = []
     off, at, reached = (0.0, 0.0), 0, (np.nan, np.nan)
@@ -57,7 +59,8 @@ def followed(q_ref: Column, S_ref: Column) -> Followed:
                 end = _ramped(q, S, at, reached, within)
                 ramp = end - at >= _LEAST
         end = min(max(end if ramp else held, at + _LEAST), at + _MOST)
-        arrived = float(q[min(end, len(q)) - 1]), float(S[min(end, len(q)) - 1])
+        last = min(end, len(q)) - 1
+        arrived = round(float(q[last]), _DECIMALS), round(float(S[last]), _DECIMALS)
         parts.append(_part("ramp" if ramp else "step", end - at, reached, arrived))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
         off = _off(q, at, share, reached[0], arrived[0], off[0]), _off(S, at, share, reached[1], arrived[1], off[1])

@@ -151,7 +151,12 @@ export function useKeepExperiment() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: (text: string) => answered(api.POST("/api/experiments/own", { body: { text } })),
-    onSuccess: () => queries.invalidateQueries({ queryKey: ["experiment-kinds"] }),
+    onSuccess: () =>
+      Promise.all(
+        ["experiment-kinds", "experiment-versions", "experiment-texts"].map((key) =>
+          queries.invalidateQueries({ queryKey: [key] }),
+        ),
+      ),
   });
 }
 

@@ -141,12 +141,41 @@ export const banksQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/banks"))).banks,
 });
 
-/** The text of an experiment, ready-made or own; of a version that is gone there is none. */
+/** The text of an experiment, ready-made or own, and what it says; of a version that is gone there is none. */
 export function experimentTextQuery(name: string) {
   return queryOptions({
     queryKey: ["experiment-texts", name],
+    queryFn: () => answered(api.GET("/api/experiments/texts/{name}", { params: { path: { name } } })),
+  });
+}
+
+/** The versions of an own experiment, the newest first. */
+export function experimentVersionsQuery(name: string) {
+  return queryOptions({
+    queryKey: ["experiment-versions", name],
     queryFn: async () =>
-      (await answered(api.GET("/api/experiments/texts/{name}", { params: { path: { name } } }))).text,
+      (await answered(api.GET("/api/experiments/own/{name}/versions", { params: { path: { name } } })))
+        .experiments,
+  });
+}
+
+/** The recorded references of a run as an experiment. */
+export function experimentAsRunQuery(run_id: number) {
+  return queryOptions({
+    queryKey: ["experiment-as-run", run_id],
+    queryFn: () => answered(api.GET("/api/experiments/as-run/{run_id}", { params: { path: { run_id } } })),
+  });
+}
+
+/** A text looked over and played dry, given up by the service when nobody waits for it; asked again while there is no place. */
+export function composedPreviewQuery(text: string, tuning: string) {
+  return queryOptions({
+    queryKey: ["composed-preview", text, tuning],
+    queryFn: ({ signal }) => answered(api.POST("/api/experiments/check", { body: { text }, signal })),
+    retry: false,
+    refetchOnWindowFocus: false,
+    refetchInterval: ({ state }) => (state.data?.busy ? 1500 : false),
+    gcTime: 60_000,
   });
 }
 

@@ -58,7 +58,7 @@ def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
     found = followed(way, np.full(1000, 10.0))
     replayed = again(found.parts)
     assert found.off_q_rad == pytest.approx(np.abs(replayed[:1000, 0] - way).max(), abs=1e-9)
-    assert found.off_q_rad == pytest.approx(9 * 0.3 / 999)  # of the shortest part there is, ten ticks
+    assert found.off_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part there is, ten ticks
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,14 @@
 import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import { useLocation, useParams } from "wouter";
+import { useLocation, useParams, useSearch } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
 import { useDryRun } from "../../service/commands";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
 import { RunningCard } from "../operate/RunningCard";
 import page from "../Page.module.css";
+import { AS_RUN } from "../runs/address";
 import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
 import { ExperimentResult } from "./ExperimentResult";
@@ -20,6 +21,7 @@ import { QueueCard } from "./QueueCard";
 export default function ExperimentsPage() {
   const { id } = useParams();
   const [, go] = useLocation();
+  const asRun = new URLSearchParams(useSearch()).get(AS_RUN);
   const [chosen, choose] = useState<string | null>(null);
   const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
@@ -67,7 +69,11 @@ export default function ExperimentsPage() {
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
-          <OwnExperiments kinds={kinds.data ?? []} onKept={choose} />
+          <OwnExperiments
+            asRun={asRun === null ? null : Number(asRun)}
+            kinds={kinds.data ?? []}
+            onKept={choose}
+          />
         </div>
       </div>
     </div>

@@ -10,6 +10,7 @@ import { capital } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
+import { AS_RUN } from "./address";
 import { CompareWith } from "./CompareWith";
 import { ComparisonCard } from "./ComparisonCard";
 import { LineageCard } from "./LineageCard";
@@ -90,6 +91,10 @@ function Facts({ run }: { run: Run }) {
             <dd>{run.station}</dd>
           </>
         )}
+        <dt>References</dt>
+        <dd>
+          <Link href={`/experiments?${AS_RUN}=${run.id}`}>Make an experiment of this</Link>
+        </dd>
         <dt>Tags</dt>
         <dd>
           <Tags run={run} />

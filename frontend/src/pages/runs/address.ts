@@ -4,6 +4,9 @@
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+))?))?$/;
 
+/** Of the address of the experiments: the run whose references one is to be made of. */
+export const AS_RUN = "as-run";
+
 /** A run by itself, at a second of its recording where one is given, or beside others. */
 export function addressOf(run: number, others: readonly number[] = [], at_s: number | null = null): string {
   const own = at_s === null ? `/runs/${run}` : `/runs/${run}@${Math.max(0, at_s).toFixed(3)}`;
