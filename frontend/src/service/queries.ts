@@ -167,11 +167,14 @@ export function experimentAsRunQuery(run_id: number) {
   });
 }
 
-/** A text looked over and played dry, given up by the service when nobody waits for it; asked again while there is no place. */
+/**
+ * A text looked over and played dry; asked again while there is no place. One that is of an earlier text by now is played
+ * to its end, out of sight: ending it ends the process that plays, which takes far longer to be there again.
+ */
 export function composedPreviewQuery(text: string, tuning: string) {
   return queryOptions({
     queryKey: ["composed-preview", text, tuning],
-    queryFn: ({ signal }) => answered(api.POST("/api/experiments/check", { body: { text }, signal })),
+    queryFn: () => answered(api.POST("/api/experiments/check", { body: { text } })),
     retry: false,
     refetchOnWindowFocus: false,
     refetchInterval: ({ state }) => (state.data?.busy ? 1500 : false),

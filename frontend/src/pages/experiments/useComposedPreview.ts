@@ -1,4 +1,4 @@
-/** The preview of a text that is being edited: asked for when it comes to rest, given up when it changes again. */
+/** The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. */
 
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
