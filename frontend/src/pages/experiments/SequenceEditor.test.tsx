@@ -24,7 +24,7 @@ function Composer() {
 function opened() {
   render(
     <MantineProvider env="test">
-      <LiveProvider store={new LiveStore()}>
+      <LiveProvider store={new LiveStore(0)}>
         <Composer />
       </LiveProvider>
     </MantineProvider>,
