@@ -167,10 +167,7 @@ export function experimentAsRunQuery(run_id: number) {
   });
 }
 
-/**
- * A text looked over and played dry; asked again while there is no place. One that is of an earlier text by now is played
- * to its end, out of sight: ending it ends the process that plays, which takes far longer to be there again.
- */
+/** A text looked over and played dry; asked again while there is no place. */
 export function composedPreviewQuery(text: string, tuning: string) {
   return queryOptions({
     queryKey: ["composed-preview", text, tuning],

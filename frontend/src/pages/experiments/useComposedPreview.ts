@@ -1,4 +1,8 @@
-/** The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. */
+/**
+ * The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. One is
+ * played at a time, and to its end: ending it would end the process that plays, which takes far longer to be there again.
+ * After it comes the text that stands there then, whatever stood there in between.
+ */
 
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
@@ -19,26 +23,27 @@ interface ComposedPreview {
 
 /** No text, no preview. */
 export function useComposedPreview(text: string): ComposedPreview {
-  const [rested, setRested] = useState(text);
   // peaks are those of the tuning in force: of another one they are to be played anew
   const tuning = useLive(({ state }) => {
     if (state === null) return "";
     const { lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank } = state.tuning;
     return JSON.stringify([lam_q, lam_S, lam_motor, b, interpolate, u_plan, k_ext, bank?.id]);
   });
-  useEffect(() => {
-    const timer = setTimeout(() => setRested(text), REST_MS);
-    return () => clearTimeout(timer);
-  }, [text]);
-  const asked = rested === text ? rested : "";
-  const { data, error, isPlaceholderData } = useQuery({
-    ...composedPreviewQuery(asked, tuning),
-    enabled: asked !== "",
+  const [asked, ask] = useState({ text: "", tuning });
+  const { data, error, isFetching, isPlaceholderData } = useQuery({
+    ...composedPreviewQuery(asked.text, asked.tuning),
+    enabled: asked.text !== "",
     placeholderData: keepPreviousData,
   });
+  const standing = asked.text === text && asked.tuning === tuning;
+  useEffect(() => {
+    if (isFetching || standing) return;
+    const timer = setTimeout(() => ask({ text, tuning }), REST_MS);
+    return () => clearTimeout(timer);
+  }, [text, tuning, isFetching, standing]);
   return {
     checked: text === "" ? null : (data ?? null),
-    current: asked !== "" && data !== undefined && !isPlaceholderData && !data.busy,
-    error: asked === "" ? null : error,
+    current: text !== "" && standing && data !== undefined && !isPlaceholderData && !data.busy,
+    error: text !== "" && standing ? error : null,
   };
 }
