@@ -17,7 +17,7 @@ import { SetupDrawer } from "./components/setup/SetupDrawer";
 import { Tour } from "./components/setup/Tour";
 import { LiveProvider } from "./live/react";
 import { OperatePage } from "./pages/operate/OperatePage";
-import { RUNS } from "./pages/runs/address";
+import { EXPERIMENTS, RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
 import { AnglesContext } from "./service/angles";
 import { usePreferences } from "./service/preferences";
@@ -41,7 +41,6 @@ const SystemPage = lazy(() => import("./pages/system/SystemPage"));
 const numbered = (page: string) => new RegExp(`^/${page}(?:/(?<id>\\d+))?$`);
 const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
-const EXPERIMENTS = numbered("experiments");
 const STUDIES = numbered("studies");
 
 export function App() {

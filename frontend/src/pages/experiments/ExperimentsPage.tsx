@@ -3,14 +3,13 @@
 import { NativeSelect } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
-import { useLocation, useParams, useSearch } from "wouter";
+import { useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { duration } from "../../samples/format";
 import { useDryRun } from "../../service/commands";
 import { experimentKindsQuery, runsQuery } from "../../service/queries";
 import { RunningCard } from "../operate/RunningCard";
 import page from "../Page.module.css";
-import { AS_RUN } from "../runs/address";
 import { DryRunResult } from "./DryRunResult";
 import { ExperimentForm } from "./ExperimentForm";
 import { ExperimentResult } from "./ExperimentResult";
@@ -19,9 +18,8 @@ import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 
 export default function ExperimentsPage() {
-  const { id } = useParams();
+  const { id, asRun } = useParams();
   const [, go] = useLocation();
-  const asRun = new URLSearchParams(useSearch()).get(AS_RUN);
   const [chosen, choose] = useState<string | null>(null);
   const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
@@ -70,7 +68,7 @@ export default function ExperimentsPage() {
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
           <OwnExperiments
-            asRun={asRun === null ? null : Number(asRun)}
+            asRun={asRun === undefined ? null : Number(asRun)}
             kinds={kinds.data ?? []}
             onKept={choose}
           />

@@ -10,7 +10,7 @@ import { capital } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
-import { AS_RUN } from "./address";
+import { experimentOf } from "./address";
 import { CompareWith } from "./CompareWith";
 import { ComparisonCard } from "./ComparisonCard";
 import { LineageCard } from "./LineageCard";
@@ -93,7 +93,7 @@ function Facts({ run }: { run: Run }) {
         )}
         <dt>References</dt>
         <dd>
-          <Link href={`/experiments?${AS_RUN}=${run.id}`}>Make an experiment of this</Link>
+          <Link href={experimentOf(run.id)}>Make an experiment of this</Link>
         </dd>
         <dt>Tags</dt>
         <dd>

@@ -4,8 +4,13 @@
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+))?))?$/;
 
-/** Of the address of the experiments: the run whose references one is to be made of. */
-export const AS_RUN = "as-run";
+/** All experiments, one that was run, one to be made of a run's references. */
+export const EXPERIMENTS = /^\/experiments(?:\/(?:(?<id>\d+)|as-run\/(?<asRun>\d+)))?$/;
+
+/** Where the references of a run are made an experiment. */
+export function experimentOf(run: number): string {
+  return `/experiments/as-run/${run}`;
+}
 
 /** A run by itself, at a second of its recording where one is given, or beside others. */
 export function addressOf(run: number, others: readonly number[] = [], at_s: number | null = null): string {
