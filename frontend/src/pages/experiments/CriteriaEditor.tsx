@@ -116,7 +116,7 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
         <ActionIcon
           variant="subtle"
           color="gray"
-          size="sm"
+          size={24}
           mb={4}
           aria-label={`Remove criterion ${index + 1}`}
           onClick={onRemove}

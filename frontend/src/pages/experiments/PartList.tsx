@@ -227,7 +227,7 @@ interface RowButtonProps {
 function RowButton({ words, name, off = false, children, onClick }: RowButtonProps) {
   return (
     <ActionIcon
-      size="sm"
+      size={24}
       variant="subtle"
       color="gray"
       aria-label={words}
