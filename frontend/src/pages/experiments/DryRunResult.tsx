@@ -6,12 +6,13 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { plantWord } from "../../components/PlantBadge";
 import { RunState } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import type { useDryRun } from "../../service/commands";
-import { usePanels } from "../../theme/usePanels";
+import { useStandardPanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
@@ -87,7 +88,7 @@ export function DryRunCurves({ samples, duration_s, name }: CurvesProps) {
   return (
     <div className={page.charts}>
       <Charts
-        panels={usePanels()}
+        panels={useStandardPanels()}
         source={source}
         control={useViewport(home)}
         home={home}
@@ -95,11 +96,14 @@ export function DryRunCurves({ samples, duration_s, name }: CurvesProps) {
         limits={NO_LIMITS}
         marks={NO_MARKS}
         stale={false}
+        fixed
+        origin={DRY_RUN}
         name={name}
       />
     </div>
   );
 }
 
-const NO_LIMITS = new Map();
+const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
+const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];
