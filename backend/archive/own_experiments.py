@@ -1,5 +1,6 @@
 """Experiments by name: those that come with Sinew, and own ones, which are kept in versions."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -33,10 +34,16 @@ class Checked:
     document: dict[str, Any]
     parts: list[Played]
 
-    def view(self, dry_run: DryRunView | None, not_predicted: str = "", *, busy: bool = False) -> CheckedExperiment:
-        """Return it as the page shows it, with how it went on the simulator, or why it was not played there."""
+    def view(
+        self,
+        figures: Mapping[str, float | None],
+        not_predicted: str = "",
+        *,
+        busy: bool = False,
+        dry_run: DryRunView | None = None,
+    ) -> CheckedExperiment:
+        """Return it as the page shows it, with its figures on the simulator, or why it was not played there."""
         written = self.entry.written
-        figures = {} if dry_run is None else {item.name: item.value for item in dry_run.metrics}
         return CheckedExperiment(
             name=self.entry.name,
             title=self.entry.title,

@@ -16,6 +16,12 @@ class ExperimentText(Schema):
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
 
 
+class ExperimentToCheck(ExperimentText):
+    """An experiment that is looked over."""
+
+    play: bool = Field(default=True, description="play it on the simulator too, which takes its time")
+
+
 class WrittenExperiment(ExperimentText):
     """An experiment as it was written, and what its text says as plain data."""
 

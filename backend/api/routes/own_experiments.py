@@ -11,6 +11,7 @@ from backend.documents.experiment import schema
 from backend.messages.own_experiment import (
     CheckedExperiment,
     ExperimentText,
+    ExperimentToCheck,
     OwnExperiment,
     OwnExperimentList,
     WrittenExperiment,
@@ -40,10 +41,10 @@ async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: O
 
 @router.post("/check")
 async def check_experiment(
-    request: Request, body: ExperimentText, service: ServiceInUse, person: SignedIn
+    request: Request, body: ExperimentToCheck, service: ServiceInUse, person: SignedIn
 ) -> CheckedExperiment:
-    """Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept."""
-    return await service.ordered_runs.check_experiment(body.text, person, request.is_disconnected)
+    """Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept."""
+    return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 
 @router.get("/texts/{name}")

@@ -142,7 +142,8 @@ export type SettingValues = Record<string, boolean | number | string>;
 /** Looks an experiment over as a start would; nothing is kept. */
 export function useCheckExperiment() {
   return useMutation({
-    mutationFn: (text: string) => answered(api.POST("/api/experiments/check", { body: { text } })),
+    mutationFn: (text: string) =>
+      answered(api.POST("/api/experiments/check", { body: { text, play: true } })),
   });
 }
 

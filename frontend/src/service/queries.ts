@@ -167,11 +167,22 @@ export function experimentAsRunQuery(run_id: number) {
   });
 }
 
+/** A text looked over, which takes no time: whether it would be refused, and why. */
+export function lookedOverQuery(text: string) {
+  return queryOptions({
+    queryKey: ["looked-over", text],
+    queryFn: () => answered(api.POST("/api/experiments/check", { body: { text, play: false } })),
+    retry: false,
+    refetchOnWindowFocus: false,
+    gcTime: 60_000,
+  });
+}
+
 /** A text looked over and played dry; asked again while there is no place. */
 export function composedPreviewQuery(text: string, tuning: string) {
   return queryOptions({
     queryKey: ["composed-preview", text, tuning],
-    queryFn: () => answered(api.POST("/api/experiments/check", { body: { text } })),
+    queryFn: () => answered(api.POST("/api/experiments/check", { body: { text, play: true } })),
     retry: false,
     refetchOnWindowFocus: false,
     refetchInterval: ({ state }) => (state.data?.busy ? 1500 : false),

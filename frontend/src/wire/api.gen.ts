@@ -1183,7 +1183,7 @@ export interface paths {
         put?: never;
         /**
          * Check Experiment
-         * @description Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept.
+         * @description Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept.
          */
         post: operations["check_experiment"];
         delete?: never;
@@ -3285,6 +3285,20 @@ export interface components {
         ExperimentText: {
             /** Text */
             text: string;
+        };
+        /**
+         * ExperimentToCheck
+         * @description An experiment that is looked over.
+         */
+        ExperimentToCheck: {
+            /** Text */
+            text: string;
+            /**
+             * Play
+             * @description play it on the simulator too, which takes its time
+             * @default true
+             */
+            play: boolean;
         };
         /**
          * ExperimentView
@@ -14506,7 +14520,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["ExperimentText"];
+                "application/json": components["schemas"]["ExperimentToCheck"];
             };
         };
         responses: {

@@ -17,18 +17,26 @@ import { useComposedPreview } from "./useComposedPreview";
 
 interface Asked {
   readonly text: string;
+  readonly play: boolean;
   answer(body: unknown, status?: number): void;
 }
 
-let asked: Asked[] = [];
+let everything: Asked[] = [];
+/** What is to be played, and what is looked over only. */
+const played = () => everything.filter(({ play }) => play);
+const looked = () => everything.filter(({ play }) => !play);
 
 beforeEach(() => {
   vi.useFakeTimers();
-  asked = [];
+  everything = [];
   fetched.mockReset().mockImplementation(async (request) => {
-    const { text } = await request.json();
+    const { text, play } = await request.json();
     return new Promise((resolve) => {
-      asked.push({ text, answer: (body, status = 200) => resolve(Response.json(body, { status })) });
+      everything.push({
+        text,
+        play,
+        answer: (body, status = 200) => resolve(Response.json(body, { status })),
+      });
     });
   });
 });
@@ -50,7 +58,7 @@ function start(text: string) {
 }
 
 const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
-const texts = () => asked.map(({ text }) => text);
+const texts = () => played().map(({ text }) => text);
 
 it("asks once a text has come to rest", async () => {
   const { rerender } = start("a");
@@ -70,12 +78,12 @@ it("has one under way at a time, and after it the newest text", async () => {
     await pass(2000);
   }
   expect(texts()).toEqual(["a"]);
-  asked[0]?.answer({ title: "A", busy: false });
+  played()[0]?.answer({ title: "A", busy: false });
   await pass(10);
   expect(result.current).toMatchObject({ checked: { title: "A" }, current: false, error: null });
   await pass(700);
   expect(texts()).toEqual(["a", "d"]);
-  asked[1]?.answer({ title: "D", busy: false });
+  played()[1]?.answer({ title: "D", busy: false });
   await pass(10);
   expect(result.current).toMatchObject({ checked: { title: "D" }, current: true });
   await pass(5000);
@@ -85,7 +93,7 @@ it("has one under way at a time, and after it the newest text", async () => {
 it("tells a refusal of the text that stands there alone, and goes on with the next one", async () => {
   const { result, rerender } = start("a");
   await pass(700);
-  asked[0]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
+  played()[0]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
   await pass(10);
   expect(result.current).toMatchObject({ current: false, error: { message: "too far" } });
   rerender("b");
@@ -97,16 +105,37 @@ it("tells a refusal of the text that stands there alone, and goes on with the ne
 it("asks again while there is no place, and not for an earlier text", async () => {
   const { result, rerender } = start("a");
   await pass(700);
-  asked[0]?.answer({ title: "A", busy: true });
+  played()[0]?.answer({ title: "A", busy: true });
   await pass(10);
   expect(result.current.current).toBe(false);
   await pass(1600);
   expect(texts()).toEqual(["a", "a"]);
-  asked[1]?.answer({ title: "A", busy: true });
+  played()[1]?.answer({ title: "A", busy: true });
   await pass(10);
   rerender("b");
   await pass(700);
   expect(texts()).toEqual(["a", "a", "b"]);
   await pass(5000);
   expect(texts()).toEqual(["a", "a", "b"]);
+});
+
+it("tells at once what is refused, whatever is being played", async () => {
+  const { result, rerender } = start("a");
+  await pass(700);
+  expect(texts()).toEqual(["a"]);
+  rerender("b");
+  await pass(400);
+  expect(looked().map(({ text }) => text)).toEqual(["a", "b"]);
+  looked()[1]?.answer({ error: { code: "out_of_range", message: "too far" } }, 422);
+  await pass(10);
+  expect(result.current).toMatchObject({ current: false, error: { message: "too far" } });
+  played()[0]?.answer({ title: "A", busy: false });
+  await pass(10);
+  expect(result.current).toMatchObject({
+    checked: { title: "A" },
+    current: false,
+    error: { message: "too far" },
+  });
+  rerender("a");
+  expect(result.current.error).toBeNull();
 });

@@ -1,16 +1,17 @@
 /**
- * The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. One is
- * played at a time, and to its end: ending it would end the process that plays, which takes far longer to be there again.
+ * The preview of a text that is being edited: asked for when it comes to rest, told from one of an earlier text. What is
+ * refused is told at once, whatever is being played meanwhile. One is played at a time, and to its end: ending it would end the process that plays, which takes far longer to be there again.
  * After it comes the text that stands there then, whatever stood there in between.
  */
 
 import { keepPreviousData, useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useLive } from "../../live/react";
-import { composedPreviewQuery } from "../../service/queries";
+import { composedPreviewQuery, lookedOverQuery } from "../../service/queries";
 import type { CheckedExperiment } from "../../wire/types";
 
 const REST_MS = 600;
+const LOOK_MS = 300;
 
 interface ComposedPreview {
   /** The newest there is, be it of an earlier text. */
@@ -35,6 +36,13 @@ export function useComposedPreview(text: string): ComposedPreview {
     enabled: asked.text !== "",
     placeholderData: keepPreviousData,
   });
+  const [rested, rest] = useState("");
+  useEffect(() => {
+    const timer = setTimeout(() => rest(text), LOOK_MS);
+    return () => clearTimeout(timer);
+  }, [text]);
+  const looked = useQuery({ ...lookedOverQuery(rested), enabled: rested !== "" });
+  const refused = rested === text ? looked.error : null;
   const standing = asked.text === text && asked.tuning === tuning;
   useEffect(() => {
     if (isFetching || standing) return;
@@ -43,7 +51,8 @@ export function useComposedPreview(text: string): ComposedPreview {
   }, [text, tuning, isFetching, standing]);
   return {
     checked: text === "" ? null : (data ?? null),
-    current: text !== "" && standing && data !== undefined && !isPlaceholderData && !data.busy,
-    error: text !== "" && standing ? error : null,
+    current:
+      text !== "" && standing && refused === null && data !== undefined && !isPlaceholderData && !data.busy,
+    error: text === "" ? null : (refused ?? (standing ? error : null)),
   };
 }
