@@ -197,7 +197,12 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
           )}
         </div>
       )}
-      <RowRefusal at={key} id={saidAt} said={said} />
+      <RowRefusal
+        at={key}
+        inner={innerOf(part).map(([inner]) => `${key}.${inner.join(".")}`)}
+        id={saidAt}
+        said={said}
+      />
       {innerOf(part).map(([inner, parts]) => (
         <PartList key={inner.join(".")} place={[...place, ...inner]} parts={parts} composing={composing} />
       ))}
@@ -205,9 +210,17 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
   );
 }
 
+interface RowRefusalProps {
+  readonly at: string;
+  /** Where its inner parts are, which say for themselves what is refused in them. */
+  readonly inner: readonly string[];
+  readonly id: string;
+  readonly said: string | null;
+}
+
 /** Below the row, as the boxes are too narrow for a sentence. */
-function RowRefusal({ at, id, said }: { at: string; id: string; said: string | null }) {
-  const within = useRefusedWithin(at);
+function RowRefusal({ at, inner, id, said }: RowRefusalProps) {
+  const within = useRefusedWithin(at, inner);
   const text = said ?? within;
   return text === null ? null : (
     <div id={id} role="alert" className={styles.refused}>
