@@ -6,10 +6,17 @@ export default mergeConfig(
   build,
   defineConfig({
     test: {
-      include: ["src/**/*.test.{ts,tsx}"],
       restoreMocks: true,
       setupFiles: ["src/testSetup.ts"],
       testTimeout: 60_000,
+      projects: [
+        { extends: true, test: { name: "paged", include: ["src/**/*.test.tsx"], environment: "jsdom" } },
+        // What only computes needs no page and leaves nothing behind: its files share what they load.
+        {
+          extends: true,
+          test: { name: "computing", include: ["src/**/*.test.ts"], isolate: false, unstubGlobals: true },
+        },
+      ],
     },
   }),
 );

@@ -17,6 +17,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 
 MOST_NAMED = 8
 """More runs than this are not named beside their curves: their colours tell the order."""
@@ -87,6 +88,7 @@ def line_table(lines: Lines) -> Table:
     return Table(caption, columns, rows)
 
 
+@drawn_once
 def bode_panels(found: Sequence[Lines], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz], with what was predicted."""
     with figure(2, height_in=4.4, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
@@ -112,6 +114,7 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
         return to_svg(drawn, name)
 
 
+@drawn_once
 def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
     """Draw gain and phase of q and of S, of all runs on the same axes, with what was predicted of each."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))

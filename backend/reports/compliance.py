@@ -18,6 +18,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
@@ -67,6 +68,7 @@ def _figures(source: Source, metrics: Metrics) -> Section:
     )
 
 
+@drawn_once
 def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: Angles) -> str:
     """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
     t = columns["t"]

@@ -30,6 +30,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.impact import CAPTION, impact_panels, impact_tables
 from backend.reports.robustness import error_panels
@@ -170,6 +171,7 @@ def _in_force(source: Source, plan: ComposedPlan) -> InForce:
     return InForce(parameters, plan, kept_tuning(run.set_to.loop), points_in(source.bank))
 
 
+@drawn_once
 def response_panels(found: tuple[Response, ...], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz]."""
     with figure(2, height_in=4.0, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
@@ -187,6 +189,7 @@ def response_panels(found: tuple[Response, ...], name: str) -> str:
         return to_svg(drawn, name)
 
 
+@drawn_once
 def _lambda_panel(columns: Columns, name: str) -> str:
     t = columns["t"]
     with figure(1, height_in=1.6) as (drawn, axes):

@@ -4,7 +4,6 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -88,13 +87,14 @@ def thinned(t: Array, y: Array) -> tuple[Array, Array]:
     if t.size <= 2 * _BUCKETS:
         return t, y
     edges = np.linspace(0, t.size, _BUCKETS + 1).astype(np.intp)
-    kept: list[int] = [0]
-    for start, stop in pairwise(edges):
-        stretch = y[start:stop]
-        lowest = np.argmin(np.where(np.isnan(stretch), np.inf, stretch))
-        highest = np.argmax(np.where(np.isnan(stretch), -np.inf, stretch))
-        kept += sorted({start + int(lowest), start + int(highest)})
-    kept.append(t.size - 1)
+    widest = int(np.diff(edges).max())
+    places = np.minimum(edges[:-1, None] + np.arange(widest), edges[1:, None] - 1)  # a stretch's last once more
+    stretches, bare = y[places], np.isnan(y[places])
+    lowest = np.where(bare, np.inf, stretches).argmin(axis=1)
+    highest = np.where(bare, -np.inf, stretches).argmax(axis=1)
+    both = np.sort(edges[:-1, None] + np.stack([lowest, highest], axis=1), axis=1)
+    one = np.stack([both[:, 0] != both[:, 1], np.full(_BUCKETS, True)], axis=1)
+    kept = np.concatenate([[0], both[one], [t.size - 1]])
     return t[kept], y[kept]
 
 

@@ -7,6 +7,7 @@ from backend.reading import Angles, read, reading_of
 from backend.recording.columns import Columns
 from backend.reports.document import Block, Column, Figure, Section, Table, shown
 from backend.reports.drawing import COLOURS, figure, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.drawn_once import drawn_once
 from plant.interface import T_s
 
 NOTES = (
@@ -70,6 +71,7 @@ def hold_table(found: Sequence[Held], angles: Angles) -> Table:
     return Table(caption, columns, rows)
 
 
+@drawn_once
 def hold_panels(columns: Columns, found: Sequence[Held], count: float, name: str) -> str:
     """Draw each stretch over the time since its beginning."""
     with figure(3, height_in=4.6, sharex=True, height_ratios=(2, 2, 3)) as (drawn, axes):

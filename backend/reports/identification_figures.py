@@ -29,6 +29,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -51,6 +52,7 @@ def model_of(channel: ChannelModel) -> Model:
     return Model(channel.structure, channel.parameters)
 
 
+@drawn_once
 def record_panels(
     columns: Columns, start: int, models: Mapping[ChannelName, Model], period_s: float, name: str, angles: Angles
 ) -> str:
@@ -79,6 +81,7 @@ def record_panels(
         return to_svg(drawn, name)
 
 
+@drawn_once
 def bode_panels(
     columns: Columns, start: int, channels: Mapping[ChannelName, ChannelModel], period_s: float, name: str
 ) -> str:
@@ -105,6 +108,7 @@ def bode_panels(
         return to_svg(drawn, name)
 
 
+@drawn_once
 def step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: Angles) -> str:
     """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
     from scipy.signal import step
@@ -125,6 +129,7 @@ def step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles:
         return to_svg(drawn, name)
 
 
+@drawn_once
 def residual_panels(residuals: Mapping[ChannelName, ResidualTests], name: str) -> str:
     """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
     tests = (

@@ -9,6 +9,7 @@ from backend.reading import Angles, read, reading_of
 from backend.recording.columns import Columns
 from backend.reports.document import NO_FIGURE, Column, Table, shown
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, to_svg, upper_legend
+from backend.reports.drawn_once import drawn_once
 from backend.reports.judgement import measured
 from plant.interface import T_s
 
@@ -101,6 +102,7 @@ def reaction_tables(hits: Sequence[Hit], angles: Angles) -> tuple[Table, ...]:
     return (Table("Hits that are alike, without and with contact reaction.", columns, rows),)
 
 
+@drawn_once
 def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angles) -> str:
     """Draw the force of each hit from its touch on, and peak and impulse over the speed of approach."""
     force = np.abs(columns["F_wall"])

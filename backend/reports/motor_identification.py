@@ -8,6 +8,7 @@ from backend.identification.result import worst
 from backend.reading import Angles
 from backend.reports.document import NO_FIGURE, Block, Column, Figure, Paragraph, Report, Section, Table, exact, shown
 from backend.reports.drawing import COLOURS, INK, axis_label, figure, in_unit, panel_letter, to_svg
+from backend.reports.drawn_once import drawn_once
 from backend.reports.judgement import OUTCOMES, measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
@@ -155,6 +156,7 @@ def _figures(motors: MotorsFound, angles: Angles) -> tuple[Block, ...]:
     )
 
 
+@drawn_once
 def step_panels(motors: MotorsFound, name: str, angles: Angles) -> str:
     """Draw every step of both motors, and what the model leaves over."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):

@@ -19,6 +19,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 from plant.interface import T_s
 
 NOTES = (
@@ -86,6 +87,7 @@ def push_table(found: Sequence[Push], angles: Angles) -> Table:
     return Table(caption, columns, rows)
 
 
+@drawn_once
 def push_panels(columns: Columns, found: Sequence[Push], name: str, angles: Angles) -> str:
     """Draw force, deviation of the joint with what was expected, and deviation of the stiffness."""
     first, last = found[0].window.pushed.start, max(one.window.until for one in found)

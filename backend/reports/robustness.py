@@ -4,6 +4,7 @@ from backend.reading import Angles
 from backend.recording.columns import Columns
 from backend.reports.document import Figure, Report, Section
 from backend.reports.drawing import COLOURS, axis_label, figure, in_unit, panel_letter, thinned, to_svg, upper_legend
+from backend.reports.drawn_once import drawn_once
 from backend.reports.experiment import experiment_report
 from backend.reports.source import Source
 from backend.reports.tracking_figures import tension_panel
@@ -44,6 +45,7 @@ def _figures(source: Source) -> Section:
     )
 
 
+@drawn_once
 def error_panels(columns: Columns, name: str, angles: Angles) -> str:
     """Draw errors of the motor loops, joint position and voltages over time."""
     t = columns["t"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from backend.documents.result import Figure
 from backend.reading import Angles, read
 from backend.reports.drawing import INK, axis_label, figure, in_unit, thinned, to_svg, upper_legend
+from backend.reports.drawn_once import drawn_once
 from backend.reports.provenance import shown_unit
 
 _COLUMNS = 3
@@ -25,6 +26,7 @@ def is_partial(item: Figure | None) -> bool:
     return item is not None and item.value is not None and item.reason != ""
 
 
+@drawn_once
 def metric_panels(metrics: Sequence[Sequence[Figure | None]], angles: Angles) -> str:
     """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
     rows = -(-len(metrics) // _COLUMNS)
@@ -50,6 +52,7 @@ def metric_panels(metrics: Sequence[Sequence[Figure | None]], angles: Angles) ->
         return to_svg(drawn, "metrics")
 
 
+@drawn_once
 def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angles: Angles) -> str:
     """Draw q and S of all runs over the time since the first sample of each."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))

@@ -7,6 +7,7 @@ import numpy as np
 from backend.documents.spring import SpringFound, SpringModel
 from backend.reports.document import Block, Column, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.drawing import COLOURS, INK, LIMIT_GREY, figure, panel_letter, to_svg, upper_legend
+from backend.reports.drawn_once import drawn_once
 from backend.reports.judgement import measured_figures
 from backend.reports.provenance import facts, parameter_section, settings_table, subtitle
 from backend.reports.source import Source
@@ -102,6 +103,7 @@ SMALL_N = 0.05
 """Errors that stay below are drawn in mN: a number in N would have no room beside its axis."""
 
 
+@drawn_once
 def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
     """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):

@@ -22,6 +22,7 @@ from backend.reports.drawing import (
     to_svg,
     upper_legend,
 )
+from backend.reports.drawn_once import drawn_once
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -31,6 +32,7 @@ _LABELS = {"F": "Tension [N]", "u": "Voltage [V]"}
 _NAMES = {"q": "$q$", "S": "$S$", "F_A": "$F_A$", "F_B": "$F_B$", "u_A": "$u_A$", "u_B": "$u_B$"}
 
 
+@drawn_once
 def tracking_panels(
     columns: Columns,
     start_s: float,
@@ -61,6 +63,7 @@ def tracking_panels(
         return to_svg(drawn, name)
 
 
+@drawn_once
 def tension_panel(columns: Columns, F_max: float, name: str) -> str:
     """Draw both tendon tensions over the whole run, between slack and the bound of the safety module."""
     with figure(1, height_in=1.9) as (drawn, axes):
@@ -74,6 +77,7 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
         return to_svg(drawn, name)
 
 
+@drawn_once
 def step_panels(columns: Columns, steps: Sequence[StepFigures], lam: Mapping[str, float | None], name: str) -> str:
     """Draw all steps of q and of S on one scale, from 0 to 1, over the response that λ was chosen for."""
     with figure(1, 2, height_in=2.2, gap_in=(0.0, 0.2), sharey=True) as (drawn, axes):

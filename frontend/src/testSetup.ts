@@ -1,5 +1,9 @@
 /** How long a test waits for what it asks for: as long as a busy machine may need. What never comes still fails. */
 
-import { configure } from "@testing-library/dom";
+if (typeof document !== "undefined") {
+  // Only where there is a page: to load it takes longer than most of what only computes.
+  const { configure } = await import("@testing-library/dom");
+  configure({ asyncUtilTimeout: 20_000 });
+}
 
-configure({ asyncUtilTimeout: 20_000 });
+export {};

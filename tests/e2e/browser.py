@@ -10,7 +10,16 @@ from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Response, 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Pages are put together by the processor, as Chromium does it by itself where there is no graphics card; only WebGL
 # gets the slow substitute.
+# Chromium's own address bar loads two pages for what it would suggest, beside each window: a second of a core. The last
+# list said counts, so Playwright's own stands in it too.
+UNUSED = (
+    "WebUIOmniboxPopup,WebUIOmniboxAimPopup,AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,"
+    "HttpsUpgrades,HttpsFirstBalancedModeAutoEnable,LensOverlay,MediaRouter,PaintHolding,ThirdPartyStoragePartitioning,"
+    "AvoidCorsURLLoaderRestartOnRedirect,TcpPortRandomizationWin,OptimizationHints,NetworkTimeServiceQuerying,AimEnabled,"
+    "PreconnectToSearch"
+)
 ARGUMENTS = (
+    f"--disable-features={UNUSED}",
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--disable-gpu-compositing",

@@ -2,7 +2,7 @@
 
 import sqlite3
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -16,12 +16,35 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
 
 LAST_EVENTS = "SELECT at, kind, who, text FROM event ORDER BY id DESC LIMIT 30"
+FOLDER = Path(__file__).parent
 FAILURES = Path(__file__).parents[2] / ".cache" / "e2e"
 expect.set_options(timeout=MOTION_TIMEOUT_MS)
 """Playwright's own patience of 5 s is that of a machine with nothing else to do."""
 
 WITNESS = pytest.StashKey[Callable[[], str]]()
 """What tells of a page, while it is there, what a reader of a test that failed asks for."""
+
+
+CLOSED_EARLY = pytest.StashKey[ExitStack]()
+"""The shared service, as long as it is up."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let those with the shared service come first: those with one of their own do not run beside it."""
+    places = [place for place, item in enumerate(items) if item.path.is_relative_to(FOLDER)]
+    ours = sorted((items[place] for place in places), key=lambda item: not _shares(item))
+    for place, item in zip(places, ours, strict=True):
+        items[place] = item
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    if _shares(item) and nextitem is not None and not _shares(nextitem) and CLOSED_EARLY in item.session.stash:
+        item.session.stash[CLOSED_EARLY].close()
+
+
+def _shares(item: pytest.Item) -> bool:
+    return "shared_service" in getattr(item, "fixturenames", ())
 
 
 @pytest.hookimpl(wrapper=True)
@@ -41,8 +64,10 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="package")
-def shared_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with running_service(tmp_path_factory.mktemp("shared")) as running:
+def shared_service(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Service]:
+    with ExitStack() as up:
+        running = up.enter_context(running_service(tmp_path_factory.mktemp("shared")))
+        request.session.stash[CLOSED_EARLY] = up
         yield running
 
 
@@ -70,13 +95,36 @@ def fresh_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]
 @pytest.fixture
 def operator(browser: Browser, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
     """A person at a page of their own; the test fails when the page's console complained."""
-    context = browser.new_context(viewport=DESKTOP, accept_downloads=True)
-    watched = Watched(context.new_page())
+    with (
+        closing(browser.new_context(viewport=DESKTOP, accept_downloads=True)) as context,
+        attended(Watched(context.new_page()), service, request) as watched,
+    ):
+        yield Operator(watched.page, service)
+
+
+@pytest.fixture(scope="module")
+def page_of_module(browser: Browser, service: Service) -> Iterator[Watched]:
+    with closing(browser.new_context(viewport=DESKTOP, accept_downloads=True)) as context:
+        watched = Watched(context.new_page())
+        Operator(watched.page, service).sign_in()
+        yield watched
+
+
+@pytest.fixture
+def same_operator(page_of_module: Watched, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
+    """The person of the test before at the same page, signed in: to load and compile a page takes seconds of a core."""
+    page_of_module.complaints.clear()
+    with attended(page_of_module, service, request) as watched:
+        yield Operator(watched.page, service)
+
+
+@contextmanager
+def attended(watched: Watched, service: Service, request: pytest.FixtureRequest) -> Iterator[Watched]:
+    """Tell of the page when the test fails, and fail it when the page's console complained."""
     request.node.stash[WITNESS] = partial(witnessed, watched, service, FAILURES / f"{request.node.name}.png")
-    yield Operator(watched.page, service)
+    yield watched
     seen = request.node.stash[WITNESS]() if watched.complaints else ""
     del request.node.stash[WITNESS]
-    context.close()
     assert watched.complaints == [], seen
 
 

@@ -4,10 +4,9 @@ import re
 from pathlib import Path
 from typing import Literal
 
-import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
-from tests.e2e.browser import DESKTOP, TABLET
+from tests.e2e.browser import TABLET
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
@@ -16,12 +15,14 @@ from tests.e2e.test_viewer import SEEN
 AXE = (Path(__file__).parents[2] / "frontend" / "node_modules" / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
 PAGES = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 PHONE = ViewportSize(width=390, height=844)
 
 
 def violations(page: Page) -> list[str]:
     """What axe finds on the page as it is now: rule, why, and the elements."""
-    page.evaluate(AXE)
+    if not page.evaluate("'axe' in window"):
+        page.evaluate(AXE)
     found = page.evaluate(
         "rules => axe.run(document, {runOnly: {type: 'tag', values: rules}, iframes: false})"
         ".then(result => result.violations.map(one => `${one.id}: ${one.help}: ${one.nodes.slice(0, 4)"
@@ -31,35 +32,50 @@ def violations(page: Page) -> list[str]:
     return list(found)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_no_page_violates_wcag_a_or_aa(browser: Browser, service: Service, scheme: Literal["light", "dark"]) -> None:
-    context = browser.new_context(viewport=DESKTOP, color_scheme=scheme, reduced_motion="reduce")
-    operator = Operator(context.new_page(), service)
-    operator.sign_in()
+def in_both_schemes(page: Page, found: dict[str, list[str]], name: str) -> None:
+    """Look at the page as it is now in light and in dark, without the way from one to the other."""
+    for scheme in SCHEMES:
+        page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+        expect(page.locator("html")).to_have_attribute("data-mantine-color-scheme", scheme)
+        found[f"{name}, {scheme}"] = violations(page)
+
+
+def test_no_page_violates_wcag_a_or_aa(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.be_in_run()  # leaves a session run for the lists
     found: dict[str, list[str]] = {}
     for name in PAGES:
         operator.go(name)
-        expect(operator.page.get_by_role("main")).to_contain_text(re.compile(SEEN[name.lower()]))
-        found[name] = violations(operator.page)
+        expect(page.get_by_role("main")).to_contain_text(re.compile(SEEN[name.lower()]))
+        in_both_schemes(page, found, name)
     operator.go("Runs")
-    operator.page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
-    expect(operator.page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("Software")
-    found["one run"] = violations(operator.page)
-    operator.page.keyboard.press("c")
-    expect(operator.page.get_by_role("list", name="Steps of the set-up")).to_be_visible()
-    found["set-up"] = violations(operator.page)
-    operator.page.keyboard.press("Escape")
-    operator.page.keyboard.press("?")
-    expect(operator.page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
-    found["shortcuts"] = violations(operator.page)
-    context.close()
+    page.get_by_role("table", name="Runs", exact=True).get_by_role("link").first.click()
+    expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("Software")
+    in_both_schemes(page, found, "one run")
+    page.keyboard.press("c")
+    expect(page.get_by_role("list", name="Steps of the set-up")).to_be_visible()
+    in_both_schemes(page, found, "set-up")
+    page.keyboard.press("Escape")
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    in_both_schemes(page, found, "shortcuts")
+    page.keyboard.press("Escape")
+    page.emulate_media(reduced_motion="null", color_scheme="null")
     assert {name: found[name] for name in found if found[name]} == {}
 
 
-def test_the_keyboard_reaches_everything_and_its_focus_is_seen(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_stop_is_in_reach_while_a_dialog_is_open(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
+    operator.be_in_run()
+    page.get_by_role("button", name="Keyboard shortcuts", exact=True).click()
+    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
+    page.get_by_role("button", name="STOP", exact=True, include_hidden=True).click()
+    page.keyboard.press("Escape")
+    operator.expect_mode("tripped")
+
+
+def test_the_keyboard_reaches_everything_and_its_focus_is_seen(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     reached: set[str] = set()
@@ -82,35 +98,25 @@ def test_the_keyboard_reaches_everything_and_its_focus_is_seen(operator: Operato
     assert {"STOP", "Joint position", "Live", "Measure", "Save data", "λ_q", "Decrease λ_q", "q_ref"} <= reached
 
 
-@pytest.mark.parametrize("size", [PHONE, TABLET], ids=["phone", "tablet"])
-def test_small_screens_show_state_and_stop_without_scrolling_sideways(
-    browser: Browser, service: Service, size: ViewportSize
-) -> None:
-    context = browser.new_context(viewport=size, has_touch=True)
+def test_small_screens_show_state_and_stop_without_scrolling_sideways(browser: Browser, service: Service) -> None:
+    context = browser.new_context(viewport=PHONE, has_touch=True)
     operator = Operator(context.new_page(), service)
     page = operator.page
     operator.sign_in()
     operator.be_in_run()
-    for name in PAGES:
-        operator.go(name)
-        overflow = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
-        assert overflow <= 0, f"{name} is {overflow} px wider than the screen"
-        assert document_scrolls_by(page) <= 0, f"{name} scrolls STOP out of sight"
-        stop = page.get_by_role("button", name="STOP", exact=True)
-        expect(stop).to_be_in_viewport(ratio=1)
-        expect(page.get_by_role("status", name="Mode", exact=True)).to_be_in_viewport(ratio=1)
-    stop.tap()
-    operator.expect_mode("tripped")
-    expect(page.get_by_role("alert", name="Fault", exact=True)).to_be_in_viewport()
+    for size in (PHONE, TABLET):
+        page.set_viewport_size(size)
+        for name in PAGES:
+            operator.go(name)
+            overflow = page.evaluate("document.documentElement.scrollWidth - window.innerWidth")
+            assert overflow <= 0, f"{name} is {overflow} px wider than the screen of {size}"
+            assert document_scrolls_by(page) <= 0, f"{name} scrolls STOP out of sight at {size}"
+            stop = page.get_by_role("button", name="STOP", exact=True)
+            expect(stop).to_be_in_viewport(ratio=1)
+            expect(page.get_by_role("status", name="Mode", exact=True)).to_be_in_viewport(ratio=1)
+        stop.tap()
+        operator.expect_mode("tripped")
+        expect(page.get_by_role("alert", name="Fault", exact=True)).to_be_in_viewport()
+        operator.press("Reset")
+        operator.expect_mode("off")
     context.close()
-
-
-def test_stop_is_in_reach_while_a_dialog_is_open(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
-    page.get_by_role("button", name="Keyboard shortcuts", exact=True).click()
-    expect(page.get_by_role("dialog", name="Keyboard shortcuts")).to_be_visible()
-    page.get_by_role("button", name="STOP", exact=True, include_hidden=True).click()
-    page.keyboard.press("Escape")
-    operator.expect_mode("tripped")

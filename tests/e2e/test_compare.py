@@ -1,25 +1,32 @@
 """Runs beside one of them: what the operator reads is what the interface and the recordings say."""
 
+import asyncio
 import csv
 import io
 import json
 import math
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.storage import events, open_database, recordings, runs
-from tests.api.conftest import client_with
+from backend.experiments.banks.default_choice import default_choice
+from backend.experiments.plans.catalogue import experiment
+from backend.experiments.plans.loop_settings import split_values
+from backend.experiments.playing.headless_station import headless_station
+from backend.experiments.playing.runner import Order, run_experiment
+from backend.exports import csv_file
+from backend.exports.source import of_run
+from backend.storage import Database, events, open_database, recordings, runs
+from plant.parameters import load_parameters
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service
+from tests.e2e.sharing import SharedPage, shared_page
 from tests.e2e.test_accessibility import violations
 
 STEPS: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.6, 0.2), (1.3, 0.3))
@@ -34,10 +41,12 @@ Columns = dict[str, list[float]]
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     data = tmp_path_factory.mktemp("compared")
-    for at_s, q_ref in STEPS:
-        play(data, [segment(at_s, 0.0), segment(1.5, q_ref)], lam_q=0.5 if at_s != 1.6 else 0.6)
-    play(data, [segment(2.0, 0.0)])
     database = open_database(data)
+    with ThreadPoolExecutor(1) as beside:  # the browser's interface keeps an event loop running in this thread
+        for at_s, q_ref in STEPS:
+            lam_q = 0.5 if at_s != 1.6 else 0.6
+            beside.submit(play, database, [segment(at_s, 0.0), segment(1.5, q_ref)], lam_q).result()
+        beside.submit(play, database, [segment(2.0, 0.0)], 0.5).result()
     with database.session() as session:
         for run_id, at_s in FAULT_AT_S.items():
             run, span = runs.get(session, run_id), recordings.span(session, run_id)
@@ -52,18 +61,35 @@ def segment(duration_s: float, q_ref: float) -> dict[str, float]:
     return {"duration_s": duration_s, "q_ref": q_ref, "S_ref": 10.0}
 
 
-def play(data: Path, segments: list[dict[str, float]], lam_q: float = 0.5) -> None:
-    """Run a sequence headless."""
-    settings = ["--set", f"segments={json.dumps(segments)}", "--set", f"lam_q={lam_q}"]
-    command = [sys.executable, "-m", "backend", "experiment", "sequence", *settings, "--data", str(data)]
-    subprocess.run(command, check=True, capture_output=True)
+def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> None:
+    """Run a sequence headless, as the command line does, but in this process: a new one takes longer than to play."""
+    lab, kind = load_parameters("lab"), experiment("sequence")
+    values = {**default_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
+    plan, settings = split_values(kind.settings, kind.make, values)
+    with headless_station(database, lab, settings) as station:
+        outcome = asyncio.run(run_experiment(station, Order(plan, settings, "A. Operator")))
+    assert outcome.run.end_state == "completed"
+
+
+@pytest.fixture(scope="module")
+def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
+    with shared_page(browser, service, "runs") as shared:
+        yield shared
+
+
+@pytest.fixture
+def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Operator]:
+    with shared.turn_of(request.node) as operator:
+        yield operator
 
 
 @pytest.fixture(scope="module")
 def recorded(service: Service) -> dict[int, Columns]:
-    """All samples of each run, as they are exported."""
-    with client_with(service, "token") as client:
-        return {run: columns(client.get(f"/api/runs/{run}/data.csv").raise_for_status().text) for run in range(1, 5)}
+    """All samples of each run, as they are exported; to start a process for each file takes longer than to write it."""
+    database = open_database(service.data)
+    files = {run: b"".join(csv_file.write(of_run(database, run))) for run in range(1, 5)}
+    database.close()
+    return {run: columns(file.decode()) for run, file in files.items()}
 
 
 def columns(text: str) -> Columns:
@@ -76,7 +102,6 @@ def first_step(samples: Columns) -> int:
 
 
 def show(operator: Operator, address: str) -> Page:
-    operator.sign_in()
     operator.page.goto(f"{operator.service.url}/#{address}")
     expect(operator.page.get_by_role("heading", level=1)).to_contain_text("Run 1")
     return operator.page

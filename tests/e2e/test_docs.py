@@ -2,16 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import Literal
 
-import pytest
-from playwright.sync_api import Browser, Page, ViewportSize, expect
+from playwright.sync_api import Page, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import Operator
-from tests.e2e.service import Service
-from tests.e2e.test_accessibility import PHONE, violations
+from tests.e2e.test_accessibility import PHONE, in_both_schemes
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -27,9 +24,8 @@ def in_sight(page: Page, title: str) -> None:
     expect(page.get_by_role("article").get_by_role("heading", name=title, exact=True)).to_be_in_viewport()
 
 
-def test_what_is_written_is_read_and_found_in_the_dashboard(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.settled_mode()
     page.keyboard.press("d")
     contents = page.get_by_role("navigation", name="Documents", exact=True)
@@ -56,9 +52,20 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(operator: Operator) 
     expect(page.get_by_role("main")).to_contain_text("There is no document “no-such-thing”")
 
 
-def test_the_set_up_tells_how(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_everybody_can_read_it(same_operator: Operator) -> None:
+    page = same_operator.page
+    page.goto(f"{same_operator.service.url}/#/docs/notation")  # wide tables
+    expect(page.get_by_role("article").get_by_role("heading").first).to_be_visible()
+    for size in (PHONE, DESKTOP):
+        page.set_viewport_size(size)
+        found: dict[str, list[str]] = {}
+        in_both_schemes(page, found, str(size))
+        assert {name: found[name] for name in found if found[name]} == {}
+        assert document_scrolls_by(page) == 0
+
+
+def test_the_set_up_tells_how(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     page.get_by_role("button", name="Set-up", exact=True).click()
     steps = page.get_by_role("list", name="Steps of the set-up", exact=True)
     told = page.request.get(f"{operator.service.url}/api/checklist").json()["steps"]
@@ -67,18 +74,3 @@ def test_the_set_up_tells_how(operator: Operator) -> None:
         expect(steps.get_by_role("listitem").nth(row)).to_contain_text(step["detail"])
     steps.get_by_role("link", name="Tuning: how, and why", exact=True).click()
     in_sight(page, "Tune")
-
-
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_everybody_can_read_it(
-    browser: Browser, service: Service, size: ViewportSize, scheme: Literal["light", "dark"]
-) -> None:
-    context = browser.new_context(viewport=size, color_scheme=scheme)
-    page = context.new_page()
-    Operator(page, service).sign_in()
-    page.goto(f"{service.url}/#/docs/notation")  # wide tables
-    expect(page.get_by_role("article").get_by_role("heading").first).to_be_visible()
-    assert violations(page) == []
-    assert document_scrolls_by(page) == 0
-    context.close()

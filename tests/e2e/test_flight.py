@@ -4,51 +4,46 @@ import csv
 import math
 import re
 
-import httpx
 import pytest
 from playwright.sync_api import expect
 
+from tests.api.conftest import client_with
 from tests.e2e.operator import Operator
-from tests.e2e.service import Service
+from tests.e2e.sharing import bring_to_run, sign_in_at
 
-
-@pytest.fixture(scope="module")
-def service(fresh_service: Service) -> Service:
-    return fresh_service
+DEG = 180.0 / math.pi
 
 
 def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
-    operator.enter("q_ref value [deg]", 15.0)
-    operator.wait(lambda: abs(operator.reading("Joint position", "q") - 15.0) < 0.3)
+    page, service = operator.page, operator.service
+    bring_to_run(service, 15.0 / DEG)
+    sign_in_at(page, service, "studies")  # the banner is above every page
+    operator.wait_for_samples(2000)
     page.get_by_role("button", name=re.compile("^STOP")).click()
     operator.expect_mode("tripped")
     page.get_by_role("link", name="Flight record", exact=True).click()  # there once its seconds are over
     expect(page.get_by_role("heading", level=1)).to_contain_text("Flight record")
 
     state = page.evaluate("fetch('./api/state').then(answer => answer.json())")
-    [flight] = page.evaluate("fetch('./api/flights').then(answer => answer.json())")["flights"]
-    assert flight["tick"] == state["fault"]["tick"]
+    flights = page.evaluate("fetch('./api/flights').then(answer => answer.json())")["flights"]
+    [flight] = [one for one in flights if one["tick"] == state["fault"]["tick"]]
     assert page.url.endswith(f"/#/flights/{flight['id']}")
     facts = page.get_by_role("region", name="Trip", exact=True)
     expect(facts).to_contain_text(f"tick {flight['tick']}")
     expect(facts).to_contain_text(f"{flight['before_s']:.3f} s before to {flight['after_s']:.3f} s after")
 
-    cookies = {cookie["name"]: cookie["value"] for cookie in page.context.cookies()}
-    address = f"{operator.service.url}/api/flights/{flight['id']}/data.csv"
-    text = httpx.get(address, cookies=cookies, timeout=60.0).raise_for_status().text
+    with client_with(service, "token") as script:
+        text = script.get(f"/api/flights/{flight['id']}/data.csv").raise_for_status().text
     samples = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
     at_trip = min(samples, key=lambda row: abs(float(row["t"])))
     assert float(at_trip["t"]) == 0.0
+    assert float(at_trip["q"]) * DEG > 10.0  # where it was moved to, and nowhere else in these seconds
     assert len(samples) == round((flight["before_s"] + flight["after_s"]) * 1e3)
 
     replay = page.get_by_role("region", name="Replay", exact=True)
     expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
     operator.wait(lambda: not math.isnan(operator.reading("Joint position", "q")))
-    deg = 180.0 / math.pi
-    assert operator.reading("Joint position", "q") == pytest.approx(float(at_trip["q"]) * deg, abs=0.006)
+    assert operator.reading("Joint position", "q") == pytest.approx(float(at_trip["q"]) * DEG, abs=0.006)
     assert operator.reading("Tendon force", "F_A") == pytest.approx(float(at_trip["F_A"]), abs=0.006)
     position = replay.get_by_role("slider", name="Replay position", exact=True)
     position.press("Home")
@@ -70,6 +65,6 @@ def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Opera
     assert answered.value.request.post_data_json == {"t": pytest.approx(float(first["t"]))}
     replay.get_by_role("button", name="Show flat", exact=True).click()
 
-    page.goto(f"{operator.service.url}/#/log")
+    page.goto(f"{service.url}/#/log")
     page.get_by_role("link", name="charts of the trip").first.click()
     expect(page.get_by_role("region", name="Trip", exact=True)).to_contain_text(f"tick {flight['tick']}")

@@ -18,9 +18,8 @@ button => {
 TO_THE_TOP = "document.querySelectorAll('main, main *').forEach(one => one.scrollTop > 0 && one.scrollTo(0, 0))"
 
 
-def test_start_and_queue_are_in_sight_on_each_experiment_form(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_start_and_queue_are_in_sight_on_each_experiment_form(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.go("Experiments")
     kinds = page.get_by_role("combobox", name="Kind of experiment")
     for kind in ("tracking", "compliance", "sequence"):
@@ -33,18 +32,16 @@ def test_start_and_queue_are_in_sight_on_each_experiment_form(operator: Operator
         _in_sight(page, *(form.get_by_role("button", name=name) for name in names))
 
 
-def test_start_is_in_sight_on_each_identification_form(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_start_is_in_sight_on_each_identification_form(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.go("Identify")
     for kind in ("Actuator", "Motors", "Springs"):
         page.get_by_role("radiogroup", name="What to identify").get_by_text(kind, exact=True).click()
         _in_sight(page, page.get_by_role("button", name="Start identification"))
 
 
-def test_what_changes_the_tuning_or_the_banks_is_in_sight(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("switch", name="Stage changes").check()

@@ -23,13 +23,15 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 @pytest.fixture
-def laid_out(operator: Operator) -> Operator:
+def laid_out(same_operator: Operator) -> Operator:
     """A joint in run, watched with a layout of the operator's own."""
-    operator.sign_in()
+    operator, page = same_operator, same_operator.page
+    page.mouse.move(5, 5)
     operator.be_in_run()
-    page = operator.page
     page.get_by_role("combobox", name="Layout", exact=True).select_option("Standard")
-    page.get_by_role("button", name="Edit layout", exact=True).click()
+    edit = page.get_by_role("button", name="Edit layout", exact=True)
+    if edit.get_attribute("aria-pressed") != "true":
+        edit.click()
     for old in page.get_by_role("combobox", name="Layout", exact=True).locator("optgroup[label=Own] option").all():
         page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
         page.get_by_role("button", name="Remove layout", exact=True).click()

@@ -5,9 +5,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from backend.reports.document import Report
+from backend.reports.drawn_once import forget_drawings
 from backend.reports.source import Source
 from backend.reports.tracking import tracking_report
-from tests.reports.figure_labels import assert_labels_are_true, assert_words_are_legible
+from tests.reports.figure_labels import assert_it_reads_well
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
@@ -17,12 +18,12 @@ def figures_tell_the_truth() -> Iterator[None]:
     drawn = Figure.savefig
 
     def looked_at(self: Figure, *args: Any, **how: Any) -> None:
-        assert_labels_are_true(self)
-        assert_words_are_legible(self)
+        assert_it_reads_well(self)
         drawn(self, *args, **how)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, "savefig", looked_at)
+        forget_drawings()
         yield
 
 

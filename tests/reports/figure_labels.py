@@ -18,12 +18,18 @@ def as_read(label: str) -> float:
     return float(re.sub(r"\$\\mathdefault\{(.*)\}\$", r"\1", label).replace("\N{MINUS SIGN}", "-"))
 
 
+def assert_it_reads_well(drawn: Figure) -> None:
+    """All of this page, of a figure that is drawn for it once."""
+    drawn.draw_without_rendering()
+    assert_labels_are_true(drawn)
+    assert_words_are_legible(drawn)
+
+
 def assert_labels_are_true(drawn: Figure) -> None:
     """Each label of a linear axis tells its own line: as read, with nothing to be added to it.
 
-    Of an axis whose places were named one by one, as a map's cells, the labels are words.
+    Of an axis whose places were named one by one, as a map's cells, the labels are words. The figure is drawn already.
     """
-    drawn.draw_without_rendering()
     for panel in drawn.axes:
         for axis in (panel.xaxis, panel.yaxis):
             if axis.get_scale() == "linear" and not isinstance(axis.get_major_formatter(), _WORDS):
@@ -43,8 +49,7 @@ _A_PIXEL = 1.0
 
 
 def assert_words_are_legible(drawn: Figure) -> None:
-    """No word of a figure leaves it, none lies on another panel, and what names an axis lies on none of its numbers."""
-    drawn.draw_without_rendering()
+    """No word of a drawn figure leaves it, none lies on another panel, none that names an axis on its numbers."""
     panels = [panel for panel in drawn.axes if panel.get_visible()]
     for panel in panels:
         others = [other.get_window_extent() for other in panels if other is not panel]

@@ -24,6 +24,7 @@ from tests.reports.figure_labels import assert_labels_are_true, assert_words_are
 def test_labels_tell_where_their_lines_are(low: float, high: float) -> None:
     with figure(1, height_in=2.0) as (drawn, axes):
         axes.plot(np.linspace(low, high, 50), np.linspace(low, high, 50))
+        drawn.draw_without_rendering()
         assert_labels_are_true(drawn)
 
 
@@ -74,8 +75,10 @@ def test_what_is_cut_or_covered_is_found() -> None:
             for panel in axes:
                 panel.plot([0.0, 1.0], [0.0, 1.0], label="a line")
                 panel.set(ylabel="its name", ylim=(0.0, 1.0))
+            drawn.draw_without_rendering()
             assert_words_are_legible(drawn)
             spoil(axes)
+            drawn.draw_without_rendering()
             with pytest.raises(AssertionError):
                 assert_words_are_legible(drawn)
 

@@ -14,6 +14,7 @@ from backend.identification.result import Model
 from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Report, Table
+from backend.reports.drawn_once import forget_drawings
 from backend.reports.html import to_html
 from backend.reports.identification_figures import simulated_from_rest
 from backend.reports.pdf import to_pdf
@@ -135,6 +136,7 @@ def test_the_step_that_is_drawn_is_round_as_it_is_read(
         saved(self, *args, **how)
 
     monkeypatch.setattr(Drawn, "savefig", looked_at)
+    forget_drawings()
     made = build_report(replace(source(identification(), PLAYED), angles=angles))
     captions = [block.caption for section in made.sections for block in section.blocks if isinstance(block, Figure)]
     assert any(f"to a step of θ_A,ref by {words}, and of their first" in caption for caption in captions)

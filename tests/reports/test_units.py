@@ -14,6 +14,7 @@ from matplotlib.figure import Figure as Drawn
 from backend.reading import Angles
 from backend.reports.build import build_report
 from backend.reports.document import Figure, Paragraph, Report, Table
+from backend.reports.drawn_once import forget_drawings
 from backend.reports.source import Source
 
 DEG, RAD = Angles.DEGREES, Angles.RADIANS
@@ -71,6 +72,7 @@ def axes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         saved(self, *args, **how)
 
     monkeypatch.setattr(Drawn, "savefig", looked_at)
+    forget_drawings()
     return seen
 
 

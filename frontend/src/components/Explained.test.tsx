@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** A word is explained on hover, focus and tap, told to a screen reader, closed by Escape, and costs one stop of Tab. */
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** No value is absent without its reason: by type where a number is written, by reading the source for the rest. */
 import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, describe, expect, it } from "vitest";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** Whatever kind of field a refusal means: it is told whole there, once, the field is marked and gone to. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** Differences stand beside the run that they are to, and a figure that is none beside its reason. */
 import { MantineProvider } from "@mantine/core";
 import { cleanup, render, screen, within } from "@testing-library/react";

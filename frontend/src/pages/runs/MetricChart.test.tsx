@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** The chart of a metric is of the kind that is chosen, and its numbers are told apart. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** Every run that is over has a report to take home, whatever its kind; one that is not has none yet. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** The page of a run as it is laid out: what comes first, and what it says where something was not measured. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";

@@ -1,4 +1,3 @@
-// @vitest-environment jsdom
 /** What is shown of studies says what it is: a map which of several runs, a list why it is not there. */
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";

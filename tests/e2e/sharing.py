@@ -1,0 +1,96 @@
+"""What tests of a file share, so that each need not begin anew: a page that goes on, a joint that is brought to run.
+
+A page at Operate draws what comes in, which takes most of a processor: where a test is about another page it signs in
+there, and a script winds up the joint.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.api.conftest import client_with, until_state
+from tests.e2e.browser import DESKTOP, Watched
+from tests.e2e.conftest import FAILURES, WITNESS, witnessed
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service
+
+
+class SharedPage:
+    """An operator at a page that the tests of a file go on with."""
+
+    def __init__(self, browser: Browser, service: Service, address: str) -> None:
+        context = browser.new_context(viewport=DESKTOP, accept_downloads=True)
+        self._watched = Watched(context.new_page())
+        self._service = service
+        sign_in_at(self._watched.page, service, address)
+
+    @contextmanager
+    def turn_of(self, test: pytest.Item) -> Iterator[Operator]:
+        """Let a test have the page; it fails when the console complained meanwhile.
+
+        What lay over the page is closed before, and control is given up after it: a script may bring the joint to where
+        the next test needs it.
+        """
+        page = self._watched.page
+        witness: Callable[[], str] = partial(witnessed, self._watched, self._service, FAILURES / f"{test.name}.png")
+        test.stash[WITNESS] = witness
+        page.keyboard.press("Escape")
+        yield Operator(page, self._service)
+        give_up_control(page)
+        complaints, self._watched.complaints = self._watched.complaints, []
+        seen = witness() if complaints else ""
+        del test.stash[WITNESS]
+        assert complaints == [], seen
+
+    def close(self) -> None:
+        self._watched.page.context.close()
+        assert self._watched.complaints == []
+
+
+@contextmanager
+def shared_page(browser: Browser, service: Service, address: str) -> Iterator[SharedPage]:
+    """Sign in at an address; the page is closed when the tests of the file are over."""
+    shared = SharedPage(browser, service, address)
+    yield shared
+    shared.close()
+
+
+def give_up_control(page: Page) -> None:
+    """Leave nobody in control, if it is this page that has it."""
+    mine = page.get_by_role("button", name="Control: you", exact=True)
+    if mine.count() == 0:
+        return
+    page.keyboard.press("Escape")
+    mine.click()
+    page.get_by_role("menuitem", name="Give up control").click()
+    expect(mine).to_have_count(0)
+
+
+def sign_in_at(page: Page, service: Service, address: str) -> None:
+    """Sign in, as a person who said before that they go by their role, and open a page by what follows its #/."""
+    page.add_init_script("if (location.origin !== 'null') localStorage.setItem('sinew-goes-by-role', '')")
+    token = (service.data / "token").read_text(encoding="utf-8").strip()
+    assert page.request.post(f"{service.url}/api/session", data={"token": token}).ok
+    page.goto(f"{service.url}/#/{address}")
+    expect(page.get_by_role("banner")).to_be_visible()
+
+
+def bring_to_run(service: Service, q_ref: float = 0.0) -> None:
+    """Have the joint in run on its way to an angle [rad], whatever the tests before have left; nobody has control."""
+    with client_with(service, "token") as script:
+        state = until_state(
+            script, lambda told: told["holder"] is None and told["mode"] != "stopping", "a page before holds control"
+        )
+        if state["mode"] == "tripped":
+            script.post("/api/reset").raise_for_status()
+        if state["mode"] != "run":
+            if not state["pretension_done"]:
+                script.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+                until_state(script, lambda told: bool(told["pretension_done"]), "pretension is never held")
+            script.post("/api/mode", json={"mode": "run"}).raise_for_status()
+            until_state(script, lambda told: told["mode"] == "run", "it does not come to run")
+        script.put("/api/references", json={"q_ref": q_ref, "S_ref": 10.0}).raise_for_status()
+        script.delete("/api/control").raise_for_status()
