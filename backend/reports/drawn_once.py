@@ -44,7 +44,7 @@ def forget_drawings() -> None:
     _drawings.clear()
 
 
-def _parts(value: Any) -> Iterator[bytes]:
+def _parts(value: Any) -> Iterator[bytes | memoryview]:
     """Give all that makes a value what it is, bit by bit."""
     if isinstance(value, np.ndarray):
         yield f"{value.dtype}{value.shape}".encode()

@@ -8,43 +8,25 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from backend.cli import main
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.storage import open_database, runs
 from plant.parameters import load_parameters
+from tests.cli.conftest import Command
 from tests.experiments.parameter_files import weak_motors
 from tests.recording.test_retention import recorded
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
 
-Command = Callable[..., subprocess.CompletedProcess[str]]
-
-
 def process(*words: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "backend", *words]
     return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-@pytest.fixture
-def sinew(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Run a command in this process."""
-
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
-        monkeypatch.setattr(sys, "argv", ["sinew", *words])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        return subprocess.CompletedProcess(words, int(ended.value.code or 0), printed.out, printed.err)
-
-    return run
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +56,12 @@ def test_an_experiment_leaves_report_data_and_metrics(tracked: tuple[Path, dict[
     assert metrics["settings"]["loop"]["seed"] == 3
 
 
-def test_an_experiment_starts_from_what_is_in_force_and_says_so(sinew: Command, tmp_path: Path) -> None:
+def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command, tmp_path: Path) -> None:
     parameters, order = load_parameters("ideal"), ["experiment", "sequence", "--params", "ideal", "--data"]
     with closing(open_database(tmp_path)) as database:
         kept_choice.put(database, TuningChoice(lam_q=0.7, b=0.5), parameters, "A. Operator")
     segments = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
-    ended = sinew(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
+    ended = command(*order, str(tmp_path), "--set", f"segments={segments}", "--set", "b=1", "--set", "bank=0")
     assert ended.returncode == 0, ended.stderr
     assert ended.stdout.splitlines()[0] == (
         "tuning: λ_q 0.7 s (in force), λ_S 0.42 s (in force), λ_motor 0.0854 s (in force), b 1 (set), "
@@ -96,25 +78,28 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(sinew: Command, 
 
 
 def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(
-    sinew: Command, tmp_path: Path
+    command: Command, tmp_path: Path
 ) -> None:
     order = ["experiment", "sequence", "--params", str(weak_motors(tmp_path)), "--data", str(tmp_path)]
-    ended = sinew(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
+    ended = command(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
     assert ended.returncode == 0, ended.stderr
     moved, lam_q = ended.stderr.strip().rsplit(" → ", 1)
     assert moved == "the method's default is not offered for these models, the nearest that is: λ_q 0.5"
     assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
 
 
-def test_what_was_stored_is_listed_shown_and_exported(sinew: Command, tracked: tuple[Path, dict[str, object]]) -> None:
+def test_what_was_stored_is_listed_shown_and_exported(
+    command: Command, tracked: tuple[Path, dict[str, object]]
+) -> None:
     folder, printed = tracked
     data = ["--data", str(folder / "data")]
-    listed = json.loads(sinew("runs", "list", "--json", *data).stdout)
+    listed = json.loads(command("runs", "list", "--json", *data).stdout)
     assert [(run["id"], run["kind"], run["end_state"]) for run in listed] == [(printed["run"], "tracking", "completed")]
     assert (
-        json.loads(sinew("runs", "show", str(printed["run"]), "--json", *data).stdout)["metrics"] == printed["metrics"]
+        json.loads(command("runs", "show", str(printed["run"]), "--json", *data).stdout)["metrics"]
+        == printed["metrics"]
     )
-    seen = sinew("runs", "show", str(printed["run"]), *data).stdout
+    seen = command("runs", "show", str(printed["run"]), *data).stdout
     metrics = printed["metrics"]
     assert isinstance(metrics, dict)
     units = printed["units"]
@@ -126,10 +111,10 @@ def test_what_was_stored_is_listed_shown_and_exported(sinew: Command, tracked: t
     assert str(printed["verdict"]) in " ".join(seen.split())
     assert not set(metrics) & set(seen.split())  # labels, not the names that programs read
     csv = folder / "again.csv"
-    assert sinew("runs", "export", str(printed["run"]), str(csv), *data).returncode == 0
+    assert command("runs", "export", str(printed["run"]), str(csv), *data).returncode == 0
     assert csv.read_text() == (folder / "out" / "data.csv").read_text()
-    assert sinew("db", "check", *data).returncode == 0
-    assert sinew("db", "backup", str(folder / "copy.db"), *data).returncode == 0
+    assert command("db", "check", *data).returncode == 0
+    assert command("db", "backup", str(folder / "copy.db"), *data).returncode == 0
     assert (folder / "copy.db").stat().st_size > 100_000
 
 
@@ -153,16 +138,18 @@ def test_what_was_stored_is_listed_shown_and_exported(sinew: Command, tracked: t
         (["serve", "--port", "70000"], "port"),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_a_status(sinew: Command, tmp_path: Path, words: list[str], said: str) -> None:
-    ended = sinew(*words, "--data", str(tmp_path))
+def test_what_goes_wrong_is_one_line_and_a_status(
+    command: Command, tmp_path: Path, words: list[str], said: str
+) -> None:
+    ended = command(*words, "--data", str(tmp_path))
     assert ended.returncode in (1, 2)
     assert said in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
     assert ended.stdout == ""
 
 
-def test_a_service_that_cannot_start_says_why(sinew: Command, tmp_path: Path) -> None:
-    ended = sinew("serve", "--params", "nowhere", "--port", "0", "--data", str(tmp_path))
+def test_a_service_that_cannot_start_says_why(command: Command, tmp_path: Path) -> None:
+    ended = command("serve", "--params", "nowhere", "--port", "0", "--data", str(tmp_path))
     assert ended.returncode == 1
     assert "nowhere" in ended.stderr
     assert len(ended.stderr.strip().splitlines()) == 1
@@ -180,11 +167,11 @@ def test_doctor_speaks_to_programs(tmp_path: Path) -> None:
     assert all(set(finding) == {"what", "found", "remedy"} for finding in findings)
 
 
-def test_doctor_promises_no_rig_that_a_start_refuses(sinew: Command, tmp_path: Path) -> None:
+def test_doctor_promises_no_rig_that_a_start_refuses(command: Command, tmp_path: Path) -> None:
     """No machine of these tests has a card: the doctor says what is missing in the words that a start is refused in."""
     findings = json.loads(process("doctor", "--json", "--data", str(tmp_path)).stdout)
     card = next(finding for finding in findings if "DAQ" in finding["what"])
-    ended = sinew("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
+    ended = command("serve", "--plant", "rig", "--port", "0", "--data", str(tmp_path / "rig"))
     assert ended.returncode == 1
     assert card["found"].startswith("none: ")
     assert card["found"].removeprefix("none: ") in " ".join(ended.stderr.split())
@@ -192,18 +179,18 @@ def test_doctor_promises_no_rig_that_a_start_refuses(sinew: Command, tmp_path: P
 
 
 def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
-    sinew: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database = open_database(tmp_path)
     run = recorded(database, days=90)
     database.close()
     words = ["db", "recordings", "--data", str(tmp_path)]
-    assert "nothing has to go" in sinew(*words).stdout
+    assert "nothing has to go" in command(*words).stdout
     monkeypatch.setenv("SINEW_RECORDINGS_GB", "0.00001")
-    listed = sinew(*words).stdout
+    listed = command(*words).stdout
     assert "the samples of 1 run older than 30 days" in " ".join(listed.split())
     assert f"sinew db recordings --delete {run}" in listed
-    assert json.loads(sinew(*words, "--json").stdout)["may_go"][0]["run"] == run
-    refused = sinew(*words, "--delete", str(run + 1))
+    assert json.loads(command(*words, "--json").stdout)["may_go"][0]["run"] == run
+    refused = command(*words, "--delete", str(run + 1))
     assert (refused.returncode, "may not go" in refused.stderr) == (2, True)
-    assert json.loads(sinew(*words, "--delete", str(run), "--json").stdout)["total_bytes"] == 0
+    assert json.loads(command(*words, "--delete", str(run), "--json").stdout)["total_bytes"] == 0

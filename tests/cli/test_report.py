@@ -11,63 +11,65 @@ from subprocess import DEVNULL
 
 from backend.storage import open_database, recordings
 from backend.storage.records import UnknownRecordError
+from tests.cli.conftest import Command
 
 
 def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own."""
     command = [sys.executable, "-m", "backend", *words, "--data", str(folder)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_a_report_holds_until_somebody_touches_it(tmp_path: Path) -> None:
+def test_a_report_holds_until_somebody_touches_it(command: Command, tmp_path: Path) -> None:
     out, here = tmp_path / "out", tmp_path / "here"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
-    assert sinew("experiment", "tracking", *short, folder=here).returncode == 0
+    assert command("experiment", "tracking", *short, folder=here).returncode == 0
     report = out / "report.html"
-    held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    held = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")  # which draws it anew
     assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
     samples = (out / "data.csv").read_text(encoding="utf-8")
     (out / "data.csv").write_text(samples.replace("\n0.5,", "\n0.5001,", 1), encoding="utf-8")
-    later = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    later = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert (later.returncode, "samples of t from 0 s to 1 s" in later.stderr) == (1, True)
     assert "the file of the samples: the report says samples as they were exported" in later.stderr
     (out / "data.csv").unlink()
-    by_the_run = sinew("report", "verify", str(report), "--json", folder=here)
+    by_the_run = command("report", "verify", str(report), "--json", folder=here)
     assert json.loads(by_the_run.stdout) == {
         "holds": True,
         "samples": "run 1 of the data folder",
         "differences": [],
         "left_out": [],
     }
-    nowhere = sinew("report", "verify", str(report), folder=tmp_path / "elsewhere")
+    nowhere = command("report", "verify", str(report), folder=tmp_path / "elsewhere")
     assert nowhere.returncode == 2
     assert not (tmp_path / "elsewhere").exists()  # who only reads makes no folder
     assert "the samples that it was made of are not here" in nowhere.stderr
     page = report.read_text(encoding="utf-8")
     report.write_text(page.replace("simulator, parameters", "rig, parameters", 1), encoding="utf-8")
-    touched = sinew("report", "verify", str(report), folder=here)
+    touched = command("report", "verify", str(report), folder=here)
     assert touched.returncode == 1
     assert "does not hold: 1 differences" in touched.stderr
 
 
-def test_what_a_killed_command_left_behind_has_a_report_that_holds(tmp_path: Path) -> None:
+def test_what_a_killed_command_left_behind_has_a_report_that_holds(command: Command, tmp_path: Path) -> None:
     here, out, series = tmp_path / "here", tmp_path / "out", tmp_path / "series.html"
     short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
-    assert sinew("experiment", "tracking", *short, folder=here).returncode == 0
+    assert command("experiment", "tracking", *short, folder=here).returncode == 0
     words = ("experiment", "tracking", "--set", "q_duration_s=60", "--data", str(here))
     with subprocess.Popen([sys.executable, "-m", "backend", *words], stdout=DEVNULL, stderr=DEVNULL) as playing:
         _until_recorded(here, 2)
         playing.send_signal(signal.SIGSTOP)
-        alive = sinew("runs", "show", "2", "--json", folder=here)
+        alive = command("runs", "show", "2", "--json", folder=here)
         assert json.loads(alive.stdout)["end_state"] == "running"
         playing.kill()
-    assert sinew("runs", "report", "2", str(out), folder=here).returncode == 0
+    assert command("runs", "report", "2", str(out), folder=here).returncode == 0
     told = json.loads((out / "metrics.json").read_text(encoding="utf-8"))
     assert (told["end_state"], told["complete"]) == ("service_died", False)
     assert "s were played" in told["verdict"]
-    held = sinew("report", "verify", str(out / "report.html"), folder=here)
+    held = command("report", "verify", str(out / "report.html"), folder=here)
     assert (held.returncode, "holds: every number" in held.stdout) == (0, True), held.stderr
-    assert sinew("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
-    assert sinew("report", "verify", str(series), folder=here).returncode == 0
+    assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
+    assert command("report", "verify", str(series), folder=here).returncode == 0
 
 
 def _until_recorded(folder: Path, run: int) -> None:
@@ -80,30 +82,30 @@ def _until_recorded(folder: Path, run: int) -> None:
     database.close()
 
 
-def test_several_experiments_play_in_turn_with_files_for_each(tmp_path: Path) -> None:
+def test_several_experiments_play_in_turn_with_files_for_each(command: Command, tmp_path: Path) -> None:
     own = tmp_path / "own.yaml"
-    shown = sinew("experiments", "text", "step_battery", folder=tmp_path / "here")
+    shown = command("experiments", "text", "step_battery", folder=tmp_path / "here")
     own.write_text(shown.stdout.replace("name: step_battery\n", "name: mine\n", 1), encoding="utf-8")
-    assert sinew("experiments", "keep", str(own), folder=tmp_path / "here").returncode == 0
+    assert command("experiments", "keep", str(own), folder=tmp_path / "here").returncode == 0
     ordered = ("mine@1", str(own), "--set", "hold_s=1.5", "--set", "sizes=1", "--json", "--out", str(tmp_path / "out"))
-    played = sinew("experiment", *ordered, folder=tmp_path / "here")
+    played = command("experiment", *ordered, folder=tmp_path / "here")
     assert played.returncode == 0, played.stderr
     documents = json.loads(played.stdout)
     assert [one["run"] for one in documents] == [1, 2]
     assert documents[0]["settings"]["plan"] == documents[1]["settings"]["plan"]
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"run-1", "run-2"}
     series = tmp_path / "series.html"
-    written = sinew("report", "series", "1", "2", "--to", str(series), "--json", folder=tmp_path / "here")
+    written = command("report", "series", "1", "2", "--to", str(series), "--json", folder=tmp_path / "here")
     assert json.loads(written.stdout) == {"runs": [1, 2], "files": [str(series)]}
-    assert sinew("report", "verify", str(series), folder=tmp_path / "here").returncode == 0
-    assert sinew("report", "verify", str(series), folder=tmp_path / "elsewhere").returncode == 2
+    assert command("report", "verify", str(series), folder=tmp_path / "here").returncode == 0
+    assert command("report", "verify", str(series), folder=tmp_path / "elsewhere").returncode == 2
     pdf = tmp_path / "out" / "run-1" / "report.pdf"
     assert sinew("report", "verify", str(pdf), folder=tmp_path / "elsewhere").returncode == 0
     pdf.write_bytes((tmp_path / "out" / "run-2" / "report.pdf").read_bytes())
-    other = sinew("report", "verify", str(pdf), folder=tmp_path / "elsewhere")
+    other = command("report", "verify", str(pdf), folder=tmp_path / "elsewhere")
     assert (other.returncode, "the PDF: the report says other pages" in other.stderr) == (1, True)
-    alone = sinew("report", "series", "1", "--to", str(series), folder=tmp_path / "here")
+    alone = command("report", "series", "1", "--to", str(series), folder=tmp_path / "here")
     assert (alone.returncode, "number of runs: 1 is outside 2 to 100" in alone.stderr) == (1, True)
-    refused = sinew("experiment", "mine@2", folder=tmp_path / "here")
+    refused = command("experiment", "mine@2", folder=tmp_path / "here")
     assert refused.returncode == 1
     assert "there is no such experiment; known: tracking" in refused.stderr

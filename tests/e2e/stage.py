@@ -20,6 +20,7 @@ from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.forms import ROUNDED, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service, running_service
+from tests.e2e.sharing import give_up_control, sign_in_at
 
 STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -119,6 +120,15 @@ class Stage:
                 case _:
                     raise ValueError(f"there is no state {self.reached!r}")
         self._hold()
+        self.rest()
+
+    def rest(self) -> None:
+        """Give up control, and go where nothing is drawn of what comes in, which takes most of a processor.
+
+        A page that is too busy to speak for some seconds would stop the joint while it has control.
+        """
+        give_up_control(self.page)
+        self.operator.go("Studies")
 
     def get(self, path: str) -> Any:
         answer = self.page.request.get(f"{self.service.url}{path}")
@@ -161,7 +171,7 @@ class Stage:
         self.watched = Watched(self.browser.new_context(viewport=DESKTOP).new_page())
         self.page: Page = self.watched.page
         self.operator = Operator(self.page, self.service)
-        self.operator.sign_in()
+        sign_in_at(self.page, self.service, "studies")
 
     def _hold(self) -> None:
         """Hold the pretension, from which every program starts."""
@@ -169,7 +179,13 @@ class Stage:
         if not state["pretension_done"]:
             if state["mode"] != "pretension":
                 self.operator.go("Operate")
+                if self.operator.settled_mode() == "tripped":  # control was lost in what was done before
+                    self.operator.take_control()
+                    self.operator.press("Reset")
+                    self.operator.expect_mode("off")
                 self.operator.press("Pretension")
+                self.operator.wait(lambda: self.get("/api/state")["mode"] == "pretension")
+                self.operator.go("Studies")
             self.operator.wait(lambda: bool(self.get("/api/state")["pretension_done"]))
 
     def _learn(self) -> None:
@@ -258,9 +274,10 @@ def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str
 
 
 def let_go(stage: Stage, kind: str) -> None:
-    """Let the program move, then end it; an own sequence is short enough to end by itself."""
+    """Let the program move, then end it, and give up control; an own sequence is short enough to end by itself."""
     if kind != "sequence":
         stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
         stage.operator.go("Operate")
         stage.operator.press("Pretension")
     stage.operator.wait(lambda: stage.get("/api/state")["task"] is None)
+    stage.rest()

@@ -1,22 +1,17 @@
 """For every form of the page: what is shown is what is sent, stored and reported, whatever was before.
 
-Each test brings the service into its state by itself, so that it runs alone too.
+In every state all forms are looked at. What is started, pushed, tried is so in one state or two, spread over them: see
+the tables at the end. Each test brings the service into its state by itself, so that it runs alone too.
 """
 
-import json
-import time
-from collections.abc import Iterator
-from functools import partial
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.experiments.composing.ready_made import NAMES, ready_made
-from backend.experiments.composing.text import canonical
 from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
-from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
+from tests.e2e.forms import ROUNDED, TO_SI, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
 from tests.e2e.stage import (
     EXPERIMENTS,
@@ -30,6 +25,7 @@ from tests.e2e.stage import (
     let_go,
     start,
 )
+from tests.e2e.told import not_kept, not_queued, undeclared, words_of
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -42,137 +38,64 @@ def stage(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     assert opened.watched.complaints == []
 
 
-@pytest.fixture(scope="module", params=STATES)
-def state(stage: Stage, request: pytest.FixtureRequest) -> str:
-    """Each state in turn; all tests of one before the next."""
-    stage.bring(str(request.param))
-    return str(request.param)
-
-
-def undeclared(stage: Stage, form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
-    """Name what a form shows otherwise than it is declared or in force, once the page has been told all."""
-    deadline = time.monotonic() + MOTION_TIMEOUT_MS / 1000
-    while (wrong := undeclared_now(form, settings, in_force)) and time.monotonic() < deadline:
-        stage.page.wait_for_timeout(50)
-    return wrong
-
-
-def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
-    fields = forms.fields(form)
-    wrong = []
-    for setting in settings:
-        name = setting["name"]
-        if name == "segments":
-            continue
-        field = fields[name]
-        unit = TO_SI.get(field.unit, (field.unit, 1.0))[0]
-        if unit != setting["unit"]:
-            wrong.append(f"unit of {name}: {field.unit}, {setting['unit']}")
-        if name in in_force and not (forms.same(field.value, in_force[name]) and "in force" in field.about):
-            wrong.append(f"{name}: {field.value!r} ({field.about}), in force {in_force[name]!r}")
-    if "bank" in fields:
-        chosen = "gains from geometry" if in_force["bank"] == 0 else "bank forms v1"
-        wrong += [] if fields["bank"].text == chosen else [f"bank: {fields['bank'].text}, in force {chosen}"]
-    elif words_of(in_force) not in form.inner_text():
-        wrong.append(f"tuning in words: {words_of(in_force)} is not in {form.inner_text()!r}")
-    return wrong
-
-
-def words_of(tuning: Values) -> str:
-    """A tuning as the form of an identification, which has no fields for it, tells it."""
-    models = "gains from geometry" if tuning["bank"] == 0 else "bank forms v1"
-    between = ", interpolating between entries" if tuning["interpolate"] else ""
-    plan = f", plan of {tuning['u_plan']:g} V" if tuning["u_plan"] else ""
-    parts = (f"λ_{name} {tuning[f'lam_{name}']} s" for name in ("q", "S", "motor"))
-    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}{plan}"
-
-
-def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
-    """Name what service, database or report tell otherwise of a run."""
-    told_of = stage.get(f"/api/runs/{run}")
-    told, kept = told_of["settings"], stage.stored(run)
-    written = kept.pop("experiment", None)
-    url = f"{stage.service.url}/api/runs/{run}/report.html"
-    printed, segments = forms.reported(stage.browser, stage.page, url)
-    in_rows = [one for one in told if one["name"] != "segments"]
-    in_print = {one["name"]: value for one, (_, value) in zip(in_rows, printed, strict=True)}
-    meant = [
-        f"{words} for {one['meaning']}"
-        for one, (words, _) in zip(in_rows, printed, strict=True)
-        if words.replace("_", "") != one["meaning"].replace("_", "")
-    ]
-    if segments:
-        in_print["segments"] = json.dumps(segments)
-    return [
-        f"{where}: {wrong}"
-        for where, found in (
-            ("view", differences(stage.get(f"{path}/{run}")["settings"], settings)),
-            ("run", differences({one["name"]: one["value"] for one in told}, settings)),
-            ("database", differences(kept, settings)),
-            ("experiment", [] if written == _written(told_of["kind"], told_of["title"]) else [str(written)]),
-            ("report", [*meant, *differences(in_print, settings, ROUNDED)]),
-        )
-        for wrong in found
-    ]
-
-
-def _written(kind: str, title: str) -> str | None:
-    """What a run keeps of the experiment that it plays: the whole text of it, where it is one."""
-    known = [ready_made(name)[0] for name in NAMES]
-    return next(
-        (canonical(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)), None
-    )
-
-
-def not_queued(stage: Stage, form: Locator) -> list[str]:
-    """Name what waits in the queue otherwise than the form shows it."""
-    shown = forms.shown(form)
-    sent, queue = forms.pressed(stage.page, form.get_by_role("button", name="Add to queue"), "/queue")
-    waiting = queue["items"][-1]
-    stage.page.get_by_role("button", name=f"Remove experiment {waiting['id']} from the queue").click()
-    return [*differences(shown, sent["settings"], ROUNDED), *differences(waiting["settings"], sent["settings"])]
-
-
-def test_every_form_is_what_runs(stage: Stage, state: str) -> None:
+def all_forms(stage: Stage) -> None:
+    """Each shows what is declared and in force; an experiment waits in the queue as it was shown and sent."""
     assert {one["name"] for one in stage.get("/api/experiments")["experiments"]} == {*EXPERIMENTS, *OTHERS}
     assert {one["kind"] for one in stage.get("/api/identification-kinds")["kinds"]} == set(IDENTIFICATIONS)
     own = stage.in_force()
     wrong: dict[str, list[str]] = {}
-    for kind in OTHERS:
-        form = form_of(stage, kind, {})
-        wrong[f"form of {kind}"] = undeclared(stage, form, declared(stage, kind)["settings"], own)
-    for kind in (*EXPERIMENTS, *IDENTIFICATIONS):
-        path = "/api/identifications" if kind in IDENTIFICATIONS else "/api/experiments"
-        form = form_of(stage, kind, LASTING[kind])
+    for kind in (*OTHERS, *EXPERIMENTS, *IDENTIFICATIONS):
+        form = form_of(stage, kind, LASTING.get(kind, {}))
         wrong[f"form of {kind}"] = undeclared(stage, form, declared(stage, kind)["settings"], own)
         if kind in EXPERIMENTS:
             wrong[f"queue of {kind}"] = not_queued(stage, form)
-        run, settings, wrong[f"order of {kind}"] = start(stage, form, path)
-        let_go(stage, kind)
-        # an identification runs with the tuning in force, which its form tells in words
-        with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
-        wrong[f"run of {kind}"] = not_kept(stage, run, path, with_tuning)
-        wrong[f"after {kind}"] = differences(stage.in_force(), own)
+    stage.operator.go("Operate")
+    for symbol, name in BOXES.items():
+        expect(lambda_box(stage, symbol)).to_have_value(f"{own[name]:.3f}")
+    assert stage.in_force() == own
     assert {where: found for where, found in wrong.items() if found} == {}
 
 
-def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, state: str) -> None:
-    """The boxes show what is in force; what is typed is sent, in force, in the next session's record, and is undone."""
-    page, before = stage.page, stage.in_force()
+def run_of(kind: str) -> Callable[[Stage], None]:
+    """Return what starts a kind: what its form shows is sent, run, stored, reported, and leaves the tuning alone."""
 
-    def in_force(wanted: Values) -> bool:
-        return stage.in_force() == wanted
+    def run(stage: Stage) -> None:
+        own = stage.in_force()
+        path = "/api/identifications" if kind in IDENTIFICATIONS else "/api/experiments"
+        form = form_of(stage, kind, LASTING[kind])
+        assert undeclared(stage, form, declared(stage, kind)["settings"], own) == []
+        number, settings, wrong = start(stage, form, path)
+        let_go(stage, kind)
+        # an identification runs with the tuning in force, which its form tells in words
+        with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
+        assert [*wrong, *not_kept(stage, number, path, with_tuning)] == []
+        assert differences(stage.in_force(), own) == []
 
-    stage.operator.go("Operate")
-    for symbol, name, value in (("λ_q", "lam_q", 0.71), ("λ_S", "lam_S", 0.66)):
-        box = page.get_by_role("textbox", name=f"{symbol} value [s]", exact=True)
+    run.__name__ = kind
+    return run
+
+
+BOXES = {"λ_q": "lam_q", "λ_S": "lam_S"}
+
+
+def lambda_box(stage: Stage, symbol: str) -> Locator:
+    return stage.page.get_by_role("textbox", name=f"{symbol} value [s]", exact=True)
+
+
+def lambda_on_operate(symbol: str, value: float) -> Callable[[Stage], None]:
+    """Return what types a λ: it is sent, in force, in the next session's record, and is undone."""
+
+    def change(stage: Stage) -> None:
+        page, before, name = stage.page, stage.in_force(), BOXES[symbol]
+        stage.operator.go("Operate")
+        box = lambda_box(stage, symbol)
         expect(box).to_have_value(f"{before[name]:.3f}")
         box.fill(str(value))
         with page.expect_request(lambda request: request.method == "PUT") as sent:
             box.press("Enter")
         assert sent.value.url.endswith("/api/tuning")
         assert sent.value.post_data_json == {name: value}
-        stage.operator.wait(partial(in_force, {**before, name: value}))
+        stage.operator.wait(lambda: stage.in_force() == {**before, name: value})
         run = stage.session()
         assert differences(stage.stored(run), {**before, name: value}) == []
         undone = page.get_by_role("button", name="Undo change")
@@ -181,8 +104,12 @@ def test_lambda_on_operate_is_what_is_in_force_kept_and_recorded(stage: Stage, s
         expect(box).to_have_value(f"{before[name]:.3f}")
         assert stage.in_force() == before
 
+    change.__name__ = f"{BOXES[symbol]} on Operate"
+    return change
 
-def test_a_trial_is_what_is_staged_in_force_and_taken_back(stage: Stage, state: str) -> None:
+
+def a_trial(stage: Stage) -> None:
+    """What is staged is in force for as long as is said, and taken back."""
     page, before = stage.page, stage.in_force()
     stage.operator.go("Operate")
     page.get_by_role("switch", name="Stage changes").check()
@@ -201,7 +128,8 @@ def test_a_trial_is_what_is_staged_in_force_and_taken_back(stage: Stage, state: 
     page.get_by_role("switch", name="Stage changes").uncheck()
 
 
-def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
+def a_push(stage: Stage) -> None:
+    """It is what its boxes say, in the recording too."""
     page = stage.page
     stage.operator.go("Operate")
     stage.operator.press("Run")
@@ -216,6 +144,7 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     expect(felt).to_be_visible()
     expect(felt).to_be_hidden(timeout=MOTION_TIMEOUT_MS)
     stage.operator.press("Pretension")
+    stage.rest()
     stage.operator.wait(lambda: stage.get(f"/api/runs/{run}")["end_state"] != "running")  # its last samples are stored
     samples = stage.recorded(run, "F_push")
     pushed = [t for t, F_push in samples if F_push != 0.0]
@@ -223,7 +152,8 @@ def test_a_push_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     assert 5.5 < pushed[-1] - pushed[0] < 6.0  # a busy machine skips ticks, at either end too
 
 
-def test_a_wall_is_what_its_boxes_say(stage: Stage, state: str) -> None:
+def a_wall(stage: Stage) -> None:
+    """It stands where its boxes say."""
     page = stage.page
     stage.operator.go("Operate")
     stage.operator.enter("Wall at [deg]", -40.0)
@@ -238,6 +168,37 @@ def test_a_wall_is_what_its_boxes_say(stage: Stage, state: str) -> None:
     assert stage.get("/api/state")["wall"] == wanted
     forms.pressed(page, group.get_by_role("button", name="Take away", exact=True), "/api/wall")
     stage.operator.wait(lambda: stage.get("/api/state")["wall"] is None)
+
+
+DONE: dict[str, tuple[Callable[[Stage], None], ...]] = {
+    "fresh": (all_forms, run_of("robustness"), run_of("motor"), lambda_on_operate("λ_S", 0.66)),
+    "bank in force": (all_forms, run_of("tracking"), run_of("spring"), a_trial),
+    "after an experiment": (all_forms, run_of("compliance"), run_of("sequence"), a_push),
+    "after a restart": (
+        all_forms,
+        run_of("tracking"),
+        run_of("lambda_sweep"),
+        run_of("actuator"),
+        lambda_on_operate("λ_q", 0.71),
+        a_wall,
+    ),
+}
+"""What is done in each state. Tracking, with the most settings, is run in two; the others take their turn."""
+
+
+def test_each_kind_is_run_in_some_state_and_all_forms_are_looked_at_in_each() -> None:
+    assert tuple(DONE) == STATES
+    assert all(done[0] is all_forms for done in DONE.values())
+    assert {one.__name__ for done in DONE.values() for one in done} >= {*EXPERIMENTS, *IDENTIFICATIONS}
+
+
+@pytest.mark.parametrize(
+    ("state", "done"),
+    [pytest.param(state, one, id=f"{state}-{one.__name__}") for state in STATES for one in DONE[state]],
+)
+def test_what_is_shown_is_what_is_done(stage: Stage, state: str, done: Callable[[Stage], None]) -> None:
+    stage.bring(state)
+    done(stage)
 
 
 def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(stage: Stage, browser: Browser) -> None:

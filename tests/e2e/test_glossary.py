@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Iterator
 from typing import Literal
 
 import pytest
@@ -15,10 +16,23 @@ from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import covered
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
+from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
 from tests.e2e.test_accessibility import PHONE, violations
 
 STOP = "button[aria-label=STOP]"
 ENTRIES = glossary()
+
+
+@pytest.fixture(scope="module")
+def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
+    with shared_page(browser, service, "operate") as shared:
+        yield shared
+
+
+@pytest.fixture
+def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Operator]:
+    with shared.turn_of(request.node) as operator:
+        yield operator
 
 
 def tooltip(page: Page) -> Locator:
@@ -40,8 +54,7 @@ def told(page: Page, key: str) -> None:
 
 def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
+    operator.go("Operate")
     tuning = page.get_by_role("region", name="Tuning", exact=True)
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     before = tuning.bounding_box()
@@ -82,8 +95,6 @@ def test_words_explain_themselves_to_pointer_and_keyboard(operator: Operator) ->
 
 def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
     operator.press("STOP")
     fault = page.get_by_role("alert", name="Fault", exact=True)
     expect(fault).to_contain_text(EXPLAINED[Fault.STOP_PRESSED].message)
@@ -103,8 +114,7 @@ def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> No
 
 def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
+    bring_to_run(operator.service)
     operator.go("Experiments")
     page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("sequence")
     for _ in range(2):
@@ -129,7 +139,6 @@ def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator)
 
 def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
     page.keyboard.press("?")
     page.get_by_role("dialog", name="Keyboard shortcuts").get_by_role("link", name="Glossary").click()
     expect(page.get_by_role("heading", level=1, name="Glossary")).to_be_visible()
@@ -144,8 +153,7 @@ def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     expect(page.get_by_role("status", name="Found")).to_have_text("0 entries")
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize(("scheme", "size"), [("light", PHONE), ("dark", DESKTOP)], ids=["light-phone", "dark-desktop"])
 def test_explanations_violate_no_rule_and_stay_in_the_window(
     browser: Browser, service: Service, scheme: Literal["light", "dark"], size: ViewportSize
 ) -> None:

@@ -19,6 +19,7 @@ from plant.parameters import load_parameters
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
+from tests.e2e.sharing import bring_to_run, sign_in_at
 from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
 
 OWN = """format: 1
@@ -47,9 +48,8 @@ def service(fresh_service: Service) -> Service:
 def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Service, tmp_path: Path) -> None:
     page = browser.new_context(viewport=DESKTOP).new_page()  # whose console may complain of what is refused
     operator = Operator(page, service)
-    operator.sign_in()
-    operator.be_in_run()
-    operator.go("Experiments")
+    bring_to_run(service)
+    sign_in_at(page, service, "experiments")
     own = page.get_by_role("region", name="Own experiments", exact=True)
     text, said = own.get_by_role("textbox"), own.get_by_role("status", name="Refusal")
     own.get_by_text("Text", exact=True).click()

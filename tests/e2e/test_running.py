@@ -4,18 +4,27 @@ import math
 import re
 import time
 from bisect import bisect
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service
+from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
 
 
 @pytest.fixture(scope="module")
-def service(fresh_service: Service) -> Service:
-    return fresh_service
+def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
+    with shared_page(browser, service, "experiments") as shared:
+        yield shared
+
+
+@pytest.fixture
+def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Operator]:
+    with shared.turn_of(request.node) as operator:
+        yield operator
 
 
 SHOWN = """() => fetch('./api/state').then(answer => answer.json()).then(state => ({
@@ -36,8 +45,7 @@ def seconds(told: str) -> float:
 
 def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
+    bring_to_run(operator.service)
     operator.go("Experiments")
     operator.fill("Time each position reference is held [s]", 4)
     operator.fill("Time each stiffness reference is held [s]", 4)
@@ -81,8 +89,7 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
 
 def test_an_identification_shows_its_curves_while_it_runs(operator: Operator) -> None:
     page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
+    bring_to_run(operator.service)
     operator.go("Identify")
     operator.press("Start identification")
     card = page.get_by_role("region", name="Running now", exact=True)

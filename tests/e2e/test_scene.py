@@ -65,16 +65,6 @@ def test_the_view_is_as_this_person_left_it_at_another_machine(browser: Browser,
     there.page.context.close()
 
 
-def test_the_actuator_is_drawn_and_stop_still_acts(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
-    operator.be_in_run()
-    show_in_3d(page)
-    wait_for_a_picture(operator, canvas_of(page, "3D view"))
-    page.get_by_role("button", name="STOP", exact=True).click()
-    operator.expect_mode("tripped")
-
-
 def test_the_view_comes_back_after_a_drop_and_shows_what_moves(operator: Operator) -> None:
     page = operator.page
     with relayed(operator.service) as (operator.service, relay):

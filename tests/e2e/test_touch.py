@@ -14,9 +14,8 @@ SWEEP_TIMEOUT_MS = 120_000
 """Each of the five points waits for rest, a few seconds of the loop's time."""
 
 
-def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_a_contact_is_learned_armed_felt_and_released(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.be_in_run()
 
     def in_force() -> dict[str, Any]:
@@ -59,14 +58,14 @@ def test_a_contact_is_learned_armed_felt_and_released(operator: Operator) -> Non
     expect(said).to_contain_text("Nothing learned")
 
 
-def test_it_is_learned_over_S_by_itself_and_can_be_stopped(operator: Operator) -> None:
-    page = operator.page
-    operator.sign_in()
+def test_it_is_learned_over_S_by_itself_and_can_be_stopped(same_operator: Operator) -> None:
+    operator, page = same_operator, same_operator.page
     operator.be_in_run()
 
     def state() -> dict[str, Any]:
         return dict(page.evaluate("fetch('./api/state').then(answer => answer.json())"))
 
+    expect(page.get_by_text("Pushed with")).to_be_hidden()  # what the test before pushes with
     held = state()["references"]
     card = page.get_by_role("group", name="Touch", exact=True)
     said, table = page.locator("#refusal-of-touch"), page.get_by_role("table", name="Learned of the outside force")

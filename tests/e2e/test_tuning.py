@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterator
 from functools import partial
 
 import pytest
@@ -11,31 +12,47 @@ from backend.tuning.gains import motor_loops
 from backend.tuning.models import motor_model
 from backend.tuning.motor_loop import motor_robustness
 from plant.parameters import load_parameters
-from tests.api.conftest import client_with, until
+from tests.api.conftest import client_with, until, until_state
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.relay import Relay, relayed
 from tests.e2e.service import Service
+from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
 
 DISCONNECTIONS = 10
 WINDOW_S = 30
 COUNT_LOSSES = """() => {
     const link = document.querySelector("[role=status][aria-label=Link]");
-    window.losses = 0;
+    Object.assign(window, { losses: 0, connections: 0 });
     new MutationObserver(() => { window.losses += link.dataset.health === "down"; })
         .observe(link, { attributes: true, attributeFilter: ["data-health"] });
+    window.WebSocket = class extends WebSocket {
+        constructor(...to) {
+            super(...to);
+            this.addEventListener("message", () => { window.connections += 1; }, { once: true });
+        }
+    };
 }"""
-
+"""A connection counts once something has come through it: on a busy machine one may be tried twice before."""
+COUNTED = "[losses, connections]"
 
 FIGURES = re.compile(r"/api/tuning/(motor|preview)\?")
 
 
+@pytest.fixture(scope="module")
+def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
+    with shared_page(browser, service, "operate") as shared:
+        yield shared
+
+
 @pytest.fixture
-def tuning(operator: Operator) -> Operator:
+def tuning(shared: SharedPage, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
     """The Operate page with its tuning, as saved whatever the test before has left in force."""
-    put_back(operator.service)
-    show_saved(operator)
-    return operator
+    put_back(service)
+    with shared.turn_of(request.node) as operator:
+        operator.go("Operate")
+        expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+        yield operator
 
 
 def show_saved(operator: Operator) -> None:
@@ -75,6 +92,70 @@ def cells(operator: Operator, symbol: str) -> list[str]:
     """Saved, in force and staged value of a λ."""
     row = table(operator).get_by_role("row").filter(has=operator.page.get_by_role("rowheader", name=symbol))
     return [cell.inner_text() for cell in row.get_by_role("cell").all()]
+
+
+def test_ten_lost_links_command_nothing_and_refill_the_charts(operator: Operator) -> None:
+    put_back(operator.service)
+    bring_to_run(operator.service, math.radians(15.0))
+    with relayed(operator.service) as (operator.service, relay):
+        show_saved(operator)
+        lose_ten_links(operator, relay)
+        operator.page.close()  # before its cable is gone: what it asks for next would find nobody
+
+
+def lose_ten_links(tuning: Operator, relay: Relay) -> None:
+    """Nobody has control meanwhile: who is cut off for some seconds while they have it is rightly taken for lost."""
+    page = tuning.page
+    tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
+    page.get_by_role("switch", name="Stage changes").check()
+    tuning.enter("λ_q value [s]", 0.66)
+    with page.expect_response(kept("window_s", WINDOW_S)):
+        oldest, _ = data_in_sight(tuning)
+    page.evaluate(COUNT_LOSSES)
+    sent: list[str] = []
+    page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
+    link = page.get_by_role("status", name="Link", exact=True)
+
+    def another(before: list[int]) -> bool:
+        return all(now > then for now, then in zip(page.evaluate(COUNTED), before, strict=True))
+
+    for _ in range(DISCONNECTIONS):
+        before = page.evaluate(COUNTED)
+        relay.cut("/api/live")
+        tuning.wait(partial(another, before))
+        expect(link).to_have_attribute("data-health", "live")
+    assert sent == []
+    tuning.expect_mode("run")
+    tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
+    assert cells(tuning, "λq")[2] == "0.660"
+    # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
+    losses, connections = page.evaluate(COUNTED)
+    assert losses == connections >= DISCONNECTIONS
+    first, last = data_in_sight(tuning)
+    assert first < max(oldest, last - WINDOW_S) + 1.0
+    page.get_by_role("button", name="Discard", exact=True).click()
+    page.get_by_role("switch", name="Stage changes").uncheck()
+
+
+def test_a_trial_reverts_although_its_page_is_gone(operator: Operator, browser: Browser, service: Service) -> None:
+    put_back(service)
+    show_saved(operator)
+    page = operator.page
+    page.get_by_role("switch", name="Stage changes").check()
+    operator.enter("λ_S value [s]", 0.8)
+    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("12")
+    page.get_by_role("button", name="Try for", exact=True).click()
+    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
+    page.close()
+    with client_with(service, "token") as script:
+        until_state(script, lambda told: told["trial"] is None, "the trial does not end")
+
+    context = browser.new_context(viewport=DESKTOP)
+    other = Operator(context.new_page(), service)
+    other.sign_in()
+    other.wait(lambda: table(other).is_visible() and cells(other, "λS")[1] == "0.420")
+    expect(other.page.get_by_role("status", name="Trial", exact=True)).to_be_hidden()
+    context.close()
 
 
 def test_staged_edits_survive_a_reload_and_are_sent_only_when_applied(tuning: Operator) -> None:
@@ -130,6 +211,8 @@ def test_what_decides_stays_under_the_pointer_while_figures_are_computed(tuning:
     tuning.wait(lambda: cells(tuning, "λq") == ["0.500", "0.700", "–"])
     assert of_motors == []  # their margins are those of another λ: they stand
     assert switch.bounding_box() == before
+    page.unroute(FIGURES)
+    switch.uncheck()
 
 
 def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Operator) -> None:
@@ -158,73 +241,15 @@ def shown(lam_motor: float) -> str:
     return f"M_s {worst.M_s:.3f}, gain {gain} ×{worst.gain_margin:.1f}, phase margin {phase:.0f}°"
 
 
-def test_a_trial_reverts_although_its_page_is_gone(tuning: Operator, browser: Browser, service: Service) -> None:
-    page = tuning.page
-    page.get_by_role("switch", name="Stage changes").check()
-    tuning.enter("λ_S value [s]", 0.8)
-    page.get_by_role("textbox", name="Length of the trial [s]", exact=True).fill("8")
-    page.get_by_role("button", name="Try for", exact=True).click()
-    expect(page.get_by_role("status", name="Trial", exact=True)).to_contain_text("back to 0.500, 0.420 s")
-    page.close()
-
-    context = browser.new_context(viewport=DESKTOP)
-    other = Operator(context.new_page(), service)
-    other.sign_in()
-    other.wait(lambda: table(other).is_visible() and cells(other, "λS")[1] == "0.420")
-    expect(other.page.get_by_role("status", name="Trial", exact=True)).to_be_hidden()
-    context.close()
-
-
 def test_the_printed_formula_is_labelled_as_a_comparison(tuning: Operator) -> None:
     page = tuning.page
-    page.get_by_role("checkbox", name="Compare with the printed formula (E1)").check()
+    printed = page.get_by_role("checkbox", name="Compare with the printed formula (E1)")
+    printed.check()
     preview = page.get_by_role("group", name="Preview of λ_q", exact=True)
     expect(preview).to_contain_text("As printed: unstable", timeout=MOTION_TIMEOUT_MS)
     forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
     expect(forecast).to_contain_text(re.compile(r"peak \d+\.\d of 10 V, tension ≥ \d+\.\d N"))
-
-
-def test_ten_lost_links_command_nothing_and_refill_the_charts(operator: Operator) -> None:
-    put_back(operator.service)
-    with relayed(operator.service) as (operator.service, relay):
-        show_saved(operator)
-        lose_ten_links(operator, relay)
-        operator.page.close()  # before its cable is gone: what it asks for next would find nobody
-
-
-def lose_ten_links(tuning: Operator, relay: Relay) -> None:
-    page = tuning.page
-    tuning.be_in_run()
-    tuning.enter("q_ref value [deg]", 15.0)
-    tuning.wait(lambda: abs(tuning.reading("Joint position", "q") - 15.0) < 0.3)
-    page.get_by_role("switch", name="Stage changes").check()
-    tuning.enter("λ_q value [s]", 0.66)
-    with page.expect_response(kept("window_s", WINDOW_S)):
-        oldest, _ = data_in_sight(tuning)
-    page.evaluate(COUNT_LOSSES)
-    sent: list[str] = []
-    page.on("request", lambda request: sent.append(request.method) if request.method != "GET" else None)
-    link = page.get_by_role("status", name="Link", exact=True)
-    before = relay.count("/api/live")
-
-    def another(lost: int, made: int) -> bool:
-        return page.evaluate("losses") > lost and relay.count("/api/live") > made
-
-    for _ in range(DISCONNECTIONS):
-        lost, made = page.evaluate("losses"), relay.count("/api/live")
-        relay.cut("/api/live")
-        tuning.wait(partial(another, lost, made))
-        expect(link).to_have_attribute("data-health", "live")
-    assert sent == []
-    tuning.expect_mode("run")
-    tuning.wait(lambda: tuning.reading("Joint position", "q_ref") == pytest.approx(15.0, abs=0.01))
-    assert cells(tuning, "λq")[2] == "0.660"
-    # each loss was told, however short, and led to one connection; on a busy machine one more may be lost by itself
-    assert relay.count("/api/live") - before == page.evaluate("losses") >= DISCONNECTIONS
-    first, last = data_in_sight(tuning)
-    assert first < max(oldest, last - WINDOW_S) + 1.0
-    page.get_by_role("button", name="Discard", exact=True).click()
-    page.get_by_role("switch", name="Stage changes").uncheck()
+    printed.uncheck()
 
 
 WRITTEN_ANEW = """() => new Promise((resolve) => {
@@ -237,6 +262,7 @@ WRITTEN_ANEW = """() => new Promise((resolve) => {
 
 
 def test_boxes_that_nobody_touches_are_not_rendered_again(tuning: Operator) -> None:
-    tuning.be_in_run()  # references stand still then
+    bring_to_run(tuning.service)  # references stand still then
+    tuning.be_in_run()
     tuning.wait_for_samples(1000)
     assert tuning.page.evaluate(WRITTEN_ANEW) == []

@@ -1,0 +1,98 @@
+"""What is told of a form otherwise than it should be: on the page, in the queue, by run, database and report."""
+
+import json
+import time
+from typing import Any
+
+from playwright.sync_api import Locator
+
+from backend.experiments.composing.ready_made import NAMES, ready_made
+from backend.experiments.composing.text import canonical
+from tests.e2e import forms
+from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
+from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.stage import Stage
+
+
+def undeclared(stage: Stage, form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
+    """Name what a form shows otherwise than it is declared or in force, once the page has been told all."""
+    deadline = time.monotonic() + MOTION_TIMEOUT_MS / 1000
+    while (wrong := undeclared_now(form, settings, in_force)) and time.monotonic() < deadline:
+        stage.page.wait_for_timeout(50)
+    return wrong
+
+
+def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Values) -> list[str]:
+    fields = forms.fields(form)
+    wrong = []
+    for setting in settings:
+        name = setting["name"]
+        if name == "segments":
+            continue
+        field = fields[name]
+        unit = TO_SI.get(field.unit, (field.unit, 1.0))[0]
+        if unit != setting["unit"]:
+            wrong.append(f"unit of {name}: {field.unit}, {setting['unit']}")
+        if name in in_force and not (forms.same(field.value, in_force[name]) and "in force" in field.about):
+            wrong.append(f"{name}: {field.value!r} ({field.about}), in force {in_force[name]!r}")
+    if "bank" in fields:
+        chosen = "gains from geometry" if in_force["bank"] == 0 else "bank forms v1"
+        wrong += [] if fields["bank"].text == chosen else [f"bank: {fields['bank'].text}, in force {chosen}"]
+    elif words_of(in_force) not in form.inner_text():
+        wrong.append(f"tuning in words: {words_of(in_force)} is not in {form.inner_text()!r}")
+    return wrong
+
+
+def words_of(tuning: Values) -> str:
+    """A tuning as the form of an identification, which has no fields for it, tells it."""
+    models = "gains from geometry" if tuning["bank"] == 0 else "bank forms v1"
+    between = ", interpolating between entries" if tuning["interpolate"] else ""
+    plan = f", plan of {tuning['u_plan']:g} V" if tuning["u_plan"] else ""
+    parts = (f"λ_{name} {tuning[f'lam_{name}']} s" for name in ("q", "S", "motor"))
+    return f"{', '.join(parts)}, b {tuning['b']:g}, {models}{between}{plan}"
+
+
+def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
+    """Name what service, database or report tell otherwise of a run."""
+    told_of = stage.get(f"/api/runs/{run}")
+    told, kept = told_of["settings"], stage.stored(run)
+    written = kept.pop("experiment", None)
+    url = f"{stage.service.url}/api/runs/{run}/report.html"
+    printed, segments = forms.reported(stage.browser, stage.page, url)
+    in_rows = [one for one in told if one["name"] != "segments"]
+    in_print = {one["name"]: value for one, (_, value) in zip(in_rows, printed, strict=True)}
+    meant = [
+        f"{words} for {one['meaning']}"
+        for one, (words, _) in zip(in_rows, printed, strict=True)
+        if words.replace("_", "") != one["meaning"].replace("_", "")
+    ]
+    if segments:
+        in_print["segments"] = json.dumps(segments)
+    return [
+        f"{where}: {wrong}"
+        for where, found in (
+            ("view", differences(stage.get(f"{path}/{run}")["settings"], settings)),
+            ("run", differences({one["name"]: one["value"] for one in told}, settings)),
+            ("database", differences(kept, settings)),
+            ("experiment", [] if written == _written(told_of["kind"], told_of["title"]) else [str(written)]),
+            ("report", [*meant, *differences(in_print, settings, ROUNDED)]),
+        )
+        for wrong in found
+    ]
+
+
+def _written(kind: str, title: str) -> str | None:
+    """What a run keeps of the experiment that it plays: the whole text of it, where it is one."""
+    known = [ready_made(name)[0] for name in NAMES]
+    return next(
+        (canonical(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)), None
+    )
+
+
+def not_queued(stage: Stage, form: Locator) -> list[str]:
+    """Name what waits in the queue otherwise than the form shows it."""
+    shown = forms.shown(form)
+    sent, queue = forms.pressed(stage.page, form.get_by_role("button", name="Add to queue"), "/queue")
+    waiting = queue["items"][-1]
+    stage.page.get_by_role("button", name=f"Remove experiment {waiting['id']} from the queue").click()
+    return [*differences(shown, sent["settings"], ROUNDED), *differences(waiting["settings"], sent["settings"])]
