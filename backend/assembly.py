@@ -191,7 +191,9 @@ def assemble(
         live=live,
         runs=stored_runs,
         run_library=RunLibrary(database),
-        identifications=StoredIdentifications(database, stored_runs.progress),
+        identifications=StoredIdentifications(
+            database, stored_runs.progress, processes.computing, lambda: present.tuning
+        ),
         evaluations=evaluations,
         banks=banks,
         preferences=StoredPreferences(database),

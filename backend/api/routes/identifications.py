@@ -4,6 +4,8 @@ from fastapi import APIRouter
 
 from backend.api.auth import Operator, SignedIn
 from backend.api.service import InControl, RowId, ServiceInUse
+from backend.messages.base import RowNumber
+from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import (
     IdentificationKindList,
@@ -55,6 +57,18 @@ async def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn
 async def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
     """Return what can be drawn of an identification run: responses, residual tests, errors."""
     return await service.identifications.curves(id)
+
+
+@router.get("/identifications/{id}/unseen")
+async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> UnseenView:
+    """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
+    return await service.identifications.unseen(id, of)
+
+
+@router.get("/identification-trend")
+async def get_identification_trend(service: ServiceInUse, _person: SignedIn) -> Trend:
+    """Return gains and lags over S beside what geometry predicts."""
+    return await service.identifications.trend()
 
 
 @router.post("/spring-tables", status_code=201)

@@ -820,6 +820,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/identifications/{id}/unseen": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Unseen
+         * @description Set a model beside the record of the run `of`, or the part of its own that it was not fitted to.
+         */
+        get: operations["get_unseen"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/identification-trend": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Identification Trend
+         * @description Return gains and lags over S beside what geometry predicts.
+         */
+        get: operations["get_identification_trend"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/spring-tables": {
         parameters: {
             query?: never;
@@ -2040,6 +2080,26 @@ export interface components {
             estimator: "default" | "arx";
         };
         /**
+         * Against
+         * @description A figure of a model beside what geometry, springs and motor loops predict for the same run.
+         */
+        Against: {
+            /** Identified */
+            identified: number;
+            /**
+             * Std
+             * @description standard error; null where it was not kept or could not be had
+             */
+            std: number | null;
+            /** Predicted */
+            predicted: number;
+            /**
+             * Off Percent
+             * @description 100 (identified / predicted - 1) [%]
+             */
+            off_percent: number;
+        };
+        /**
          * Angles
          * @description Unit in which somebody reads angles.
          * @enum {string}
@@ -2413,6 +2473,15 @@ export interface components {
             silent_s: number | null;
             /** Says */
             says: string;
+        };
+        /**
+         * ChannelAgainst
+         * @description Gain and sum of lags of G_q or G_S.
+         */
+        ChannelAgainst: {
+            K: components["schemas"]["Against"];
+            T: components["schemas"]["Against"];
+            grade: components["schemas"]["Grade"];
         };
         /**
          * ChannelCurves
@@ -4271,6 +4340,31 @@ export interface components {
             id: number;
         };
         /**
+         * Predicted
+         * @description What is predicted over S with what is in force now.
+         */
+        Predicted: {
+            /**
+             * S
+             * @description stiffness [N·m/rad]
+             */
+            S: number[];
+            /** K Q */
+            K_q: number[];
+            /**
+             * T Q
+             * @description sum of lags of G_q [s]
+             */
+            T_q: number[];
+            /** K S */
+            K_S: number[];
+            /**
+             * T S
+             * @description sum of lags of G_S [s]
+             */
+            T_S: number[];
+        };
+        /**
          * Prediction
          * @description What a run is expected to do before it starts, from where the joint is at present.
          */
@@ -5487,6 +5581,26 @@ export interface components {
             milliseconds: number;
         };
         /**
+         * Stretch
+         * @description Samples in a row, evenly thinned to be drawn.
+         */
+        Stretch: {
+            /**
+             * Label
+             * @description what sets it apart, as the voltage of a step; empty where there is one
+             */
+            label: string;
+            /**
+             * T
+             * @description time from the first sample of the run, or from a motor's step [s]
+             */
+            t: number[];
+            /** Measured */
+            measured: number[];
+            /** Predicted */
+            predicted: number[];
+        };
+        /**
          * StudyAxis
          * @description What was gone through, and its values in SI.
          */
@@ -5922,6 +6036,35 @@ export interface components {
             sweep?: components["schemas"]["SweepView"] | null;
         };
         /**
+         * Trend
+         * @description Identified gains and lags in order of S, beside what geometry, springs and motor loops predict.
+         */
+        Trend: {
+            /** Rows */
+            rows: components["schemas"]["TrendRow"][];
+            predicted: components["schemas"]["Predicted"];
+            /**
+             * Left Out
+             * @description identifications that are not among the rows, each with the reason
+             */
+            left_out: string[];
+        };
+        /**
+         * TrendRow
+         * @description One actuator identification; predicted with the parameters and λ of the motor loops of its own run.
+         */
+        TrendRow: {
+            /** Run */
+            run: number;
+            /**
+             * S
+             * @description stiffness at which it was made [N·m/rad]
+             */
+            S: number;
+            G_q: components["schemas"]["ChannelAgainst"];
+            G_S: components["schemas"]["ChannelAgainst"];
+        };
+        /**
          * TrialRequest
          * @description A tuning to try: the service itself puts the earlier one back.
          */
@@ -6181,6 +6324,68 @@ export interface components {
              * @description what that entry is called, by its tension; empty without a bank
              */
             entry_name: string;
+        };
+        /**
+         * UnseenOutput
+         * @description One output, as measured and as the model says; in the unit of the signal.
+         */
+        UnseenOutput: {
+            /**
+             * Name
+             * @description G_q or G_S of an actuator, A or B of motors
+             */
+            name: string;
+            /** Signal */
+            signal: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Fit Percent
+             * @description 100 (1 - |y - y_hat| / |y - mean y|) over all samples [%]
+             */
+            fit_percent: number | null;
+            /**
+             * Rms
+             * @description RMS of measured minus predicted, in the unit of the signal
+             */
+            rms: number | null;
+            /**
+             * Samples
+             * @description samples that fit and residual are of
+             */
+            samples: number;
+            /**
+             * Problem
+             * @description why there is nothing; empty where there is
+             */
+            problem: string;
+            /** Stretches */
+            stretches: components["schemas"]["Stretch"][];
+        };
+        /**
+         * UnseenView
+         * @description A model beside the part of a record that it was not fitted to.
+         */
+        UnseenView: {
+            /**
+             * Run
+             * @description identification run whose model it is
+             */
+            run: number;
+            /**
+             * Of
+             * @description run whose record it is
+             */
+            of: number;
+            /**
+             * Own
+             * @description whether that is its own run: what is predicted was then left out of the fit
+             */
+            own: boolean;
+            /** Kind */
+            kind: string;
+            /** Outputs */
+            outputs: components["schemas"]["UnseenOutput"][];
         };
         /**
          * UsedSetting
@@ -11595,6 +11800,231 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["IdentificationCurves"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_unseen: {
+        parameters: {
+            query: {
+                of: number;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["UnseenView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_identification_trend: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Trend"];
                 };
             };
             /** @description the body cannot be parsed */
