@@ -25,6 +25,7 @@ from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
 from backend.archive.timeline import StoredTimeline
 from backend.operating.actuator import Actuator
+from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
@@ -39,6 +40,7 @@ class Service:
     """What the routes act on."""
 
     actuator: Actuator
+    applied: Applied
     control: Control
     ordered_runs: OrderedRuns
     experiments: OwnExperiments

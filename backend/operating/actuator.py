@@ -132,15 +132,13 @@ class Actuator:
         self.present.forget_stop()
         return await self._state_once(lambda: self.present.fault is Fault.NONE)
 
-    async def take_up(self, brought_up: BroughtUp, who: str) -> None:
-        """Start the loop anew with what a bring-up has found. Raises RefusalError unless it is off."""
+    async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
+        """Start the loop anew with what was ``found``, once ``take`` has. Raises RefusalError unless it is off."""
         async with self._turn:
             if self.present.mode is not Mode.OFF:
-                raise RefusalError(
-                    Because.NOT_NOW, f"what was measured takes effect in off; the mode is {self.present.mode}"
-                )
-            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-            await self._start_anew(MarkKind.NOTE, "loop started with what the bring-up has measured", who)
+                raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
+            take()
+            await self._start_anew(MarkKind.NOTE, f"loop started with {found}", who)
         self.changed()
 
     async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:

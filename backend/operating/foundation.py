@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from backend.archive.soundness import Soundness
 from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
+from backend.experiments import applied_parameters
 from backend.loop.channel import Setup
 from backend.loop.launching import Launched
 from backend.loop.supervisor import Supervisor
@@ -26,8 +27,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Foundation:
-    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty."""
+    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty.
 
+    ``base`` are the parameters of the file, ``parameters`` those in force.
+    """
+
+    base: PlantParameters
     parameters: PlantParameters
     database: Database
     soundness: Soundness
@@ -46,7 +51,7 @@ def lay_foundation(
 
     Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
     """
-    parameters = load_parameters(settings.params)
+    base = load_parameters(settings.params)
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
     stack.callback(HeldStation(database.engine, settings.station).let_go)
@@ -57,12 +62,16 @@ def lay_foundation(
     figures.restore()
     stack.callback(figures.keep)
     kept = KeptTuning(database)
+    version = applied_parameters.versions(database, base)[0]
+    parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
     brought_up = brought_up_of(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
-    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, hands.left is not None)
+    identified = {} if applied is None else applied_parameters.sections_of(applied)
+    drives_off = hands.left is not None
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
-    return Foundation(parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+    return Foundation(base, parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
 
 
 def _close_interrupted(database: Database) -> None:

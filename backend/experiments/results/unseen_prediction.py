@@ -117,7 +117,7 @@ def _of_step(
         kept = estimate.motors.side(side).model.parameters
         known = kept.K_m or 0.0, kept.T_m or 0.0, kept.u_c or 0.0
     shown = step_beside(step, *known)
-    return _Stretch(f"{step.voltage:.3g} V", np.arange(shown.measured.size) * T_s, shown)
+    return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
 
 
 def _output(name: str, signal: str, unit: str, stretches: list[_Stretch]) -> Document:
@@ -145,5 +145,5 @@ def _drawn(stretch: _Stretch) -> Document:
 
 
 def _nothing(name: str, signal: str, unit: str, problem: str) -> Document:
-    figures = {"fit_percent": None, "rms": None, "samples": 0, "stretches": []}
+    figures: Document = {"fit_percent": None, "rms": None, "samples": 0, "stretches": []}
     return {"name": name, "signal": signal, "unit": unit, "problem": problem, **figures}
