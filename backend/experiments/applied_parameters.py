@@ -77,7 +77,7 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
 
     Raises NotApplicableError, and ParameterError for a value outside its bounds.
     """
-    named = f"run {found.run_id}" if found.run_id is not None else f"the table {found.table.file}"
+    named = f"run {found.run_id}" if found.run_id is not None else f"estimate {found.id}"
     if found.kind not in ("motor", "spring"):
         raise NotApplicableError(f"{named} is an {found.kind} identification: build a bank from it")
     if not found.usable:

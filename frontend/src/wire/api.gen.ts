@@ -730,10 +730,10 @@ export interface paths {
         get: operations["list_identifications"];
         put?: never;
         /**
-         * Start Identification
+         * Identify
          * @description Start an identification run; its progress is in the state, its result under the returned id.
          */
-        post: operations["start_identification"];
+        post: operations["identify"];
         delete?: never;
         options?: never;
         head?: never;
@@ -750,10 +750,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Predict Identification
+         * Predict
          * @description Tell what joint motion a run would cause, before it starts.
          */
-        post: operations["predict_identification"];
+        post: operations["predict"];
         delete?: never;
         options?: never;
         head?: never;
@@ -874,10 +874,10 @@ export interface paths {
         get: operations["list_spring_tables"];
         put?: never;
         /**
-         * Add Spring Table
+         * Add Table
          * @description Identify a spring from a table measured elsewhere.
          */
-        post: operations["add_spring_table"];
+        post: operations["add_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -918,6 +918,50 @@ export interface paths {
         get: operations["get_spring_table_curves"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/parameters": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Parameters
+         * @description Return the parameters in force by versions, and what applying an estimate would change.
+         */
+        get: operations["get_parameters"];
+        put?: never;
+        /**
+         * Apply Parameters
+         * @description Put identified motors or springs in force; in off only.
+         */
+        post: operations["apply_parameters"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/parameters/undo": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Undo Parameters
+         * @description Put the former parameters in force again, as a new version; in off only.
+         */
+        post: operations["undo_parameters"];
         delete?: never;
         options?: never;
         head?: never;
@@ -2105,6 +2149,14 @@ export interface components {
          * @enum {string}
          */
         Angles: "deg" | "rad";
+        /**
+         * ApplyRequest
+         * @description The stored identification to apply, of motors or springs, by the number of its estimate.
+         */
+        ApplyRequest: {
+            /** Estimate */
+            estimate: number;
+        };
         /**
          * BackupView
          * @description A copy of the database in the data folder.
@@ -3965,6 +4017,16 @@ export interface components {
              * @description time constant of the first-order reduction: sum of lags [s]
              */
             T: number;
+            /**
+             * K Std
+             * @description standard error of K; null where it could not be had
+             */
+            K_std: number | null;
+            /**
+             * T Std
+             * @description standard error of T; null where it could not be had [s]
+             */
+            T_std: number | null;
             grade: components["schemas"]["Grade"];
             /** Usable */
             usable: boolean;
@@ -4187,6 +4249,92 @@ export interface components {
         OwnExperimentList: {
             /** Experiments */
             experiments: components["schemas"]["OwnExperiment"][];
+        };
+        /**
+         * ParameterChange
+         * @description An entry that a version changes, of one side; null where it has no such entry before or after.
+         */
+        ParameterChange: {
+            /** Name */
+            name: string;
+            /** Side */
+            side: string;
+            /** Unit */
+            unit: string;
+            /** Before */
+            before: number | null;
+            /** After */
+            after: number | null;
+            /**
+             * Percent
+             * @description change in per cent of what it was; null where it was 0 or nothing
+             */
+            percent: number | null;
+        };
+        /**
+         * ParameterProposal
+         * @description What applying an identification would change, or why it cannot be applied.
+         */
+        ParameterProposal: {
+            /** Estimate */
+            estimate: number;
+            /**
+             * Problem
+             * @description why it cannot be applied; empty where it can
+             */
+            problem: string;
+            /** Digest */
+            digest: string;
+            /** Changes */
+            changes: components["schemas"]["ParameterChange"][];
+        };
+        /**
+         * ParameterVersion
+         * @description A version; number 0 is the parameter file as it is.
+         */
+        ParameterVersion: {
+            /** Number */
+            number: number;
+            /**
+             * Digest
+             * @description of all numbers with their sources, as lineage shows it
+             */
+            digest: string;
+            /** Who */
+            who: string;
+            /** At */
+            at: string | null;
+            /**
+             * Estimate
+             * @description stored identification that its values came from last
+             */
+            estimate: number | null;
+            /**
+             * Run
+             * @description run of that identification; null for a table
+             */
+            run: number | null;
+            /**
+             * Undone
+             * @description whether it put a former version back
+             */
+            undone: boolean;
+            /**
+             * Changes
+             * @description against the version before
+             */
+            changes: components["schemas"]["ParameterChange"][];
+        };
+        /**
+         * ParametersView
+         * @description The set in force, newest version first, and what was asked about an identification.
+         */
+        ParametersView: {
+            /** Name */
+            name: string;
+            /** Versions */
+            versions: components["schemas"]["ParameterVersion"][];
+            proposal: components["schemas"]["ParameterProposal"] | null;
         };
         /**
          * PartView
@@ -11327,7 +11475,7 @@ export interface operations {
             };
         };
     };
-    start_identification: {
+    identify: {
         parameters: {
             query?: never;
             header?: {
@@ -11444,7 +11592,7 @@ export interface operations {
             };
         };
     };
-    predict_identification: {
+    predict: {
         parameters: {
             query?: never;
             header?: never;
@@ -12229,7 +12377,7 @@ export interface operations {
             };
         };
     };
-    add_spring_table: {
+    add_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -12475,6 +12623,348 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["IdentificationCurves"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_parameters: {
+        parameters: {
+            query?: {
+                estimate?: number | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    apply_parameters: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ApplyRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    undo_parameters: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
                 };
             };
             /** @description the body cannot be parsed */
