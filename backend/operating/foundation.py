@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from backend.archive.soundness import Soundness
 from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
+from backend.documents.edge import UnreadableDocumentError
 from backend.experiments import applied_parameters
 from backend.loop.channel import Setup
 from backend.loop.launching import Launched
@@ -18,7 +19,7 @@ from backend.settings import Settings
 from backend.storage import Database, open_database, runs
 from backend.storage.stations import HeldStation
 from backend.supervision import Supervision
-from plant.parameters import PlantParameters, load_parameters
+from plant.parameters import ParameterError, PlantParameters, load_parameters
 
 SEED = 0
 
@@ -62,9 +63,10 @@ def lay_foundation(
     figures.restore()
     stack.callback(figures.keep)
     kept = KeptTuning(database)
-    version = applied_parameters.versions(database, base)[0]
+    version, lost = _in_force(database, base)
     parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
+    said = "; ".join(part for part in (lost, said) if part)
     brought_up = brought_up_of(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
     identified = {} if applied is None else applied_parameters.sections_of(applied)
@@ -72,6 +74,15 @@ def lay_foundation(
     setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
     return Foundation(base, parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+
+
+def _in_force(database: Database, base: PlantParameters) -> tuple[applied_parameters.Version, str]:
+    """Return the version of the parameters in force; the file where what was applied cannot be had, and why."""
+    try:
+        return applied_parameters.versions(database, base)[0], ""
+    except (UnreadableDocumentError, ParameterError) as error:
+        _log.exception("what was applied to the parameters cannot be had any more")
+        return applied_parameters.Version(0, base), f"the parameters are those of the file: {error}"
 
 
 def _close_interrupted(database: Database) -> None:

@@ -35,8 +35,8 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     folder = tmp_path_factory.mktemp("data")
     file = folder / "slower.toml"
     plant, known = LAB.read_text(encoding="utf-8").split("[identified]")
-    assert plant.count("K_m = { value = 2.86") == 1
-    slower = plant.replace("K_m = { value = 2.86", f"K_m = {{ value = {TRUE_K_M}")
+    assert plant.count("K_m = { value = 2.91") == 1
+    slower = plant.replace("K_m = { value = 2.91", f"K_m = {{ value = {TRUE_K_M}")
     file.write_text(f"{slower}[identified]{known}", encoding="utf-8")
     with running_service(folder, params=str(file)) as running:
         yield running
@@ -52,7 +52,26 @@ def test_identify_judge_apply_and_undo(operator: Operator) -> None:
     beside_unseen_data(operator, first, second)
     actuator = identified(operator, "actuator", {"bits": 6, "settle_s": 3.0})
     against_geometry(operator, actuator)
+    report_of_the_session(operator, [first, second, actuator])
     apply_and_undo(operator, first)
+
+
+def report_of_the_session(operator: Operator, runs: list[int]) -> None:
+    """One report of all three, with the estimates that /api tells."""
+    page = operator.page
+    section = page.get_by_role("region", name="Report of the session", exact=True)
+    expect(section).to_contain_text("The 3 identifications of this day")
+    address = section.get_by_role("link", name="Report (HTML)").get_attribute("href")
+    assert address == "./api/run-comparison/report.html?" + "&".join(f"run={run}" for run in runs)
+    answer = page.request.get(f"{operator.service.url}/{address.removeprefix('./')}", timeout=REPORT_TIMEOUT_MS)
+    assert answer.ok, answer.text()
+    text = answer.text()
+    for run in runs:
+        found = get(operator, f"/api/identifications/{run}")
+        for motor in found["motors"]:
+            assert f"{motor['fitted']['K_m']:.3f} ±" in text
+        for model in (found["G_q"], found["G_S"]):
+            assert model is None or f"{model['T']:.4f} ±" in text
 
 
 def identified(operator: Operator, name: str, settings: Mapping[str, float]) -> int:

@@ -3,6 +3,9 @@
 import { fixed } from "../../samples/format";
 import type { Identification, UnseenOutput } from "../../wire/types";
 
+/** Runs that the service puts into one report. */
+const MOST_IN_A_REPORT = 100;
+
 export interface Estimated {
   /** As the notation spells it. */
   readonly name: string;
@@ -49,6 +52,19 @@ export function candidateOf(identification: Identification, output: string): Can
 /** Identifications that can be set beside this one: of its kind, with a model, newest first, itself left out. */
 export function comparable(one: Identification, all: readonly Identification[]): Identification[] {
   return all.filter(({ run, kind, estimate }) => run !== one.run && kind === one.kind && estimate !== null);
+}
+
+/** Runs of the session that the newest belongs to, oldest first: those with a model that were made on its day. */
+export function sessionOf(all: readonly Identification[]): number[] {
+  const found = all.filter(({ estimate }) => estimate !== null);
+  const day = (one: Identification) => new Date(one.created).toDateString();
+  const newest = found[0];
+  if (newest === undefined) return [];
+  return found
+    .filter((one) => day(one) === day(newest))
+    .map(({ run }) => run)
+    .slice(0, MOST_IN_A_REPORT)
+    .reverse();
 }
 
 /** How far a value is from another, in words of the page; null where there is nothing to divide by. */

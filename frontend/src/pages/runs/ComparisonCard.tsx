@@ -1,11 +1,12 @@
 /** The metrics of several runs beside each other, with the differences to one of them. */
 
-import { Button, Group, NativeSelect, Table } from "@mantine/core";
+import { Group, NativeSelect, Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
+import { SeriesReports } from "../../components/SeriesReports";
 import { Unit } from "../../components/Unit";
 import { dateTime, measured, significant } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
@@ -81,29 +82,6 @@ export function ComparisonCard({ runs }: { runs: readonly number[] }) {
         </div>
       )}
     </Card>
-  );
-}
-
-/** One report of all these runs, in their order. */
-function SeriesReports({ runs }: { runs: readonly number[] }) {
-  const address = (format: "html" | "pdf") =>
-    `./api/run-comparison/report.${format}?${runs.map((run) => `run=${run}`).join("&")}`;
-  return (
-    <>
-      <Button
-        component="a"
-        href={address("html")}
-        target="_blank"
-        rel="noreferrer"
-        variant="default"
-        size="xs"
-      >
-        Report (HTML)
-      </Button>
-      <Button component="a" href={address("pdf")} download variant="default" size="xs">
-        Report (PDF)
-      </Button>
-    </>
   );
 }
 
