@@ -145,7 +145,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             ordered_runs,
             SavedTunings(database),
             runs,
-            StoredIdentifications(database, runs.progress),
+            StoredIdentifications(database, runs.progress, here, lambda: present.tuning),
             kept,
             database,
         )
