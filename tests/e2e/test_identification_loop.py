@@ -91,10 +91,18 @@ def identified(operator: Operator, name: str, settings: Mapping[str, float]) -> 
     return run
 
 
+def choose(operator: Operator, run: int) -> None:
+    """Look at an identification run by its link in the list."""
+    page = operator.page
+    operator.go("Identify")
+    page.get_by_role("table", name="Identification runs").get_by_role("link", name=f"Run {run}", exact=True).click()
+    expect(page.get_by_role("region", name="Result", exact=True)).to_contain_text(f"Run {run}")
+
+
 def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
     """Both motor identifications beside the record of the second: table, /api, recording and SciPy say the same."""
     page = operator.page
-    page.goto(f"{operator.service.url}/identify/{first}")
+    choose(operator, first)
     card = page.get_by_role("region", name="Measured beside model", exact=True)
     expect(card).to_contain_text(f"Each step of run {first}, by a model fitted to its other steps.")
     card.get_by_role("combobox", name="Record to predict").select_option(f"run {second}")
@@ -173,13 +181,13 @@ def against_geometry(operator: Operator, run: int) -> None:
 
 def apply_and_undo(operator: Operator, run: int) -> None:
     """Refused in pretension; in off the gains of the motors come into force, and the forecast is nearer to what was."""
-    page, url = operator.page, operator.service.url
+    page = operator.page
     found = get(operator, f"/api/identifications/{run}")
     recorded = recording(operator, run)
     fastest = max(float(np.max(np.abs(speed(recorded, side)))) for side in "AB")
     before = get(operator, "/api/parameters")
     foreseen = forecast(operator)
-    page.goto(f"{url}/identify/{run}")
+    choose(operator, run)
     section = page.get_by_role("region", name="Apply to the parameters", exact=True)
     table = section.get_by_role("table", name="Parameters that would change", exact=True)
     expect(table.get_by_role("row")).to_have_count(5)
@@ -199,7 +207,7 @@ def apply_and_undo(operator: Operator, run: int) -> None:
     operator.go("Operate")
     operator.press("Off")
     operator.expect_mode("off")
-    page.goto(f"{url}/identify/{run}")
+    choose(operator, run)
     sent, _ = pressed(page, button, "/api/parameters")
     assert sent == {"estimate": found["estimate"]}
     card = page.get_by_role("region", name="Parameters in force", exact=True)

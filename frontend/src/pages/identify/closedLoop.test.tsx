@@ -36,7 +36,7 @@ function show(children: ReactNode, prepare: (client: QueryClient) => void): void
   const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
   prepare(client);
   render(
-    <LiveProvider store={new LiveStore()}>
+    <LiveProvider store={new LiveStore(0)}>
       <QueryClientProvider client={client}>
         <MantineProvider>{children}</MantineProvider>
       </QueryClientProvider>
