@@ -12,7 +12,6 @@ from backend.experiments.results.identification_curves import curves_of
 from backend.experiments.results.over_stiffness import trend_of
 from backend.experiments.results.spring_identification import from_table
 from backend.experiments.results.unseen_prediction import unseen_of
-from backend.libraries import SCIENCE
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView
@@ -60,8 +59,7 @@ class StoredIdentifications:
         return Trend.model_validate(await computed)
 
     async def identifications(self) -> list[IdentificationView]:
-        """Return all identification runs, newest first; what compares them is loaded meanwhile."""
-        self._offload.prepare(unseen_of, *SCIENCE)
+        """Return all identification runs, newest first."""
         return await asyncio.to_thread(self._identifications)
 
     async def identification(self, run_id: int) -> IdentificationView:

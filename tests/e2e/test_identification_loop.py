@@ -135,9 +135,11 @@ def by_scipy(recorded: Columns, side: str, motor: Mapping[str, Any], told: Mappi
     open_loop = np.isnan(recorded["theta_A_ref"])
     K_m, T_m, u_c = motor["fitted"]["K_m"], motor["fitted"]["T_m"], motor["u_c"]
     error, motion = [], []
-    held = np.flatnonzero(np.diff(np.concatenate(([0.0], np.where(open_loop, u, 0.0)))) != 0.0)
-    ends = np.append(held[1:], u.size)
-    steps = [slice(a, b) for a, b in zip(held, ends, strict=True) if u[a] != 0.0 and u[a - 1] == 0.0]
+    steps = []
+    for first in np.flatnonzero(np.diff(open_loop.astype(int)) == 1) + 1:  # zero volts, the step, zero, braking
+        if np.any(driven := u[first : first + 500] != 0.0):
+            begin = first + int(np.argmax(driven))
+            steps.append(slice(begin, begin + int(np.argmax(u[begin:] != u[begin]))))
     assert len(steps) == len(told["stretches"])
     for step, drawn in zip(steps, told["stretches"], strict=True):
         t = np.arange(step.stop - step.start) * 1e-3
@@ -151,7 +153,8 @@ def by_scipy(recorded: Columns, side: str, motor: Mapping[str, Any], told: Mappi
         error.append(left - np.mean(left))
         motion.append(measured - np.mean(measured))
     whole, moved = np.concatenate(error), np.concatenate(motion)
-    return 100.0 * (1.0 - np.linalg.norm(whole) / np.linalg.norm(moved)), float(np.sqrt(np.mean(whole**2)))
+    fit = 100.0 * (1.0 - float(np.linalg.norm(whole)) / float(np.linalg.norm(moved)))
+    return fit, float(np.sqrt(np.mean(whole**2)))
 
 
 def against_geometry(operator: Operator, run: int) -> None:

@@ -27,7 +27,7 @@ from backend.storage import Database, identifications, open_database
 from backend.storage.identifications import Identification, NewIdentification
 from backend.tuning.gains import motor_loops
 from backend.tuning.linear_model import one_motor_point
-from plant.parameters import ParameterError, PlantParameters, load_parameters
+from plant.parameters import ParameterError, load_parameters
 
 LAB = load_parameters("lab")
 K = (-2.7, 350.0, 9000.0)
@@ -53,7 +53,7 @@ def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
         data={},
         method="least squares on position",
         options={},
-        model=MODELS.write(MotorModels(*models)),
+        model=MODELS.write(MotorModels(A=models[0], B=models[1])),
         quality=QUALITIES.write(MotorQualities(quality, quality)),
         usable=True,
         verdict="usable",
@@ -130,15 +130,12 @@ def undo(database: Database, who: str) -> AppliedParameters:
 
 
 def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Database) -> None:
+    applied = proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
     with database.session() as session:
-        applied_parameters.keep(session, AppliedParameters(**_over(database, LAB)), "Ana")
+        applied_parameters.keep(session, applied, "Ana")
     ideal = load_parameters("ideal")
     assert in_force(database, LAB) != LAB
     assert in_force(database, ideal) == ideal
-
-
-def _over(database: Database, base: PlantParameters) -> dict[str, object]:
-    return vars(proposal(base, base, stored(database, motors((2.3, 0.21), (2.4, 0.23)))))
 
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:

@@ -13,7 +13,7 @@ from backend.identification.unseen import held_out, predict
 
 PERIOD_S = 1e-3
 K, T, A2, A1 = 0.05, 0.3, 0.004, 0.05
-TRUE = ([K], np.polymul([T, 1.0], [A2, A1, 1.0]))
+TRUE = ([K], np.polymul([T, 1.0], [A2, A1, 1.0]).astype(np.float64))
 
 
 def excitation(count: int, seed: int) -> Signal:
