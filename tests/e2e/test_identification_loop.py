@@ -203,14 +203,15 @@ def apply_and_undo(operator: Operator, run: int) -> None:
         assert number(row[4]) == pytest.approx(100.0 * (change["after"] / change["before"] - 1.0), abs=0.006)
 
     button = section.get_by_role("button", name="Apply to the parameters", exact=True)
-    button.click()
-    expect(section.get_by_role("status", name="Refusal")).to_contain_text("parameters are applied in off only")
-    assert get(operator, "/api/parameters")["versions"] == before["versions"]
+    expect(button).to_have_attribute("aria-disabled", "true")
+    refusal = section.get_by_role("status", name="Refusal")
+    expect(refusal).to_contain_text("in off only; the mode is pretension: switch it off first")
 
     operator.go("Operate")
     operator.press("Off")
     operator.expect_mode("off")
     choose(operator, run)
+    expect(button).to_have_attribute("aria-disabled", "false")
     sent, _ = pressed(page, button, "/api/parameters")
     assert sent == {"estimate": found["estimate"]}
     card = page.get_by_role("region", name="Parameters in force", exact=True)

@@ -1,21 +1,17 @@
 /** What applying an identification would change about the parameters in force, and the button that does it. */
 
-import { Button, Table } from "@mantine/core";
+import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Shown } from "../../components/Absent";
-import { Refusal } from "../../components/Refusal";
 import { SignalName } from "../../components/SignalName";
-import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
 import { parametersQuery, useApplyParameters } from "../../service/comparedModels";
-import { useMayCommand } from "../../service/useMayCommand";
 import type { ParameterChange } from "../../wire/types";
 import page from "../Page.module.css";
+import { ChangeButton } from "./ChangeButton";
 import styles from "./Identify.module.css";
 
 export function ApplyParameters({ estimate }: { estimate: number }) {
-  const may = useMayCommand();
-  const mode = useLive((live) => live.state?.mode);
   const asked = useQuery(parametersQuery(estimate));
   const apply = useApplyParameters();
   const proposal = asked.data?.proposal;
@@ -32,18 +28,16 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
             Controller, forecasts and predictions go by it then; a simulated plant stays as it is. The control
             loop starts anew, and a bank made with the former parameters is put aside with them.
           </span>
-          <Button
-            variant="default"
-            className={styles.act}
-            disabled={may === false}
-            loading={apply.isPending}
-            onClick={() => apply.mutate(estimate)}
+          <ChangeButton
+            error={apply.error}
+            pending={apply.isPending}
+            about={estimate}
+            onPress={() => apply.mutate(estimate)}
           >
             Apply to the parameters
-          </Button>
+          </ChangeButton>
         </>
       )}
-      <Refusal error={apply.error} about={mode} />
     </section>
   );
 }

@@ -1,17 +1,15 @@
 /** The parameters in force by versions: who applied what, from which identification, and one step back. */
 
-import { Button, Table } from "@mantine/core";
+import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
-import { Refusal } from "../../components/Refusal";
-import { useLive } from "../../live/react";
 import { dateTime } from "../../samples/format";
 import { parametersQuery, useUndoParameters } from "../../service/comparedModels";
-import { useMayCommand } from "../../service/useMayCommand";
 import type { Parameters } from "../../wire/types";
 import page from "../Page.module.css";
 import { ChangeTable } from "./ApplyParameters";
+import { ChangeButton } from "./ChangeButton";
 import styles from "./Identify.module.css";
 
 const DIGEST_SHOWN = 12;
@@ -19,8 +17,6 @@ const DIGEST_SHOWN = 12;
 type Version = Parameters["versions"][number];
 
 export function ParametersCard() {
-  const may = useMayCommand();
-  const mode = useLive((live) => live.state?.mode);
   const { data, error } = useQuery(parametersQuery(null));
   const undo = useUndoParameters();
   const newest = data?.versions[0];
@@ -67,18 +63,16 @@ export function ParametersCard() {
             <section className={styles.model} aria-label="Newest change">
               <h3 className={styles.heading}>What version {newest.number} changed</h3>
               <ChangeTable label="Parameters that changed" changes={newest.changes} />
-              <Button
-                variant="default"
-                className={styles.act}
-                disabled={may === false}
-                loading={undo.isPending}
-                onClick={() => undo.mutate(undefined)}
+              <ChangeButton
+                error={undo.error}
+                pending={undo.isPending}
+                about={newest.number}
+                onPress={() => undo.mutate(undefined)}
               >
-                Undo version {newest.number}
-              </Button>
+                {`Undo version ${newest.number}`}
+              </ChangeButton>
             </section>
           )}
-          <Refusal error={undo.error} about={`${mode} ${newest.number}`} />
         </>
       )}
     </Card>
