@@ -49,7 +49,7 @@ interface ChangeTableProps {
 
 export function ChangeTable({ label, changes }: ChangeTableProps) {
   return (
-    <div className={page.tableScroll}>
+    <div className={styles.scroll}>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={label}>
         <Table.Thead>
           <Table.Tr>

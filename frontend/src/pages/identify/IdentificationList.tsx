@@ -107,7 +107,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
         </div>
       )}
       {session.length > 1 && (
-        <section className={styles.choices} aria-label="Report of the session">
+        <section className={styles.report} aria-label="Report of the session">
           <span className={page.dim}>The {session.length} identifications of this day in one report:</span>
           <SeriesReports runs={session} />
         </section>

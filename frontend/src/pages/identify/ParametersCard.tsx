@@ -29,7 +29,7 @@ export function ParametersCard() {
             {data.name}, {newest.number === 0 ? "as the file says" : `version ${newest.number}`},{" "}
             <code title={newest.digest}>{newest.digest.slice(0, DIGEST_SHOWN)}</code>
           </p>
-          <div className={page.tableScroll}>
+          <div className={styles.scroll}>
             <Table aria-label="Versions of the parameters">
               <Table.Thead>
                 <Table.Tr>

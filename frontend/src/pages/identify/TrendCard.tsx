@@ -79,7 +79,7 @@ function Shown({ trend }: { trend: Trend }) {
               />
             ))}
           </div>
-          <div className={page.tableScroll}>
+          <div className={styles.scroll}>
             <Rows channel={channel} rows={trend.rows} />
           </div>
         </section>

@@ -85,11 +85,9 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
               )
             );
           })}
-          <div className={page.halves}>
-            {views[0].outputs.map((output) => (
-              <Output key={output.name} name={output.name} shown={shown} views={views} />
-            ))}
-          </div>
+          {views[0].outputs.map((output) => (
+            <Output key={output.name} name={output.name} shown={shown} views={views} />
+          ))}
         </>
       )}
     </Card>
@@ -113,7 +111,7 @@ function Output({ name, shown, views }: OutputProps) {
   return (
     <section className={styles.model} aria-label={`${title} on data not seen`}>
       <h3 className={styles.heading}>{name.startsWith("G_") ? <SignalName name={name} /> : title}</h3>
-      <div className={page.tableScroll}>
+      <div className={styles.scroll}>
         <Side
           name={name}
           title={title}
@@ -124,24 +122,25 @@ function Output({ name, shown, views }: OutputProps) {
         />
       </div>
       {first.problem !== "" && <p className={page.empty}>{first.problem}</p>}
-      <CurvePlot
-        title={`${title}: measured and predicted`}
-        xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
-        yLabel={reading.unit}
-        summary={outputs.map((one, index) => inWords(shown[index]?.run, one)).join(" ")}
-        curves={[
-          ...measuredCurves(first, read),
-          ...outputs.flatMap((one, index) => predicted(shown[index]?.run, one, index, read)),
-        ]}
-      />
-      <CurvePlot
-        title={`${title}: measured minus predicted`}
-        xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
-        yLabel={reading.unit}
-        height={130}
-        summary="What the models leave over."
-        curves={outputs.flatMap((one, index) => residuals(shown[index]?.run, one, index, read))}
-      />
+      <div className={page.halves}>
+        <CurvePlot
+          title={`${title}: measured and predicted`}
+          xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
+          yLabel={reading.unit}
+          summary={outputs.map((one, index) => inWords(shown[index]?.run, one)).join(" ")}
+          curves={[
+            ...measuredCurves(first, read),
+            ...outputs.flatMap((one, index) => predicted(shown[index]?.run, one, index, read)),
+          ]}
+        />
+        <CurvePlot
+          title={`${title}: measured minus predicted`}
+          xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
+          yLabel={reading.unit}
+          summary="What the models leave over."
+          curves={outputs.flatMap((one, index) => residuals(shown[index]?.run, one, index, read))}
+        />
+      </div>
     </section>
   );
 }
