@@ -72,6 +72,13 @@ def in_force(database: Database, base: PlantParameters) -> PlantParameters:
     return versions(database, base)[0].parameters
 
 
+def last_applied_by(database: Database) -> str:
+    """Return who applied something last, to whatever file; empty for nobody."""
+    with database.reading() as session:
+        last = settings.newest(session, NAME)
+    return "" if last is None else last.who
+
+
 def proposal(base: PlantParameters, now: PlantParameters, found: Identification) -> AppliedParameters:
     """Return what applying an identification would put in force, over what is ``now``.
 

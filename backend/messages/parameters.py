@@ -52,3 +52,9 @@ class ApplyRequest(Schema):
     """The stored identification to apply, of motors or springs, by the number of its estimate."""
 
     estimate: RowNumber
+
+
+class UndoRequest(Schema):
+    """The version to undo: the newest, as whoever undoes it sees it."""
+
+    version: RowNumber

@@ -138,8 +138,13 @@ class Actuator:
             if self.present.mode is not Mode.OFF:
                 raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
             take()
-            await self._start_anew(MarkKind.NOTE, f"loop started with {found}", who)
-        self.changed()
+            try:
+                await self._start_anew(MarkKind.NOTE, f"loop started with {found}", who)
+            except LoopDiedError as died:
+                self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
+                raise LoopDiedError(f"{found} takes effect at the next start of the loop: {died}") from died
+            finally:
+                self.changed()
 
     async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
         before = self._supervisor.setup.brought_up
@@ -285,8 +290,7 @@ class Actuator:
         self.present.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
-        mark = mark_of(event, self.present.tick)
-        if mark is not None:
+        if (mark := mark_of(event, self.present.tick)) is not None:
             self._journal.note(*mark)
         if isinstance(event, Stopped):
             for waiter in self._stop_waiters:

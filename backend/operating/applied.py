@@ -1,11 +1,13 @@
 """Applying identified motors and springs: the controller goes by them from then on, what is simulated stays as it is.
 
-Only while the actuator is off: the loop is started anew with what is in force then.
+Only while the actuator is off: the loop is started anew with what is in force then. Whoever undoes says which version,
+so that two who undo at once do not undo each other.
 """
 
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 from backend.documents.applied_parameters import AppliedParameters
 from backend.experiments import applied_parameters
@@ -19,7 +21,16 @@ from backend.operating.tuning_in_use import TuningInUse
 from backend.refusal import Because, RefusalError
 from backend.storage import Database, identifications
 from backend.tuning.formulas import TuningError
-from plant.parameters import ParameterError, PlantParameters
+from plant.parameters import ParameterError, PlantParameters, load_parameters
+
+
+class _Wanted(NamedTuple):
+    """What is to come into force, and a tuning that is safe on it in place of the one ``before``."""
+
+    applied: AppliedParameters
+    parameters: PlantParameters
+    before: TuningInUse
+    tuning: TuningInUse
 
 
 class Applied:
@@ -47,31 +58,32 @@ class Applied:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
         return await self.view()
 
-    async def undo(self, who: str) -> ParametersView:
-        """Put the version before the newest in force again, as a new one. Raises RefusalError; nothing changes then."""
+    async def undo(self, version: int, who: str) -> ParametersView:
+        """Put what was before ``version``, the newest, in force again. Raises RefusalError; nothing changes then.
+
+        That is the way back from parameters that no loop starts with: so it does for a loop that is not there, too.
+        """
         async with self._actuator.starting:
-            wanted = await asyncio.to_thread(
-                self._wanted, lambda: applied_parameters.undoing(self._database, self._base)
-            )
-            await self._take_up(wanted, who)
+            await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
         return await self.view()
 
-    def _wanted(
-        self, propose: Callable[[], AppliedParameters]
-    ) -> tuple[AppliedParameters, PlantParameters, TuningInUse]:
-        """Return what would be in force, with a tuning that is safe on it."""
+    def _wanted(self, propose: Callable[[], AppliedParameters]) -> _Wanted:
         try:
-            applied = propose()
+            if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop that starts reads it anew
+                raise RefusalError(Because.NOT_NOW, "the parameter file has changed: start the service anew first")
+            applied, before = propose(), self._actuator.present.operators_tuning
             parameters = self._base.with_identified(applied_parameters.sections_of(applied))
-            return applied, parameters, self._kept.carried_over(self._actuator.present.operators_tuning, parameters)
+            return _Wanted(applied, parameters, before, self._kept.carried_over(before, parameters))
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RefusalError(Because.BAD_VALUE, f"it cannot be applied: {error}") from None
 
-    async def _take_up(self, wanted: tuple[AppliedParameters, PlantParameters, TuningInUse], who: str) -> None:
-        applied, parameters, tuning = wanted
-        self._require_idle()
+    async def _take_up(self, wanted: _Wanted, who: str) -> None:
+        applied, parameters, before, tuning = wanted
 
         def take() -> None:
+            self._require_idle(before)
+            if not (applied.undone or self._supervisor.alive):
+                raise RefusalError(Because.UNAVAILABLE, "the control loop is not running: reset starts it again")
             with self._database.session() as session:
                 applied_parameters.keep(session, applied, who)
             self._kept.put(tuning, who)
@@ -82,12 +94,13 @@ class Applied:
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._use(parameters)
 
+        self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
         undone = "the former parameters, as the last identification was undone"
         run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
         await self._actuator.take_up(take, undone if applied.undone else run, who)
 
-    def _require_idle(self) -> None:
-        """Raise RefusalError unless the actuator is off and nothing is under way."""
+    def _require_idle(self, tuning: TuningInUse) -> None:
+        """Raise RefusalError unless the actuator is off, nothing is under way and this tuning is in force."""
         present = self._actuator.present
         self._actuator.require_unoccupied()
         if present.task is not None or present.own_tuning is not None:
@@ -98,6 +111,14 @@ class Applied:
             raise RefusalError(
                 Because.NOT_NOW, f"parameters are applied in off only; the mode is {present.mode}: switch it off first"
             )
+        if present.tuning is not tuning:
+            raise RefusalError(Because.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again")
+
+    def _undoing(self, version: int) -> AppliedParameters:
+        newest = applied_parameters.versions(self._database, self._base)[0].number
+        if newest not in (0, version):
+            raise NotApplicableError(f"version {newest} is in force by now, not {version}: look at what it changed")
+        return applied_parameters.undoing(self._database, self._base)
 
     def _proposal(self, estimate: int) -> AppliedParameters:
         with self._database.reading() as session:

@@ -63,10 +63,10 @@ def lay_foundation(
     figures.restore()
     stack.callback(figures.keep)
     kept = KeptTuning(database)
-    version, lost = _in_force(database, base)
+    version, version_said = in_force(database, base)
     parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
-    said = "; ".join(part for part in (lost, said) if part)
+    said = "; ".join(part for part in (version_said, said) if part)
     brought_up = brought_up_of(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
     identified = {} if applied is None else applied_parameters.sections_of(applied)
@@ -76,13 +76,24 @@ def lay_foundation(
     return Foundation(base, parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
 
 
-def _in_force(database: Database, base: PlantParameters) -> tuple[applied_parameters.Version, str]:
-    """Return the version of the parameters in force; the file where what was applied cannot be had, and why."""
+def in_force(database: Database, base: PlantParameters) -> tuple[applied_parameters.Version, str]:
+    """Return the version of the parameters in force, and a sentence on it for the journal; empty for an untouched file.
+
+    It is the file where what was applied is for another one, or cannot be had.
+    """
     try:
-        return applied_parameters.versions(database, base)[0], ""
+        version = applied_parameters.versions(database, base)[0]
+        last = applied_parameters.last_applied_by(database)
     except (UnreadableDocumentError, ParameterError) as error:
         _log.exception("what was applied to the parameters cannot be had any more")
         return applied_parameters.Version(0, base), f"the parameters are those of the file: {error}"
+    if version.number:
+        return (
+            version,
+            f"parameters in force again as {version.who} left them: version {version.number} over {base.name}",
+        )
+    other = f"the parameters are those of the file {base.name}: what {last} applied last was over other ones"
+    return version, other if last else ""
 
 
 def _close_interrupted(database: Database) -> None:

@@ -2,24 +2,29 @@
 
 import asyncio
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import plant
 from backend.experiments import applied_parameters
 from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.loop.access import LoopDiedError
 from backend.loop.channel import Setup
 from backend.loop.mode import Mode
 from backend.loop.supervisor import Supervisor
+from backend.messages.tuning import TrialRequest
+from backend.operating import foundation
 from backend.operating.applied import Applied
-from backend.operating.tuning_in_use import initial
+from backend.operating.tuning_in_use import TuningInUse, initial
 from backend.refusal import RefusalError
 from backend.sample import INDEX
 from backend.storage import Database, banks, open_database
 from backend.storage.banks import BankEntry
 from plant.choice import SIMULATOR
 from plant.parameters import PlantParameters, load_parameters
-from tests.api.stepped_service import Parts, stepped
+from tests.api.stepped_service import Parts, Stepped, stepped
 from tests.experiments.test_applied_parameters import K, motors, spring, stored
 
 IDEAL = load_parameters("ideal")
@@ -45,8 +50,8 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
     return setups
 
 
-def applied_with(parts: Parts, heard: list[PlantParameters]) -> Applied:
-    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, IDEAL, heard.append)
+def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> Applied:
+    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, base, heard.append)
 
 
 def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
@@ -86,7 +91,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         assert IDEAL.with_identified(setup.identified) == then
         assert setup.tuning == present.tuning.command()
 
-        undone = await applied.undo("Ben")
+        undone = await applied.undo(1, "Ben")
         assert [one.number for one in undone.versions] == [2, 1, 0]
         assert undone.versions[0].digest == undone.versions[2].digest
         assert present.parameters == IDEAL
@@ -125,6 +130,127 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
         assert restarted == []
 
     stepped(database, IDEAL, work)
+
+
+def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
+    database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked before and again in turn: what is begun while it waits for its turn counts, too."""
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        present, applied = parts.present, applied_with(parts, [])
+
+        async def refused(why: str) -> None:
+            with pytest.raises(RefusalError, match=why):
+                await applied.apply(found.id, "Ana")
+            assert [one.number for one in (await applied.view()).versions] == [0]
+            assert (present.parameters, restarted) == (IDEAL, [])
+
+        homing = "Homing of the bring-up is under way"
+        with monkeypatch.context() as during:
+            during.setattr(parts.actuator, "occupied", lambda: homing)
+            await refused(homing)
+        with monkeypatch.context() as during:
+            during.setattr(present, "own_tuning", present.tuning)
+            await refused("a run is under way: parameters change when it is over")
+        before = present.tuning
+        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
+        await refused("a tuning is on trial: keep it or revert it first")
+        await parts.actuator.retuning.end_trial(keep=False, who="Ana")
+
+        carried_over = parts.kept.carried_over
+
+        def meanwhile(now: TuningInUse, parameters: PlantParameters) -> TuningInUse:
+            present.tuning = initial(IDEAL, TuningChoice(lam_q=0.9), None)
+            return carried_over(now, parameters)
+
+        with monkeypatch.context() as during:
+            during.setattr(parts.kept, "carried_over", meanwhile)
+            await refused("the tuning was changed meanwhile")
+        present.tuning = before
+        parts.supervisor.dead = True
+        with pytest.raises(RefusalError, match="the control loop is not running: reset starts it again"):
+            await applied.apply(found.id, "Ana")
+        assert restarted == []
+
+    stepped(database, IDEAL, work)
+
+
+def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database, restarted: list[Setup]) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        applied = applied_with(parts, [])
+        both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
+        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        assert "says what is in force already: nothing would change" in str(refusal)
+        assert [one.number for one in (await applied.view()).versions] == [1, 0]
+        both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
+        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
+        assert parts.present.parameters == IDEAL
+        assert len(restarted) == 2
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is_the_way_back(
+    database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        heard: list[PlantParameters] = []
+        applied = applied_with(parts, heard)
+
+        async def dies(supervisor: Stepped) -> None:
+            supervisor.dead = True
+            raise LoopDiedError("the control loop is not running: killed by SIGKILL")
+
+        with monkeypatch.context() as during:
+            during.setattr(Supervisor, "restart", dies)
+            with pytest.raises(LoopDiedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
+                await applied.apply(found.id, "Ana")
+        then = parts.present.parameters
+        newest = (await applied.view()).versions[0]
+        assert (newest.number, newest.digest) == (1, applied_parameters.Version(1, then).digest)
+        assert heard == [then]
+        assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
+        assert parts.supervisor.setup.tuning == parts.present.tuning.command()
+
+        await applied.undo(1, "Ana")
+        assert parts.present.parameters == IDEAL
+        assert [setup.identified for setup in restarted] == [{}]
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
+    database: Database, restarted: list[Setup], tmp_path: Path
+) -> None:
+    """The loop reads it at each start: it would go by other numbers than the service."""
+    file = tmp_path / "mine.toml"
+    said = (Path(plant.__file__).parent / "parameters" / "ideal.toml").read_text(encoding="utf-8")
+    file.write_text(said, encoding="utf-8")
+    mine, found = load_parameters(file), stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        parts.supervisor.setup = replace(parts.supervisor.setup, parameters=str(file))
+        applied = applied_with(parts, [], mine)
+        await applied.apply(found.id, "Ana")
+        file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
+        assert load_parameters(file) != mine
+        with pytest.raises(RefusalError, match="the parameter file has changed: start the service anew first"):
+            await applied.undo(1, "Ana")
+        assert len(restarted) == 1
+
+    stepped(database, mine, work)
+    version, said_of_it = foundation.in_force(database, mine)
+    assert (version.number, said_of_it) == (1, "parameters in force again as Ana left them: version 1 over mine")
+    version, said_of_it = foundation.in_force(database, load_parameters(file))
+    assert version.number == 0
+    assert said_of_it.startswith("the parameters are those of the file mine: what Ana applied last was over other ones")
 
 
 @pytest.mark.live

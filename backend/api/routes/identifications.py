@@ -8,7 +8,7 @@ from backend.messages import identification as told
 from backend.messages.base import RowNumber
 from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
-from backend.messages.parameters import ApplyRequest, ParametersView
+from backend.messages.parameters import ApplyRequest, ParametersView, UndoRequest
 from backend.operating.run_kinds import identification_kinds
 
 router = APIRouter(prefix="/api", tags=["identification"])
@@ -99,6 +99,6 @@ async def apply_parameters(body: ApplyRequest, service: ServiceInUse, person: In
 
 
 @router.post("/parameters/undo")
-async def undo_parameters(service: ServiceInUse, person: InControl) -> ParametersView:
+async def undo_parameters(body: UndoRequest, service: ServiceInUse, person: InControl) -> ParametersView:
     """Put the former parameters in force again, as a new version; in off only."""
-    return await service.applied.undo(person.name)
+    return await service.applied.undo(body.version, person.name)

@@ -40,7 +40,9 @@ export function useApplyParameters() {
 }
 
 export function useUndoParameters() {
-  return useParameterChange((_none: undefined) => answered(api.POST("/api/parameters/undo")));
+  return useParameterChange((version: number) =>
+    answered(api.POST("/api/parameters/undo", { body: { version } })),
+  );
 }
 
 /** Whatever is predicted rests on the parameters. */
@@ -50,6 +52,7 @@ function useParameterChange<Asked>(change: (asked: Asked) => Promise<Parameters>
   const queries = useQueryClient();
   return useMutation({
     mutationFn: change,
-    onSuccess: () => Promise.all(RESTS_ON_THEM.map((key) => queries.invalidateQueries({ queryKey: [key] }))),
+    // after a refusal, too: others may have changed them, and those that no loop started with are in force all the same
+    onSettled: () => Promise.all(RESTS_ON_THEM.map((key) => queries.invalidateQueries({ queryKey: [key] }))),
   });
 }

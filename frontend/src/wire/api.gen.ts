@@ -6474,6 +6474,14 @@ export interface components {
             entry_name: string;
         };
         /**
+         * UndoRequest
+         * @description The version to undo: the newest, as whoever undoes it sees it.
+         */
+        UndoRequest: {
+            /** Version */
+            version: number;
+        };
+        /**
          * UnseenOutput
          * @description One output, as measured and as the model says; in the unit of the signal.
          */
@@ -12956,7 +12964,11 @@ export interface operations {
             path?: never;
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["UndoRequest"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             200: {

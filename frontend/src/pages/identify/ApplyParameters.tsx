@@ -4,6 +4,7 @@ import { Table } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { Shown } from "../../components/Absent";
 import { SignalName } from "../../components/SignalName";
+import { useLive } from "../../live/react";
 import { fixed, significant } from "../../samples/format";
 import { parametersQuery, useApplyParameters } from "../../service/comparedModels";
 import type { ParameterChange } from "../../wire/types";
@@ -14,6 +15,7 @@ import styles from "./Identify.module.css";
 export function ApplyParameters({ estimate }: { estimate: number }) {
   const asked = useQuery(parametersQuery(estimate));
   const apply = useApplyParameters();
+  const onCard = useLive((live) => ["rig", "virtual_card"].includes(live.state?.plant.kind ?? ""));
   const proposal = asked.data?.proposal;
   return (
     <section className={styles.model} aria-label="Apply to the parameters">
@@ -27,6 +29,7 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
           <span className={page.dim}>
             Controller, forecasts and predictions go by it then; a simulated plant stays as it is. The control
             loop starts anew, and a bank made with the former parameters is put aside with them.
+            {onCard && " The encoders lose their zero with the loop: do Zero or Homing of the bring-up anew after it."}
           </span>
           <ChangeButton
             error={apply.error}

@@ -67,7 +67,7 @@ export function ParametersCard() {
                 error={undo.error}
                 pending={undo.isPending}
                 about={newest.number}
-                onPress={() => undo.mutate(undefined)}
+                onPress={() => undo.mutate(newest.number)}
               >
                 {`Undo version ${newest.number}`}
               </ChangeButton>
