@@ -29,7 +29,8 @@ export function ApplyParameters({ estimate }: { estimate: number }) {
           <span className={page.dim}>
             Controller, forecasts and predictions go by it then; a simulated plant stays as it is. The control
             loop starts anew, and a bank made with the former parameters is put aside with them.
-            {onCard && " The encoders lose their zero with the loop: do Zero or Homing of the bring-up anew after it."}
+            {onCard &&
+              " The encoders lose their zero with the loop: do Zero or Homing of the bring-up anew after it."}
           </span>
           <ChangeButton
             error={apply.error}
