@@ -12,6 +12,8 @@ from backend.access.authentication import PART as TOKENS
 from backend.access.authentication import Authentication
 from backend.access.control import PART as CONTROL
 from backend.access.control import Control
+from backend.access.hand_over import PART as HAND_OVER
+from backend.access.hand_over import HandOver
 from backend.api.auth import signed_in
 from backend.api.service import Service
 from backend.archive.downloads import Downloads
@@ -124,10 +126,18 @@ def assemble(
     actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
-    present.holder, present.people = control.view, authentication.people.view
+
+    def say_of_control(text: str, who: str) -> None:
+        """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
+        journal.record(EventKind.NOTE, text, who)
+        actuator.changed()
+
+    hand_over = HandOver(control, authentication.people, say_of_control)
+    present.holder, present.people, present.wishes = control.view, authentication.people.view, hand_over.view
     keep(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
+    keep(HAND_OVER, hand_over.run)
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
     journal.on_mark(live.announce)
     actuator.on_change(live.state_changed)
@@ -193,6 +203,7 @@ def assemble(
         applied=Applied(actuator, supervisor, database, kept, foundation.base, use),
         actuator=actuator,
         control=control,
+        hand_over=hand_over,
         ordered_runs=ordered_runs,
         experiments=experiments,
         saved_tunings=SavedTunings(database),

@@ -2,9 +2,11 @@
 
 The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
 from ``FIELDS``. A new signal is a new row here, and its value by name in ``backend.tick.desk.write_row``.
+``COMBINED`` are signals that nobody stores: what is drawn of them follows from the columns.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,25 @@ class Field:
     unit: str
     meaning: str
     derived: bool = False
+
+
+@dataclass(frozen=True)
+class Term:
+    """A column times ``sign``, and times a length of the joint's geometry where ``length`` names one."""
+
+    column: str
+    sign: Literal[1, -1]
+    length: Literal["", "r_m", "r_j"] = ""
+
+
+@dataclass(frozen=True)
+class Combined:
+    """A signal that is the sum of its terms, tick by tick; ``name`` and ``unit`` as of a column."""
+
+    name: str
+    unit: str
+    meaning: str
+    terms: tuple[Term, Term]
 
 
 FIELDS: tuple[Field, ...] = (
@@ -76,3 +97,29 @@ ADDED_LATER: frozenset[str] = frozenset({"F_ext_hat", "F_wall"})
 """Signals that recordings and exports of earlier versions lack."""
 STORED_COLUMNS: list[int] = [INDEX[name] for name in STORED_NAMES]
 """Where the stored fields stand in a row; a list, because numpy takes a tuple for one place in several dimensions."""
+
+
+def _difference(of: str, taken: str, meaning: str) -> Combined:
+    unit = FIELDS[INDEX[of]].unit
+    return Combined(f"{of} - {taken}", unit, meaning, (Term(of, 1), Term(taken, -1)))
+
+
+COMBINED: tuple[Combined, ...] = (
+    _difference("q", "q_ref", "error of the joint position against its reference"),
+    _difference("q", "q_ref_gov", "error of the joint position against the governed reference, or the plan"),
+    _difference("S", "S_ref", "error of the joint stiffness against its reference"),
+    _difference("S", "S_ref_gov", "error of the joint stiffness against the governed reference, or the plan"),
+    _difference("S", "S_true", "error of the estimated joint stiffness against that of the simulator"),
+    _difference("theta_A", "theta_A_ref", "error of the position of motor A against its reference"),
+    _difference("theta_B", "theta_B_ref", "error of the position of motor B against its reference"),
+    _difference("F_A", "F_B", "force that the tendons turn the joint with, at r_j"),
+    Combined(
+        "x_A", "m", "elongation of spring A, by the measured angles", (Term("theta_A", 1, "r_m"), Term("q", -1, "r_j"))
+    ),
+    Combined(
+        "x_B", "m", "elongation of spring B, by the measured angles", (Term("theta_B", 1, "r_m"), Term("q", 1, "r_j"))
+    ),
+)
+COMBINED_BY_NAME: dict[str, Combined] = {combined.name: combined for combined in COMBINED}
+UNIT_OF: dict[str, str] = {field.name: field.unit for field in STORED} | {one.name: one.unit for one in COMBINED}
+"""Unit of everything that can be drawn."""

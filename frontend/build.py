@@ -22,6 +22,8 @@ BUILT_FROM = STATIC / ".built-from"
 INSTALLED_FROM = FRONTEND / "node_modules" / ".installed-from"
 FOR_A_BUILD = "for a build "
 NOT_SOURCES = {"node_modules", "__pycache__"}
+DOCUMENTS = ("docs/**/*.md", "*.md")
+"""What the page shows to be read, beside the front end."""
 
 
 class FrontendBuildHook(BuildHookInterface):  # type: ignore[type-arg]  # its parameter is the builder's private config
@@ -69,13 +71,14 @@ def _sources() -> list[Path]:
     for folder, names, files in os.walk(FRONTEND):
         names[:] = [name for name in names if name not in NOT_SOURCES]
         found += [Path(folder) / name for name in files]
+    found += [file for pattern in DOCUMENTS for file in FRONTEND.parent.glob(pattern)]
     return sorted(found)
 
 
 def _digest(files: Iterable[Path]) -> str:
     digest = hashlib.sha256()
     for file in files:
-        digest.update(str(file.relative_to(FRONTEND)).encode() + b"\0" + file.read_bytes() + b"\0")
+        digest.update(str(file.relative_to(FRONTEND.parent)).encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()
 
 

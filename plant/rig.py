@@ -20,7 +20,7 @@ from plant.interface import (
 )
 from plant.load_cell import LoadCell
 from plant.stillness import Stillness
-from plant.wiring import EncoderWiring, Wiring
+from plant.wiring import Wiring
 
 UNATTENDED = 0.8
 """Part of the watchdog's time that the loop may be late, before it stops by itself."""
@@ -33,6 +33,9 @@ TRIED_CYCLES = 50
 
 _PROOF_S = 0.3
 """How much longer than its time the watchdog may take to show that it cuts the drives [s]."""
+
+_BEGINNINGS = 3
+"""How often the watchdog is started before a machine that pauses for longer than its time each time is refused."""
 
 _SETTLING_S = 0.01
 """How long a safety module may take to answer the drive-enable line [s]."""
@@ -71,7 +74,7 @@ class Rig:
         self._daq = daq
         self._registers = registers
         self._server = server
-        self._scales = tuple(map(_radians_per_count, (wiring.encoder_q, wiring.encoder_A, wiring.encoder_B)))
+        self._scales = tuple(e.radians_per_count for e in (wiring.encoder_q, wiring.encoder_A, wiring.encoder_B))
         self._zeros = (0.0, 0.0, 0.0)
         self._cells = LoadCell(wiring.load_cell_A), LoadCell(wiring.load_cell_B)
         self._gains = wiring.motor_A.gain, wiring.motor_B.gain
@@ -201,9 +204,16 @@ class Rig:
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
     def _begin(self, *, drives: bool) -> None:
+        """Zero volts, a watchdog that counts from now, then the line, which one that has expired holds off."""
         self._put_out(ZERO_VOLTS)
-        self._daq.start_watchdog()
-        self._daq.enable(on=drives)
+        for left in reversed(range(_BEGINNINGS)):
+            self._daq.start_watchdog()
+            try:
+                self._daq.enable(on=drives)
+                break
+            except PlantError:
+                if not (left and self._daq.expired):  # only a pause of this machine is tried again
+                    raise
         self._show()
 
     def read(self) -> Measurement:
@@ -287,7 +297,3 @@ class Rig:
             daq, tripped = self._daq, self._tripped
             flags = daq.watched, daq.drives, daq.known_expired, tripped, False, True
             self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *self._put))
-
-
-def _radians_per_count(encoder: EncoderWiring) -> float:
-    return encoder.direction * 2.0 * math.pi / encoder.counts_per_rev

@@ -86,6 +86,11 @@ class EncoderWiring:
     counts_per_rev: float = number("1", 4.0, 4e6)
     direction: float = number("1", -1.0, 1.0)
 
+    @property
+    def radians_per_count(self) -> float:
+        """How far its shaft turns from one count to the next [rad], with the direction."""
+        return self.direction * 2.0 * math.pi / self.counts_per_rev
+
 
 @dataclass(frozen=True)
 class LineWiring:

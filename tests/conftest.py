@@ -55,7 +55,7 @@ BESIDE = {
         "access announced auth background bad_input banks_and_springs bodies bounds bring_up bring_up_proof "
         "card_faults chain contract control dry_run_places endings faults forms hangup history invalid journal "
         "kept_tuning left_behind lent_tuning live names observation offload operate orders pace places push queue "
-        "killed_experiment "
+        "hand_over killed_experiment "
         "queue_problem run_library same_metrics scene security sign_in stream studies system tokens tuning turns units "
         "waits walk_back"
     ),

@@ -195,7 +195,9 @@ class Authentication:
 
     def _person_of_cookie(self, shown: Shown) -> Person | None:
         person = self._genuine(shown, replaced=False)
-        return person if person is not None and self.sessions.use(person.session) else None
+        if person is None or not self.sessions.use(person.session):
+            return None
+        return self.people.as_shown(person)
 
     def _genuine(self, shown: Shown, replaced: bool = True) -> Person | None:
         """Return whose cookie this is, however old, unless it was signed out."""

@@ -111,8 +111,11 @@ class Control:
         self._epoch = int(time.time())
         self._muted = False
 
-    def take(self, person: Person, *, is_page: bool, take_over: bool = False) -> Holder:
-        """Give control to a person. Raises RefusalError while another one holds it, unless ``take_over``."""
+    def take(self, person: Person, *, is_page: bool, take_over: bool = False, handed: str = "") -> Holder:
+        """Give control to a person. Raises RefusalError while another one holds it, unless ``take_over``.
+
+        ``handed`` is what is told where it was handed over.
+        """
         holder = self.holder
         if holder is not None and not take_over and not holder.lost:
             raise RefusalError(
@@ -123,9 +126,8 @@ class Control:
         self.let_go()
         self.holder = Holder(person, self._epoch, is_page)
         if is_page:
-            self._told(
-                "control taken" if holder is None else f"control taken over from {holder.person.name}", person.name
-            )
+            taken = "control taken" if holder is None else f"control taken over from {holder.person.name}"
+            self._told(handed or taken, person.name)
         return self.holder
 
     def resume(self, person: Person, page: str) -> Holder:

@@ -2,10 +2,10 @@
 
 import asyncio
 import unicodedata
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 
 from backend.messages.session import PersonView, Role
 from backend.refusal import Because, RefusalError
@@ -38,6 +38,7 @@ class Person:
 class _There:
     person: Person
     is_page: bool
+    since: datetime = field(default_factory=lambda: datetime.now(UTC))
 
 
 class People:
@@ -61,9 +62,39 @@ class People:
         yield from [(over, there.person) for over, there in self._there.items()]
 
     def view(self) -> list[PersonView]:
-        """Return who has how many pages open, by name."""
-        pages = Counter((there.person.name, there.person.role) for there in self._there.values() if there.is_page)
-        return [PersonView(name=name, role=role, pages=count) for (name, role), count in sorted(pages.items())]
+        """Return who has how many pages open, and since when the first of them is, by name."""
+        pages: dict[tuple[str, Role], list[datetime]] = {}
+        for there in self._there.values():
+            if there.is_page:
+                pages.setdefault((there.person.name, there.person.role), []).append(there.since)
+        return [
+            PersonView(name=name, role=role, pages=len(since), since=min(since))
+            for (name, role), since in sorted(pages.items())
+        ]
+
+    def has_page(self, session: str) -> bool:
+        """Return whether somebody's page is open."""
+        return any(there.is_page and there.person.session == session for there in self._there.values())
+
+    def named(self, name: str) -> Person | None:
+        """Return whose page is open under this name."""
+        there = (one.person for one in self._there.values() if one.is_page)
+        return next((person for person in there if person.name == name), None)
+
+    def as_shown(self, person: Person) -> Person:
+        """Return somebody who comes back under the name by which the others know them.
+
+        It may be another than before: while they were away, somebody else may have come under theirs.
+        """
+        if person.session in (BEARER, OPEN):
+            return person
+        here = [there.person for there in self._there.values()]
+        known = next((other for other in here if other.session == person.session), None)
+        if known is not None:
+            return known
+        if all(other.name.casefold() != person.name.casefold() for other in here):
+            return person
+        return replace(person, name=self.shown(person.called, person.role, person.session))
 
     def shown(self, called: str, role: Role, session: str) -> str:
         """Return how others see who calls themselves so: nobody gets the name of somebody else who is there."""

@@ -3,11 +3,11 @@
 from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from backend.api.auth import authentication_of, signed_in
-from backend.api.cookies import shown_by
+from backend.api.auth import signed_in
 from backend.api.errors import answer_to
 from backend.refusal import Because, RefusalError
 from backend.web_server.bodies import has_body, once_more, read_whole
+from backend.web_server.cookies import authentication_of, shown_by
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
 

@@ -6,11 +6,10 @@ from typing import Annotated
 from fastapi import Depends, Query, Request
 from starlette.requests import HTTPConnection
 
-from backend.api.auth import authentication_of
-from backend.api.cookies import shown_by
 from backend.api.service import service_of
 from backend.reading import Angles
 from backend.storage import StorageError
+from backend.web_server.cookies import authentication_of, shown_by
 
 PATIENCE_S = 1.0
 """No refusal waits longer for a preference: a database that does not answer must not keep anybody from reading it."""

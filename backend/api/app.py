@@ -32,9 +32,9 @@ from backend.api.routes import (
     system,
     tuning,
 )
-from backend.api.session_ends import SessionEnds
 from backend.web_server.guard import Guard
 from backend.web_server.request_turns import RequestTurns
+from backend.web_server.session_ends import SessionEnds
 
 DESCRIPTION = (
     "Identify, tune and run an antagonistic variable stiffness actuator. SI units; signals are spelled as in the "

@@ -6,21 +6,14 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPBearer
 from starlette.requests import HTTPConnection
 
-from backend.access.authentication import Authentication
 from backend.access.people import BEARER, OPEN, Person
-from backend.api.cookies import COOKIE, shown_by
 from backend.messages.session import Role
 from backend.refusal import Because, RefusalError
+from backend.web_server.cookies import COOKIE, authentication_of, shown_by
 
-__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "authentication_of", "may_stop", "signed_in"]
+__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "Person", "SignedIn", "may_stop", "signed_in"]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
-
-
-def authentication_of(connection: HTTPConnection) -> Authentication:
-    """Return what tells who asks, of the running service."""
-    authentication: Authentication = connection.app.state.authentication
-    return authentication
 
 
 def signed_in(connection: HTTPConnection) -> Person:

@@ -1,4 +1,4 @@
-"""The websocket /api/live: sends what the live stream has; who reads nothing for ``PATIENCE_S`` is dropped."""
+"""The websocket /api/live: sends what the live stream has; who reads nothing or says nothing for long is dropped."""
 
 import asyncio
 import logging
@@ -12,6 +12,11 @@ from backend.messages.live import Ping, Pong
 from backend.operating.live_stream import Client, LiveStream
 
 PATIENCE_S = 20.0
+SILENT_S = 75.0
+"""A page, which pings every second, is gone when it has said nothing for so long: its laptop was closed, say.
+
+One that is hidden for minutes is let speak by its browser once a minute only, and is there all the same.
+"""
 
 _log = logging.getLogger(__name__)
 
@@ -50,15 +55,18 @@ async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
 
 async def _receive(websocket: WebSocket, client: Client, heard: Callable[[Ping], None]) -> None:
     with suppress(RuntimeError, WebSocketDisconnect):  # the page has left, if need be before it is told why
-        while (ping := await _ping(websocket)) is not None:
+        patience_s = None  # who never pings is a script, of which the server itself sees whether it is there
+        while (ping := await _ping(websocket, patience_s)) is not None:
+            patience_s = SILENT_S
             heard(ping)
             client.offer_text(Pong(id=ping.id).model_dump_json())
-        await websocket.close(1008, "only pings are understood here")
+        await websocket.close(1008, "only pings are understood here, and they have to come")
 
 
-async def _ping(websocket: WebSocket) -> Ping | None:
-    """Return the next ping; None for anything else."""
+async def _ping(websocket: WebSocket, patience_s: float | None) -> Ping | None:
+    """Return the next ping; None for anything else, and for nothing in all that time."""
     try:
-        return Ping.model_validate_json(await websocket.receive_text())
-    except (ValidationError, KeyError):
+        async with asyncio.timeout(patience_s):
+            return Ping.model_validate_json(await websocket.receive_text())
+    except (ValidationError, KeyError, TimeoutError):
         return None

@@ -8,6 +8,7 @@ from fastapi import Depends, Header, Path, Request
 from starlette.requests import HTTPConnection
 
 from backend.access.control import HEADER, Control, read_stamp
+from backend.access.hand_over import HandOver
 from backend.access.people import Person
 from backend.api.auth import Operator
 from backend.archive.downloads import Downloads
@@ -42,6 +43,7 @@ class Service:
     actuator: Actuator
     applied: Applied
     control: Control
+    hand_over: HandOver
     ordered_runs: OrderedRuns
     experiments: OwnExperiments
     saved_tunings: SavedTunings

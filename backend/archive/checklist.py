@@ -3,8 +3,9 @@
 from collections.abc import Callable
 
 from backend.documents.edge import UnreadableDocumentError
+from backend.documents.kept_tuning import SAVED, saved_for
 from backend.messages.history import ChecklistState, ChecklistStep
-from backend.storage import Session, banks, identifications, origins, results, runs
+from backend.storage import Session, banks, identifications, origins, results, runs, settings
 from backend.storage.bank_entry import name_of_entry
 from backend.storage.banks import Bank
 from backend.storage.identifications import Identification
@@ -35,6 +36,7 @@ def steps(session: Session, parameters: Document, in_use: int | None) -> list[Ch
         _identified("spring", spring, run_of, parameters, ()),
         _identified("actuator", actuator, run_of, parameters, (motor, spring)),
         _bank(bank, in_use, estimates, run_of, parameters),
+        _tuning(session, bank, in_use),
         _experiment(experiment, in_use),
         _report(session, experiment),
     ]
@@ -111,6 +113,22 @@ def replaces(one: Identification, source: Identification) -> bool:
     except UnreadableDocumentError:
         return False
     return a is not None and b is not None and abs(a - b) < NEAR
+
+
+def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
+    """Return whether somebody has saved λ for the bank in use."""
+    if bank is None or bank.id != in_use:
+        return _step("tuning", ChecklistState.MISSING, "needs a bank in use")
+    title = f"{bank.name} v{bank.version}"
+    stored = settings.newest(session, saved_for(bank.id))
+    if stored is None:
+        return _step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
+    parts = SAVED.read(stored.value, f"setting “{stored.name}”").known()
+    told = ", ".join(
+        f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
+    )
+    detail = f"{told}, saved for {title} by {stored.who}"
+    return ChecklistStep(name="tuning", state=ChecklistState.DONE, detail=detail, run=None, at=stored.at)
 
 
 def _experiment(run: Run | None, in_use: int | None) -> ChecklistStep:

@@ -1,22 +1,26 @@
 """Runs beside each other by their metrics, and one metric over the dates of its runs."""
 
+import json
 from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
+from backend.archive.alignment import Aligned, aligned
 from backend.documents.edge import UnreadableDocumentError
 from backend.documents.result import Figure
-from backend.messages.run_search import (
+from backend.messages.comparison import (
     ComparedMetric,
     ComparedRun,
+    ComparedSetting,
     ComparedValue,
-    MetricHistory,
-    MetricName,
-    MetricPoint,
+    ComparisonAsked,
     RunComparison,
 )
+from backend.messages.run_search import MetricHistory, MetricName, MetricPoint
 from backend.refusal import Because, RefusalError, require_within
+from backend.reports.set_to import set_to
 from backend.reports.verdict import verdict_of
-from backend.storage import Session, results, run_search, runs
+from backend.storage import Session, banks, results, run_search, runs
 from backend.storage.results import Result
 from backend.storage.run_index import ValueSource
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, parse
@@ -29,28 +33,60 @@ MOST_POINTS = 5000
 _ABSENT = "the run has no such metric"
 
 
-def compare(session: Session, run_ids: Sequence[int], reference: int | None) -> RunComparison:
-    """Return the metrics of runs with their differences to a reference, one of them (None: the first).
+def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
+    """Return the runs that are compared, each once, and which of them is the reference.
 
-    Raises OutOfRangeError, RefusalError, UnknownRecordError.
+    Raises OutOfRangeError, RefusalError.
     """
-    numbers = list(dict.fromkeys(run_ids))
+    numbers = list(dict.fromkeys(asked.run))
     require_within("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
-    chosen = numbers[0] if reference is None else reference
+    chosen = numbers[0] if asked.reference is None else asked.reference
     if chosen not in numbers:
         raise RefusalError(
             Because.BAD_VALUE,
             f"reference: run {chosen} is none of those that are compared",
             legal=[str(number) for number in numbers],
         )
+    return numbers, chosen
+
+
+def compare(session: Session, asked: ComparisonAsked) -> RunComparison:
+    """Return the metrics of runs with their differences to a reference, one of them (None: the first).
+
+    Raises OutOfRangeError, RefusalError, UnknownRecordError.
+    """
+    numbers, chosen = chosen_runs(asked)
     found = [runs.get(session, number) for number in numbers]
     judged = [_judged(session, run) for run in found]
-    place = numbers.index(chosen)
+    placed = aligned(session, numbers, chosen, asked)
     return RunComparison(
         reference=chosen,
-        runs=[_named(run, result, problem) for run, (result, problem) in zip(found, judged, strict=True)],
-        metrics=_metrics([_figures(result) for result, _ in judged], [problem for _, problem in judged], place),
+        runs=[
+            _named(run, result, problem, placed[run.id]) for run, (result, problem) in zip(found, judged, strict=True)
+        ],
+        metrics=_metrics(
+            [_figures(result) for result, _ in judged], [problem for _, problem in judged], numbers.index(chosen)
+        ),
+        settings=_differing(session, found),
     )
+
+
+def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
+    """Return what not all runs were set to alike."""
+    each = []
+    for run in found:
+        bank = None if run.bank_id is None else banks.get(session, run.bank_id)
+        each.append({(item.name, item.unit): _plain(item.value) for item in set_to(run, bank)})
+    settings = []
+    for name, unit in dict.fromkeys(key for one in each for key in one):
+        values = [one.get((name, unit)) for one in each]
+        if any(value != values[0] for value in values):
+            settings.append(ComparedSetting(name=name, unit=unit or "1", values=values))
+    return settings
+
+
+def _plain(value: Any) -> bool | float | str:
+    return value if isinstance(value, bool | int | float | str) else json.dumps(value)
 
 
 def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
@@ -66,7 +102,7 @@ def _figures(result: Result | None) -> dict[str, Figure]:
     return {} if result is None else {item.name: item for item in result.metrics.figures}
 
 
-def _named(run: Run, result: Result | None, problem: str) -> ComparedRun:
+def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> ComparedRun:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     return ComparedRun(
         id=run.id,
@@ -76,6 +112,9 @@ def _named(run: Run, result: Result | None, problem: str) -> ComparedRun:
         who=run.who,
         started=run.started_at,
         verdict=verdict_of(metrics, criteria, problem).sentence,
+        aligned_at_s=placed.at_s,
+        offset_s=placed.offset_s,
+        not_aligned=placed.reason,
     )
 
 

@@ -6,12 +6,16 @@ from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Seque
 from contextlib import aclosing
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 from backend.archive.bundling import bundle_pieces
+from backend.archive.comparison_file import curves_file, table_file
+from backend.archive.differences import differences, samples_of
 from backend.experiments.results.again import left_behind
 from backend.exports.formats import DataFormat, pieces
 from backend.exports.source import of_columns, of_run
 from backend.libraries import DRAWING
+from backend.messages.comparison import Differences, DifferencesAsked
 from backend.offload import Offload
 from backend.piping import piped
 from backend.reading import Angles
@@ -27,6 +31,9 @@ COMPUTING_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
 AT_ONCE = 6
 """Downloads of samples under way at a time, each with a process of its own."""
+
+AT_HAND_SAMPLES = 1_000_000
+"""Fewer are compared beside the live stream without making it stutter, and sooner than in a process."""
 
 _LOG = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.html", "backend.reports.pdf"
@@ -67,24 +74,32 @@ class Downloads:
 
     async def data(self, run_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece. Raises UnknownRecordError, ExportError, RefusalError."""
-        return await self._streamed(_run_pieces, run_id, kind)
+        return await self._streamed(_run_pieces, run_id, self._folder, kind)
 
     async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
         """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RefusalError."""
-        return await self._streamed(_flight_pieces, event_id, kind)
+        return await self._streamed(_flight_pieces, event_id, self._folder, kind)
 
     async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
         """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RefusalError."""
-        return await self._streamed(bundle_pieces, run_id)
+        return await self._streamed(bundle_pieces, run_id, self._folder)
 
-    async def _streamed(
-        self, work: Callable[..., Iterator[bytes]], number: int, *kind: DataFormat
-    ) -> AsyncGenerator[bytes]:
+    async def differences(self, asked: DifferencesAsked) -> Differences:
+        """Return the differences of runs to one. Raises RefusalError, UnknownRecordError, UnknownSignalError."""
+        if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
+            return await asyncio.to_thread(differences, self._database, asked)
+        return await self._offload.run(differences, self._database, asked)
+
+    async def comparison(self, content: Literal["curves", "table"], asked: DifferencesAsked) -> AsyncGenerator[bytes]:
+        """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
+        return await self._streamed(curves_file if content == "curves" else table_file, asked)
+
+    async def _streamed(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
         if self._under_way >= AT_ONCE:
             raise RefusalError(
                 Because.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
             )
-        stream = self._counted(piped(work, self._database, number, self._folder, *kind))
+        stream = self._counted(piped(work, self._database, *asked))
         await anext(stream)
         return stream
 

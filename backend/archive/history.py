@@ -68,25 +68,27 @@ class History:
 
     def _marks(self, run_id: int) -> RunMarks:
         with self._database.reading() as session:
-            run = runs.get(session, run_id)
-            try:
-                period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
-            except UnknownRecordError:
-                return RunMarks(marks=[])
-            found = events.between(session, run.started_at, run.ended_at, station=run.station)
-        marks = [
-            RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
-            for event in found
-            # ticks begin anew with each loop process: those of another one do not fit this recording
-            if event.tick is not None
-            and event.kind != EventKind.TRIP
-            and span.first_tick <= event.tick <= span.end_tick
-        ]
-        return RunMarks(marks=marks)
+            return marks_of(session, run_id)
 
     def _checklist(self) -> Checklist:
         with self._database.reading() as session:
             return Checklist(steps=checklist.steps(session, self._parameters, self._bank_in_use()))
+
+
+def marks_of(session: Session, run_id: int) -> RunMarks:
+    """Return what happened during a run, on its own time axis. Raises UnknownRecordError."""
+    run = runs.get(session, run_id)
+    try:
+        period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
+    except UnknownRecordError:
+        return RunMarks(marks=[])
+    marks = [
+        RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
+        for event in events.between(session, run.started_at, run.ended_at, station=run.station)
+        # ticks begin anew with each loop process: those of another one do not fit this recording
+        if event.tick is not None and event.kind != EventKind.TRIP and span.first_tick <= event.tick <= span.end_tick
+    ]
+    return RunMarks(marks=marks)
 
 
 def _named(bank: Bank) -> LineageBank:

@@ -3,6 +3,7 @@
 import asyncio
 
 from backend.access.people import Person
+from backend.messages.layouts import look_over
 from backend.messages.preferences import NEW_HERE, Preferences
 from backend.messages.session import Role
 from backend.storage import Database, settings
@@ -22,7 +23,8 @@ class StoredPreferences:
         return NEW_HERE if stored is None else Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value})
 
     async def put(self, person: Person, preferences: Preferences) -> Preferences:
-        """Remember how ``person`` likes the page."""
+        """Remember how ``person`` likes the page. Raises RefusalError for a layout that cannot be drawn."""
+        look_over(preferences.layouts)
         await asyncio.to_thread(self._put, person, preferences)
         return preferences
 

@@ -1,11 +1,13 @@
 """The moment of a recording that the replay's 3D view shows. One view for all: whoever moved it last is seen."""
 
 import asyncio
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.documents.kept_wall import standing
+from backend.recording.flight import flight_columns
 from backend.recording.reader import read_samples
 from backend.sample import INDEX, NAMES
 from backend.storage import Database, runs
@@ -36,13 +38,25 @@ class Replay:
         if shown is not None:
             self._shown = shown
 
+    async def show_flight(self, event_id: int, t: float) -> None:
+        """Show the sample of a flight record nearest to ``t`` [s] from its trip. Raises UnknownRecordError."""
+        columns = await asyncio.to_thread(flight_columns, self._database, event_id)
+        if columns["t"].size:
+            nearest = int(np.argmin(np.abs(columns["t"] - t)))
+            self._shown = _row({name: columns[name][nearest] for name in _NEEDED if name in columns}), None
+
     def _read(self, run_id: int, t: float) -> tuple[NDArray[np.float64], Obstacle | None] | None:
         with self._database.reading() as session:
             samples = read_samples(session, run_id, _NEEDED, t, t + T_s)
             walls = runs.get(session, run_id).set_to.walls or ()
         if not len(samples.t):
             return None
-        row = np.full(len(NAMES), np.nan)
-        for name, column in samples.columns.items():
-            row[INDEX[name]] = column[0]
+        row = _row({name: column[0] for name, column in samples.columns.items()})
         return row, standing(walls, float(samples.t[0]) + 0.5 * T_s)
+
+
+def _row(values: Mapping[str, float]) -> NDArray[np.float64]:
+    row = np.full(len(NAMES), np.nan)
+    for name, value in values.items():
+        row[INDEX[name]] = value
+    return row

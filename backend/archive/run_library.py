@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import Sequence
 
 from backend.archive import comparison
+from backend.messages.comparison import ComparisonAsked, RunComparison
 from backend.messages.run_search import (
     SEARCH_NAME_MAX,
     MetricHistory,
-    RunComparison,
     SavedSearch,
     SavedSearchList,
     SearchWords,
@@ -57,9 +57,9 @@ class RunLibrary:
         await asyncio.to_thread(self.rename, before, after)
         return TagList(tags=(await self.words()).tags)
 
-    async def comparison(self, run_ids: Sequence[int], reference: int | None) -> RunComparison:
+    async def comparison(self, asked: ComparisonAsked) -> RunComparison:
         """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
-        return await asyncio.to_thread(self.compared, run_ids, reference)
+        return await asyncio.to_thread(self.compared, asked)
 
     async def metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
         """Return a metric of a kind of runs over their dates. Raises QueryError."""
@@ -120,10 +120,10 @@ class RunLibrary:
         with self._database.session() as session:
             return tags.rename(session, before, after)
 
-    def compared(self, run_ids: Sequence[int], reference: int | None) -> RunComparison:
+    def compared(self, asked: ComparisonAsked) -> RunComparison:
         """Set runs beside each other. Raises RefusalError, UnknownRecordError."""
         with self._database.reading() as session:
-            return comparison.compare(session, run_ids, reference)
+            return comparison.compare(session, asked)
 
     def history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
         """Return a metric of a kind of runs over their dates. Raises QueryError."""

@@ -19,15 +19,13 @@ from backend.messages.flight import FlightView
 from backend.messages.run import Envelope, Evaluation, RunView, SamplesView, UsedSetting
 from backend.recording import reader
 from backend.reports.verdict import verdict_of
-from backend.sample import STORED
+from backend.sample import UNIT_OF
 from backend.storage.banks import Bank
 from backend.storage.flights import Flight
 from backend.storage.results import Result
 from backend.storage.run_title import experiment_of, title_of
 from backend.storage.runs import Run
 from plant.interface import T_s
-
-_UNITS = {field.name: field.unit for field in STORED}
 
 
 def run_view(
@@ -81,7 +79,7 @@ def samples_view(run_id: int, envelope: reader.Envelope, *, raw: bool) -> Sample
         t=envelope.t.tolist(),
         signals={
             name: Envelope(
-                unit=_UNITS[name], minimum=_plain(envelope.minimum[name]), maximum=_plain(envelope.maximum[name])
+                unit=UNIT_OF[name], minimum=_plain(envelope.minimum[name]), maximum=_plain(envelope.maximum[name])
             )
             for name in envelope.minimum
         },
@@ -192,6 +190,7 @@ def flight_view(flight: Flight) -> FlightView:
         fault=flight.fault,
         text=flight.text,
         run=flight.run_id,
+        tick=flight.trip_tick,
         before_s=before * T_s,
         after_s=(flight.count - before) * T_s,
     )

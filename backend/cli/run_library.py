@@ -11,8 +11,8 @@ from backend.reading import in_words, read, reading_of
 
 if TYPE_CHECKING:
     from backend.archive.stored_runs import StoredRuns
+    from backend.messages.comparison import ComparedValue
     from backend.messages.run import RunView
-    from backend.messages.run_search import ComparedValue
     from backend.storage import Database
 
 Where = Annotated[str, typer.Option("--where", help='A search, such as "kind=tracking overshoot_q_percent < 5".')]
@@ -71,9 +71,10 @@ def compare(
 ) -> None:
     """Compare the metrics of runs, with the differences to one of them."""
     from backend.archive.run_library import RunLibrary
+    from backend.messages.comparison import ComparisonAsked
 
     with database_of(settings_with(data=data, station=station)) as database:
-        found = RunLibrary(database).compared(runs, reference)
+        found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
         return

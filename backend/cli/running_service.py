@@ -3,13 +3,16 @@
 import http.client
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
+
+from pydantic import BaseModel, ValidationError
 
 from backend.cli.output import fail
 from backend.settings import Settings
 
 _PATIENCE_S = 30.0
+_Answer = TypeVar("_Answer", bound=BaseModel)
 
 
 @dataclass(frozen=True)
@@ -19,23 +22,8 @@ class RunningService:
     address: str
     token: str
 
-    def get(self, path: str) -> Any:
-        """Return what stands at a path below ``/api``; a refusal ends the command with its words."""
-        return self._ask("GET", path, None)
-
-    def post(self, path: str, body: Any = None) -> Any:
-        """Send a command, as ``get`` does."""
-        return self._ask("POST", path, body)
-
-    def put(self, path: str, body: Any) -> Any:
-        """Put something in its place, as ``get`` does."""
-        return self._ask("PUT", path, body)
-
-    def delete(self, path: str) -> Any:
-        """Take something away, as ``get`` does."""
-        return self._ask("DELETE", path, None)
-
-    def _ask(self, method: str, path: str, body: Any) -> Any:
+    def ask(self, method: str, path: str, body: Any, answer: type[_Answer]) -> _Answer:
+        """Return what a request below ``/api`` is answered with; a refusal ends the command with its words."""
         headers = {"Authorization": f"Bearer {self.token}"} if self.token else {}
         content = None if body is None else json.dumps(body).encode()
         if content is not None:
@@ -44,27 +32,28 @@ class RunningService:
         connection = http.client.HTTPConnection(where.hostname or "", where.port, timeout=_PATIENCE_S)
         try:
             connection.request(method, f"{where.path}/api{path}", content, headers)
-            answer = connection.getresponse()
-            text = answer.read()
+            said = connection.getresponse()
+            text = said.read()
         except (OSError, http.client.HTTPException) as error:
             fail(f"the service at {self.address} does not answer: {error or type(error).__name__}")
         finally:
             connection.close()
-        return self._read(answer.status, text)
+        return self._read(said.status, text, answer)
 
-    def _read(self, status: int, text: bytes) -> Any:
+    def _read(self, status: int, text: bytes, answer: type[_Answer]) -> _Answer:
         """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
+        from backend.messages.base import Refusal
+
         try:
-            said: Any = json.loads(text) if text else None
-            refused = str(said["error"]["message"]) if status >= http.client.BAD_REQUEST else ""
-        except (ValueError, LookupError, TypeError):
+            if status < http.client.BAD_REQUEST:
+                return answer.model_validate_json(text)
+            refused = Refusal.model_validate_json(text).error.message
+        except ValidationError:
             fail(
                 f"what answers at {self.address} is no Sinew: status {status}, {text[:80]!a}; look what works "
                 "there, and start `sinew serve` again"
             )
-        if refused:
-            fail(refused)
-        return said
+        fail(refused)
 
 
 def running_service(settings: Settings) -> RunningService:

@@ -40,10 +40,12 @@ def down(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _order(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
-    stands = running_service(settings_with(data=data)).put("/wall", {"wall": wall})["wall"]
+    from backend.messages.state import WallOrder
+
+    stands = running_service(settings_with(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:
-        print_json({"wall": stands})
+        print_json({"wall": stands and stands.model_dump(mode="json")})
     elif stands is None:
         out.print("no wall stands in the joint's way")
     else:
-        out.print(f"a wall stands {stands['side']} {told(stands['q_wall'], 'rad', angles())}")
+        out.print(f"a wall stands {stands.side} {told(stands.q_wall, 'rad', angles())}")

@@ -32,5 +32,10 @@ def _bank_by_number(document: Any) -> Any:
     return document
 
 
+def saved_for(bank: int | None) -> str:
+    """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
+    return f"tuning/{'geometry' if bank is None else bank}"
+
+
 KEPT: Edge[KeptTuning] = Edge(KeptTuning, "the tuning in force", VERSION, _bank_by_number)
 SAVED: Edge[SavedParts] = Edge(SavedParts, "the tuning that was saved", VERSION)

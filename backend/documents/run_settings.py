@@ -78,6 +78,17 @@ class RunSettings:
     walls: tuple[KeptWall, ...] | None = field(default=None, metadata=ABSENT)
     version: int = VERSION
 
+    @property
+    def law(self) -> str:
+        """The law that played the plan, as ``Law`` spells it: one that chose none had the cascade."""
+        return str((self.plan or {}).get("controller", "cascade"))
+
+    @property
+    def experiment(self) -> str | None:
+        """The text of the experiment; None where the plan is none that is data."""
+        text = (self.plan or {}).get("experiment")
+        return None if text is None else str(text)
+
     def told(self) -> dict[str, Value]:
         """Return plan and tuning by name."""
         return {**(self.plan or {}), **self.loop.known()}

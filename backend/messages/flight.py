@@ -2,6 +2,8 @@
 
 from datetime import datetime
 
+from pydantic import Field
+
 from backend.messages.base import Schema, quantity
 
 
@@ -13,6 +15,7 @@ class FlightView(Schema):
     fault: str
     text: str
     run: int | None
+    tick: int = Field(description="tick of the trip, of the loop that ran then")
     before_s: float = quantity("s", "length kept before the trip")
     after_s: float = quantity("s", "length kept after the trip")
 
@@ -21,3 +24,9 @@ class FlightList(Schema):
     """Flight records, newest first."""
 
     flights: list[FlightView]
+
+
+class FlightMoment(Schema):
+    """The moment of a flight record to show."""
+
+    t: float = quantity("s", "time since the trip", ge=-1e6, le=1e6)

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.messages.base import Schema, quantity
+from backend.messages.layouts import ChartLayout, Drawn, LayoutName
 from backend.reading import Angles
 
 SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
@@ -18,7 +19,10 @@ class Preferences(Schema):
     colours: SignalColours = Field(
         max_length=40, description="own colour of a signal as #rrggbb; its reference follows it"
     )
-    hidden: list[SignalName] = Field(max_length=40, description="signals switched off in the charts")
+    hidden: list[Drawn] = Field(max_length=60, description="signals switched off in the charts")
+    layout: LayoutName = Field(description="name of the charts' layout in use: an own one, or one of the page's")
+    layouts: list[ChartLayout] = Field(max_length=20, description="own layouts of the charts")
+    clock: bool = Field(description="the time axis tells the time of day; else the time since the start")
     window_s: float = quantity("s", "length of the following window", ge=5.0, le=120.0)
     statistics: bool = Field(description="figures of the visible range are shown")
     solid: bool | None = Field(
@@ -39,6 +43,9 @@ NEW_HERE = Preferences(
     scheme="auto",
     colours={},
     hidden=[],
+    layout="Standard",
+    layouts=[],
+    clock=False,
     window_s=20.0,
     statistics=False,
     solid=None,

@@ -1,4 +1,4 @@
-"""Finding runs and setting them beside each other: searches, tags, comparison, metrics over dates."""
+"""Finding runs: searches, tags, metrics over dates."""
 
 from datetime import datetime
 
@@ -53,45 +53,6 @@ class TagList(Schema):
     """The tags in use."""
 
     tags: list[str]
-
-
-class ComparedRun(Schema):
-    """One of the runs that are compared."""
-
-    id: int
-    title: str
-    kind: str
-    station: str
-    who: str
-    started: datetime
-    verdict: str = Field(description="in one sentence")
-
-
-class ComparedValue(Schema):
-    """A metric of one run."""
-
-    value: float | None
-    reason: str = Field(description="why there is no value, or why it is that of a part only")
-    difference: float | None = Field(description="to the reference run; null where either has no value")
-    percent: float | None = Field(description="the difference in per cent of the reference; null where that is 0")
-
-
-class ComparedMetric(Schema):
-    """A metric of all compared runs, in their order."""
-
-    name: str
-    label: str
-    definition: str
-    unit: str
-    values: list[ComparedValue]
-
-
-class RunComparison(Schema):
-    """Runs beside each other."""
-
-    reference: int
-    runs: list[ComparedRun]
-    metrics: list[ComparedMetric]
 
 
 class MetricName(Schema):

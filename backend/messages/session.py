@@ -1,5 +1,6 @@
 """Who is signed in, and whether the service is well."""
 
+from datetime import datetime
 from enum import StrEnum
 
 from pydantic import Field
@@ -56,6 +57,7 @@ class PersonView(Schema):
     name: str
     role: Role
     pages: int = Field(description="pages and scripts of this person that follow the loop")
+    since: datetime = Field(description="when the first of these came")
 
 
 class Health(Schema):

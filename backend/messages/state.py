@@ -8,7 +8,7 @@ from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
 from backend.loop.mode import Mode
 from backend.messages.base import ANY_SIZE, Schema, quantity
-from backend.messages.control import HolderView
+from backend.messages.control import HolderView, WishView
 from backend.messages.session import PersonView
 from backend.messages.touch import TouchView
 from backend.messages.tuning import ChosenTuning, TuningParts, TuningView
@@ -22,6 +22,8 @@ class PlantView(Schema):
     simulated: bool = Field(description="whether what moves is computed: it can be pushed, and broken to order")
     name: str
     says: str
+    r_m: float = quantity("m", "radius of a motor's reel")
+    r_j: float = quantity("m", "radius of the joint's pulley")
 
 
 class LinkView(Schema):
@@ -186,6 +188,7 @@ class State(Schema):
     stop_proof: StopProof | None
     holder: HolderView | None
     people: list[PersonView] = Field(description="who has a page open; a number tells persons of one name apart")
+    wishes: list[WishView] = Field(description="who asks for control or is offered it, and what came of that")
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")

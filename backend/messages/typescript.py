@@ -1,10 +1,11 @@
 """What the page has to know before anything is sent: the table of samples, and the words of modes, faults, limits."""
 
 import json
+from dataclasses import asdict
 
 from backend.faults import FAULTS, Limit
 from backend.loop.mode import MODES
-from backend.sample import STORED
+from backend.sample import COMBINED, STORED
 from backend.tuning.models import LAM_MOTOR, LAM_Q, LAM_S
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant.interface import T_s
@@ -15,6 +16,7 @@ def sample_typescript() -> str:
     fields = [
         {"name": field.name, "symbol": field.symbol, "unit": field.unit, "meaning": field.meaning} for field in STORED
     ]
+    combined = [asdict(one) for one in COMBINED]
     limits = {str(limit.name): limit.value for limit in Limit}
     return "\n".join(
         (
@@ -23,6 +25,9 @@ def sample_typescript() -> str:
             f"export const FIELDS = {_literal(fields)} as const;",
             "",
             'export type SignalName = (typeof FIELDS)[number]["name"];',
+            "",
+            "/** Signals that are stored nowhere: sums of columns, some times a length of the joint's geometry. */",
+            f"export const COMBINED = {_literal(combined)} as const;",
             "",
             f"export const PERIOD_S = {T_s};",
             f"export const HEADER_BYTES = {HEADER_BYTES};",

@@ -27,7 +27,7 @@ from backend.loop.commands import (
 from backend.loop.mode import LEGAL, Mode
 from backend.loop.set_touch import CONTACT_MAX_N, CONTACT_MIN_N
 from backend.loop.supervisor import Supervisor
-from backend.messages.control import HolderView
+from backend.messages.control import HolderView, WishView
 from backend.messages.session import Health, PersonView
 from backend.messages.state import (
     FaultView,
@@ -57,9 +57,10 @@ F_PUSH_MAX = 30.0
 class PresentState:
     """The present state.
 
-    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``touch``, ``holder``, ``people``; the rest is seen
-    and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem``
-    says why a tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
+    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``touch``, ``holder``, ``people``, ``wishes``; the rest
+    is seen and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning, else None;
+    ``tuning_problem`` says why a tuning that should be back in force is not; ``earlier`` is what the operator had
+    before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
     ``occupied`` says what has the rig for itself, ``wall`` is what stands in a simulated joint's way. ``problems``
     tells what is wrong with the service without being a fault of the loop.
@@ -82,6 +83,7 @@ class PresentState:
         self.holder: Callable[[], HolderView | None] = lambda: None
         self.touch: Callable[[], TouchView] = lambda: TouchView(contact_N=0.0, learned=[], felt=None)
         self.people: Callable[[], list[PersonView]] = list
+        self.wishes: Callable[[], list[WishView]] = list
         self.starts = 1
         self.occupied: Callable[[], str] = str
         self.wall: Obstacle | None = None
@@ -223,6 +225,7 @@ class PresentState:
             stop_proof=None if self._stop is None else proof_of(self._stop),
             holder=holder,
             people=self.people(),
+            wishes=self.wishes(),
             chain=chain(self._supervisor, holder, link, fault_of(sample)),
             task=self.task,
             trial=self.trial(),
@@ -242,7 +245,15 @@ class PresentState:
 
     def _plant_view(self) -> PlantView:
         plant = self.plant
-        return PlantView(kind=plant.kind, simulated=plant.simulated, name=plant.name, says=self._supervisor.driven)
+        says, geometry = self._supervisor.driven, self.parameters.geometry
+        return PlantView(
+            kind=plant.kind,
+            simulated=plant.simulated,
+            name=plant.name,
+            says=says,
+            r_m=geometry.r_m,
+            r_j=geometry.r_j,
+        )
 
     def _limits(self) -> LimitsView:
         b = self.bounds

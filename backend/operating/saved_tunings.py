@@ -2,7 +2,7 @@
 
 import asyncio
 
-from backend.documents.kept_tuning import SAVED, SavedParts
+from backend.documents.kept_tuning import SAVED, SavedParts, saved_for
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.messages.tuning import SavedTuning
 from backend.operating.tuning_in_use import TuningInUse, parts_of
@@ -43,4 +43,4 @@ def _saved(stored: StoredSetting) -> SavedTuning:
 
 
 def _setting_of(tuning: TuningInUse) -> str:
-    return f"tuning/{'geometry' if tuning.bank is None else tuning.bank.id}"
+    return saved_for(None if tuning.bank is None else tuning.bank.id)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
-from backend.sample import ADDED_LATER
+from backend.recording.combined import combined_envelope
+from backend.sample import ADDED_LATER, COMBINED_BY_NAME
 from backend.storage import Session, recordings
 from backend.storage.recordings import Recording, Span
 
@@ -72,13 +73,17 @@ def read_envelope(
 ) -> Envelope:
     """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
 
-    Buckets longer than the stored summaries' are made of these, without reading the samples. Raises like
-    ``read_samples``, and ValueError for fewer than one point.
+    Buckets longer than the stored summaries' are made of these, without reading the samples. Signals that follow from
+    the columns (``sample.COMBINED``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
+    point.
     """
     if points < 1:
         raise ValueError(f"points = {points} is out of range: it must be at least 1")
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
-    chosen = _columns(recording, names)
+    combined = [COMBINED_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_BY_NAME]
+    stored = [name for name in names if name not in COMBINED_BY_NAME]
+    # no names mean all columns, and those of combined signals alone mean none
+    chosen = [] if combined and not stored else _columns(recording, stored)
     indices = [index for _, index in chosen]
     from_tick, to_tick = _ticks(recording, span, from_s, to_s)
     width = max(1, -(-(to_tick - from_tick) // points))
@@ -92,12 +97,18 @@ def read_envelope(
     last = -(-(to_tick - span.first_tick) // width)
     buckets = (ticks - span.first_tick) // width - first
     low, high = _gathered(np.fmin, low, buckets, last - first), _gathered(np.fmax, high, buckets, last - first)
+    minimum, maximum = (_named(chosen, stored or [name for name, _ in chosen], part) for part in (low, high))
+    if combined:
+        edges = span.first_tick + width * np.arange(first, last + 1)
+        extremes = combined_envelope(session, recording, combined, (from_tick, to_tick), edges)
+        for of_all, table in zip((minimum, maximum), extremes, strict=True):
+            of_all.update({one.name: table[:, i] for i, one in enumerate(combined)})
     return Envelope(
         first_tick=span.first_tick,
         width_s=width * recording.period_s,
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
-        minimum=_named(chosen, names, low),
-        maximum=_named(chosen, names, high),
+        minimum={name: minimum[name] for name in names or minimum},
+        maximum={name: maximum[name] for name in names or maximum},
     )
 
 

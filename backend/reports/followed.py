@@ -10,6 +10,7 @@ from backend.documents.result import StepFigures
 from backend.experiments.banks.bank_building import points_of
 from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.loop.program import Law
 from backend.reading import Angles, read
 from backend.reports.document import Column, Table, shown
 from backend.reports.drawing import axis_label
@@ -44,7 +45,7 @@ class PapersLaw:
 def papers_law(source: Source) -> PapersLaw | None:
     """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
     settings = source.run.set_to
-    if not settings.loop.u_plan or (settings.plan or {}).get("controller", "cascade") != "cascade":
+    if not settings.loop.u_plan or settings.law != Law.CASCADE:
         return None
     columns = source.columns
     t, known = columns["t"], settings.loop.known()

@@ -6,6 +6,7 @@ from typing import Any
 from backend.documents.actuator import CHANNELS
 from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.run_settings import DeclaredValue
+from backend.loop.program import Law
 from backend.reading import Angles, read, reading_of
 from backend.reports.document import Column, Fact, Paragraph, Section, Table, exact, shown
 from backend.reports.source import Source
@@ -56,13 +57,13 @@ def tuning_facts(source: Source) -> tuple[Fact, ...]:
     parts.append("b was not recorded then" if loop.b is None else f"b = {exact(loop.b)}")
     bank = source.bank
     gains = f"bank “{bank.name}” version {bank.version}" if bank else "from geometry, 20 N point"
-    law = (settings.plan or {}).get("controller", "cascade")
+    law = settings.law
     controller = f"cascade, gains of {gains}" if bank else f"cascade, gains {gains}"
-    if law != "cascade":
+    if law != Law.CASCADE:
         controller = f"{law}, for comparison; the cascade's gains were not in use"
-    if bank is not None and len(bank.entries) > 1 and law == "cascade":
+    if bank is not None and len(bank.entries) > 1 and law == Law.CASCADE:
         controller += ", interpolating between entries" if loop.interpolate else ", switching between entries"
-    if law == "cascade":
+    if law == Law.CASCADE:
         if loop.u_plan:
             controller += f"; references followed by a plan of {exact(loop.u_plan)} V"
         elif source.run.kind == RunKind.TRACKING:

@@ -4,29 +4,24 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 
 from backend import __version__
-from backend.documents.digest import digest_of
 from backend.documents.outcome import Outcome
-from backend.documents.plant_numbers import PLANT_NUMBERS
 from backend.documents.result import Figure as Measured
 from backend.reading import Angles, read
 from backend.reports.bode import overlay_bode
 from backend.reports.build import told
 from backend.reports.composed import lines_of
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
-from backend.reports.evidence import SERIES, SeriesEvidence, carried, evidence_of, to_element
+from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
 from backend.reports.identified import identifications_section
 from backend.reports.judgement import measured, verdict
 from backend.reports.provenance import chosen, shown_unit
 from backend.reports.series_figures import is_partial, metric_panels, overlay
+from backend.reports.set_to import set_to
 from backend.reports.source import Source
-from backend.reports.timing import granted_rows
 from backend.storage.run_title import title_of
 
 _BESIDE = 5
 """Runs that stand beside each other in one table: as many as fit a page."""
-
-_DIGITS = 12
-"""Of a digest, that tell it from others beside it."""
 
 _MARK = " *"
 """Stands behind a figure that was not measured whole."""
@@ -130,27 +125,9 @@ def _differing(sources: Sequence[Source], angles: Angles) -> Iterator[Block]:
 
 
 def _set_to(source: Source, angles: Angles) -> Iterator[tuple[str, str]]:
-    run, bank = source.run, carried(source.bank)
-    yield "plant", run.plant
-    yield "name of the parameters", run.parameters_name
-    yield "Sinew", run.software
-    yield from (run.set_to.versions or {}).items()
-    if text := (run.set_to.plan or {}).get("experiment"):
-        yield "text of the experiment, sha256", digest_of(text)[:_DIGITS]
-    yield "bank", "none" if bank is None else f"“{bank.name}” version {bank.version}"
-    if bank is not None:
-        yield "bank, sha256", bank.digest[:_DIGITS]
-    granted: dict[str, list[str]] = {}
-    for name, value, unit, meaning in granted_rows(run.set_to.granted):
-        granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
-    yield from ((name, "; ".join(told)) for name, told in granted.items())
-    for item in run.set_to.declared or ():
+    for item in set_to(source.run, source.bank):
         unit = shown_unit(item.unit, angles)
-        yield f"{item.meaning} {item.symbol}" + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
-    for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():
-        for entry, number in entries.items():
-            unit = shown_unit(number.unit, angles)
-            yield f"{section}.{entry}" + (f" [{unit}]" if unit else ""), chosen(number.value, number.unit, angles)
+        yield item.name + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
 
 
 def _beside(

@@ -21,6 +21,6 @@ def experiment_of(run: Run) -> str:
 def _written(run: Run, part: str) -> str:
     """Return a part of the experiment that a run has kept, "" where it cannot be read."""
     try:
-        return str(json.loads(str((run.set_to.plan or {})["experiment"]))[part])
+        return str(json.loads(run.set_to.experiment or "")[part])
     except (UnreadableDocumentError, ValueError, KeyError, TypeError):
         return ""

@@ -1,1 +1,1 @@
-"""The web server: sockets, who gets a place, time limits, and what no request gets past."""
+"""The web server: sockets, who gets a place, time limits, cookies, and what no request gets past."""

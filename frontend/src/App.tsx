@@ -3,7 +3,7 @@
 import { useMantineColorScheme } from "@mantine/core";
 import { useDisclosure, useHotkeys } from "@mantine/hooks";
 import { useQuery } from "@tanstack/react-query";
-import { lazy, Suspense, useEffect } from "react";
+import { lazy, Suspense, useEffect, useState } from "react";
 import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { ControlLoss } from "./components/ControlLoss";
@@ -20,6 +20,7 @@ import { OperatePage } from "./pages/operate/OperatePage";
 import { RUNS } from "./pages/runs/address";
 import { SignInPage } from "./pages/SignInPage";
 import { AnglesContext } from "./service/angles";
+import type { ControlForm } from "./service/handOver";
 import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
@@ -31,7 +32,9 @@ const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));
 const BanksPage = lazy(() => import("./pages/banks/BanksPage"));
 const ExperimentsPage = lazy(() => import("./pages/experiments/ExperimentsPage"));
 const RunsPage = lazy(() => import("./pages/runs/RunsPage"));
+const FlightPage = lazy(() => import("./pages/runs/FlightPage"));
 const StudiesPage = lazy(() => import("./pages/studies/StudiesPage"));
+const DocsPage = lazy(() => import("./pages/docs/DocsPage"));
 const GlossaryPage = lazy(() => import("./pages/glossary/GlossaryPage"));
 const DeveloperPage = lazy(() => import("./pages/system/DeveloperPage"));
 const LogPage = lazy(() => import("./pages/log/LogPage"));
@@ -43,6 +46,8 @@ const IDENTIFY = numbered("identify");
 const BANKS = numbered("banks");
 const EXPERIMENTS = numbered("experiments");
 const STUDIES = numbered("studies");
+const DOCS = /^\/docs(?:\/(?<rest>.+))?$/;
+const FLIGHT = /^\/flights\/(?<id>[1-9]\d*)$/;
 
 export function App() {
   const session = useQuery(sessionQuery);
@@ -73,6 +78,7 @@ function Shell() {
   const [shortcuts, { open, close, toggle }] = useDisclosure(false);
   const [settingUp, setup] = useDisclosure(false);
   const [naming, name] = useDisclosure(false);
+  const [form, setForm] = useState<ControlForm | null>(null);
   const [, go] = useLocation();
   const pages = usePages();
   useFreshness();
@@ -81,14 +87,15 @@ function Shell() {
     ["?", toggle],
     ["c", setup.toggle],
     ["g", () => go("/glossary")],
+    ["d", () => go("/docs")],
     ...pages.map(({ path, key }): [string, () => void] => [key, () => go(path)]),
   ]);
   const { angles } = usePreferences().preferences;
   return (
     <AnglesContext value={angles}>
       <div className={styles.shell}>
-        <Header onShortcuts={open} onName={name.open} />
-        <StatusStrip />
+        <Header onShortcuts={open} onName={name.open} onForm={setForm} />
+        <StatusStrip form={form} onForm={setForm} />
         <ControlLoss />
         <NameQuestion wanted={naming} onDone={name.close} />
         <Tour />
@@ -104,7 +111,9 @@ function Shell() {
                 <Route path={EXPERIMENTS} component={ExperimentsPage} />
                 <Route path={STUDIES} component={StudiesPage} />
                 <Route path={RUNS} component={RunsPage} />
+                <Route path={FLIGHT} component={FlightPage} />
                 <Route path="/log" component={LogPage} />
+                <Route path={DOCS} component={DocsPage} />
                 <Route path="/glossary" component={GlossaryPage} />
                 <Route path="/system/developer" component={DeveloperPage} />
                 <Route path="/system" component={SystemPage} />

@@ -14,8 +14,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from backend.access.attempts import ATTEMPTS
-from backend.api.cookies import COOKIE
-from backend.api.session_ends import OVER
+from backend.web_server.cookies import COOKIE
+from backend.web_server.session_ends import OVER
 from tests.api.conftest import until
 from tests.e2e.service import Service, running_service
 

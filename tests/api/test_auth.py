@@ -13,10 +13,10 @@ from backend.access.authentication import GRACE_S, Authentication
 from backend.access.people import Person
 from backend.access.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions
 from backend.access.tokens import TokenFiles, rotate
-from backend.api.cookies import COOKIE, forget, grant, shown_by
 from backend.api.errors import STATUS
 from backend.messages.session import Role
 from backend.refusal import RefusalError
+from backend.web_server.cookies import COOKIE, forget, grant, shown_by
 
 
 class Clock:

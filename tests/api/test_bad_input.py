@@ -152,7 +152,7 @@ def failing() -> Iterator[str]:
 
 
 def test_a_failure_carries_the_policy_too(failing: str) -> None:
-    answer = httpx.get(f"{failing}/fails")
+    answer = httpx.get(f"{failing}/fails", timeout=30.0)  # a first answer loads what it is made with
     assert answer.status_code == 500
     assert problem(answer)["code"] == "internal_error"
     assert answer.headers["content-security-policy"].startswith("default-src 'self'")

@@ -1,6 +1,7 @@
 """Lineage, marks and checklist through the interface, and the checklist's rules on a database of its own."""
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,8 +11,10 @@ import httpx
 import pytest
 
 from backend.archive import checklist
+from backend.documents.kept_tuning import SAVED, SavedParts, saved_for
+from backend.messages.history import ChecklistState
 from backend.reading import Angles, in_words
-from backend.storage import Database, banks, identifications, open_database, runs
+from backend.storage import Database, banks, identifications, open_database, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
@@ -104,8 +107,22 @@ def test_the_checklist_leads_from_pretension_to_report(database: Database) -> No
     assert states(database, None)["bank"] == "missing"  # built but not in use, which is to be done and not out of date
     completed(database, RunKind.TRACKING, bank=bank)
     told = states(database, bank)
-    assert told.pop("report") == "missing"
+    assert (told.pop("report"), told.pop("tuning")) == ("missing", "missing")
     assert set(told.values()) == {"done"}
+
+
+def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Database) -> None:
+    bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
+    other = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0))
+    with database.session() as session:
+        value = SAVED.write(SavedParts(lam_q=0.45, lam_S=0.1, bank=bank))
+        settings.put(session, saved_for(bank), value, "Ada")
+    with database.reading() as session:
+        [step] = [one for one in checklist.steps(session, PARAMETERS, bank) if one.name == "tuning"]
+    assert (step.state, step.run) == (ChecklistState.DONE, None)
+    assert re.fullmatch(r"λ_q = 0\.45 s, λ_S = 0\.1 s, saved for \w+ v\d by Ada", step.detail)
+    assert states(database, other)["tuning"] == "missing"
+    assert states(database, None)["tuning"] == "missing"
 
 
 def test_a_bank_older_than_the_parameters_is_out_of_date(database: Database) -> None:

@@ -60,6 +60,22 @@ class Babbler(Watcher):
         raise WebSocketDisconnect(1006)
 
 
+class Silent(Watcher):
+    """A page that pings once, and whose laptop is closed then."""
+
+    closed = False
+    pinged = False
+
+    async def receive_text(self) -> str:
+        if self.pinged:
+            return await super().receive_text()
+        self.pinged = True
+        return '{"type": "ping", "id": 1}'
+
+    async def close(self, _code: int, _reason: str) -> None:
+        self.closed = True
+
+
 def stream_on(ring: Ring) -> LiveStream:
     return LiveStream(lambda: ring, lambda: StateMessage.model_construct(type="state"))
 
@@ -121,6 +137,24 @@ def test_a_client_that_does_not_read_is_told_what_it_missed_and_delays_nobody() 
             watcher.gone.set()
         await asyncio.gather(*tasks)
         assert stream.clients == 0
+
+    asyncio.run(session())
+
+
+def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def session() -> None:
+        monkeypatch.setattr("backend.api.live.SILENT_S", 0.05)
+        stream, page, script = stream_on(Ring.create(1024)), Silent(), Watcher()
+        left, there = (asyncio.create_task(served(stream, watcher)) for watcher in (page, script))
+        await asyncio.wait_for(left, 60.0)
+        assert page.closed
+        assert '"pong"' in page.texts[-1]
+        assert not there.done()
+        assert stream.clients == 1
+        script.gone.set()
+        await there
 
     asyncio.run(session())
 

@@ -68,6 +68,31 @@ def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
     assert people.view() == []
 
 
+def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
+    people, ana = People(), newcomer("1")
+    with people.attending(ana, is_page=True):
+        first = people.view()[0].since
+        with people.attending(ana, is_page=True):
+            assert people.view()[0].since == first
+    with people.attending(ana, is_page=True):
+        assert people.view()[0].since > first
+
+
+def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -> None:
+    people = People()
+    ana = people.rename(newcomer("1"), "Ana")
+    other = people.rename(newcomer("2"), "Ana")  # while the first was away
+    assert ana.name == other.name
+    with people.attending(other, is_page=True):
+        back = people.as_shown(ana)
+        assert (back.name, back.session) == ("Ana (2)", "1")
+        with people.attending(back, is_page=True):
+            assert people.as_shown(ana) == back  # as long as they are there, in whatever they do
+            assert people.as_shown(other) == other
+    script = Person("operator", Role.OPERATOR, BEARER)
+    assert people.as_shown(script) == script
+
+
 def test_a_script_keeps_the_name_of_its_role() -> None:
     with pytest.raises(RefusalError) as refused:
         People().rename(Person("operator", Role.OPERATOR, BEARER), "Ana")

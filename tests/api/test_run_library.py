@@ -117,6 +117,44 @@ def test_runs_are_compared_by_what_each_of_them_shows(operator: httpx.Client, pl
     assert any(metric["values"][0]["difference"] for metric in told["metrics"])
 
 
+def test_settings_that_differ_are_those_that_the_runs_tell(operator: httpx.Client, played: list[int]) -> None:
+    told = operator.get("/api/run-comparison", params={"run": played}).raise_for_status().json()
+    shown = [operator.get(f"/api/runs/{run}").raise_for_status().json()["settings"] for run in played]
+    each = [{f"{one['meaning']} {one['symbol']}": one["value"] for one in settings} for settings in shown]
+    differing = {name: [one[name] for one in each] for name in each[0] if each[0][name] != each[1][name]}
+    assert differing
+    assert {one["name"]: one["values"] for one in told["settings"]} == differing
+
+
+def test_differences_and_files_are_those_of_the_samples(operator: httpx.Client, played: list[int]) -> None:
+    asked: dict[str, Any] = {"run": played, "signal": "q_ref", "points": 20000, "band": 0.05}
+    told = operator.get("/api/run-comparison/differences", params=asked).raise_for_status().json()
+    columns = []
+    for run in played:
+        every = f"/api/runs/{run}/samples?points=20000&signals=q_ref"
+        answer = operator.get(every).raise_for_status().json()
+        assert answer["raw"]
+        columns.append(
+            dict(zip((round(t * 1e3) for t in answer["t"]), answer["signals"]["q_ref"]["minimum"], strict=True))
+        )
+    apart = [
+        None if columns[0][k] is None or columns[1].get(k) is None else columns[1][k] - columns[0][k]
+        for k in sorted(columns[0])
+    ]
+    [found] = told["runs"]
+    assert found["minimum"] == apart
+    assert any(apart)
+    outside = [k for k, value in enumerate(apart) if value is not None and abs(value) > 0.05]
+    assert found["outside_s"] == pytest.approx(len(outside) * 1e-3)
+    assert found["left_at_s"] == pytest.approx(outside[0] * 1e-3)
+    curves = operator.get("/api/run-comparison/curves.csv", params=asked).raise_for_status()
+    rows = [line.split(",") for line in curves.text.splitlines() if not line.startswith("#")]
+    assert rows[0] == ["t", *(f"q_ref_run_{run}" for run in played), f"d_q_ref_run_{played[1]}"]
+    assert [None if row[3] == "nan" else float(row[3]) for row in rows[1:]] == apart
+    table = operator.get("/api/run-comparison/table.csv", params={"run": played}).raise_for_status()
+    assert "metric,peak_voltage_V,Peak voltage,V" in table.text
+
+
 def test_comparisons_of_nothing_are_refused(operator: httpx.Client, played: list[int]) -> None:
     refused: tuple[tuple[dict[str, Any], int], ...] = (
         ({"run": played[:1]}, 422),
@@ -127,7 +165,10 @@ def test_comparisons_of_nothing_are_refused(operator: httpx.Client, played: list
         ({}, 422),
     )
     for asked, status in refused:
-        assert operator.get("/api/run-comparison", params=asked).status_code == status
+        for part in ("", "/differences", "/curves.csv", "/table.csv"):
+            assert operator.get(f"/api/run-comparison{part}", params=asked).status_code == status, part
+    assert operator.get("/api/run-comparison/differences", params={"run": played, "signal": "x"}).status_code == 422
+    assert operator.get("/api/run-comparison", params={"run": played, "by": "x"}).status_code == 422
 
 
 def test_a_metric_over_dates_is_that_of_each_run(operator: httpx.Client, played: list[int]) -> None:

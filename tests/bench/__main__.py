@@ -9,6 +9,7 @@ from rich.console import Console
 
 from tests.bench import (
     closed_loop_bench,
+    compare_bench,
     control_laws,
     identification_bench,
     live_bench,
@@ -24,6 +25,7 @@ from tests.bench import (
 
 PARTS: dict[str, Callable[[Console], bool]] = {
     "closed-loop": closed_loop_bench.bench,
+    "compare": compare_bench.bench,
     "control-laws": control_laws.bench,
     "identification": identification_bench.bench,
     "live": live_bench.bench,

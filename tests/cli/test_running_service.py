@@ -6,6 +6,7 @@ from threading import Thread
 import pytest
 
 from backend.cli.running_service import RunningService
+from backend.messages.experiment import QueuePlace
 
 OK, REFUSED = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b"HTTP/1.1 409 Conflict\r\nConnection: close\r\n\r\n"
 
@@ -23,7 +24,9 @@ def answer(said: bytes) -> object:
         thread = Thread(target=serve)
         thread.start()
         try:
-            return RunningService(f"http://127.0.0.1:{server.getsockname()[1]}", "").get("/state")
+            return RunningService(f"http://127.0.0.1:{server.getsockname()[1]}", "").ask(
+                "GET", "/place", None, QueuePlace
+            )
         finally:
             thread.join(10)
 
@@ -37,7 +40,9 @@ def answer(said: bytes) -> object:
         (REFUSED + b'{"detail": "no"}', "is no Sinew: status 409"),
         (REFUSED + b"[]", "is no Sinew: status 409"),
         (REFUSED, "is no Sinew: status 409"),
-        (REFUSED + b'{"error": {"message": "busy"}}', "sinew: busy"),
+        (OK + b'{"place": "behind"}', "is no Sinew: status 200"),
+        (OK + b'{"place": 3, "mode": "off"}', "is no Sinew: status 200"),
+        (REFUSED + b'{"error": {"code": "busy", "message": "busy now"}}', "sinew: busy now"),
     ],
 )
 def test_whatever_answers_a_command_ends_in_a_sentence(
@@ -49,4 +54,4 @@ def test_whatever_answers_a_command_ends_in_a_sentence(
 
 
 def test_an_answer_is_read() -> None:
-    assert answer(OK + b'{"mode": "off"}') == {"mode": "off"}
+    assert answer(OK + b'{"place": 3}') == QueuePlace(place=3)

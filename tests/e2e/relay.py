@@ -25,6 +25,8 @@ class Relay:
         self._lines: list[_Line] = []
         self._free = asyncio.Event()
         self._free.set()
+        self._moving = asyncio.Event()
+        self._moving.set()
         self._held = ""
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -54,6 +56,14 @@ class Relay:
         """Let those go on that wait."""
         self._loop.call_soon_threadsafe(self._free.set)
 
+    def freeze(self) -> None:
+        """Pass nothing on and cut nothing: as a laptop that is closed, of which nobody is told."""
+        self._loop.call_soon_threadsafe(self._moving.clear)
+
+    def thaw(self) -> None:
+        """Pass on what has come meanwhile, and what comes."""
+        self._loop.call_soon_threadsafe(self._moving.set)
+
     def close(self) -> None:
         """Cut all and end."""
         asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
@@ -63,6 +73,7 @@ class Relay:
 
     async def _end(self) -> None:
         self._server.close()
+        self._moving.set()
         others = asyncio.all_tasks() - {asyncio.current_task()}
         for task in others:
             task.cancel()
@@ -74,17 +85,19 @@ class Relay:
         self._lines.append(_Line(first, (writer, far_writer)))
         if first.startswith(f"GET {self._held} ".encode()):
             await self._free.wait()
+        await self._moving.wait()
         far_writer.write(first)
-        await asyncio.gather(_pump(reader, far_writer), _pump(far_reader, writer), return_exceptions=True)
+        await asyncio.gather(self._pump(reader, far_writer), self._pump(far_reader, writer), return_exceptions=True)
 
-
-async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    try:
-        while data := await reader.read(65536):
-            writer.write(data)
-            await writer.drain()
-    finally:
-        writer.transport.abort()
+    async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while data := await reader.read(65536):
+                await self._moving.wait()
+                writer.write(data)
+                await writer.drain()
+        finally:
+            await self._moving.wait()
+            writer.transport.abort()
 
 
 @contextmanager

@@ -103,9 +103,11 @@ def test_picture_and_data_of_what_is_seen(moving: Operator) -> None:
     q = [float(row["q [rad]"]) for row in rows if row["q [rad]"]]
     assert max(q) - min(q) == pytest.approx(0.1745, abs=0.05)
 
+    page.get_by_role("button", name="Save picture", exact=True).click()
     with page.expect_download() as download:
-        page.get_by_role("button", name="Save picture", exact=True).click()
+        page.get_by_role("menuitem", name=re.compile("PNG")).click()
     picture = Image.open(download.value.path())
+    assert picture.width == round(180 / 25.4 * 300)
     assert picture.format == "PNG"
     assert len(set(picture.convert("RGB").get_flattened_data())) > 8
 

@@ -77,7 +77,9 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
     expect(row).to_contain_text("on purpose")
     said = kept(page, "&words=on+purpose")
     assert [(entry["note"], entry["tags"]) for entry in said] == [("on purpose", ["drill", "two", "words"])]
-    data = httpx.get(row.get_by_role("link", name="flight record").evaluate("a => a.href"), headers=bearer(operator))
+    data = httpx.get(
+        row.get_by_role("link", name="flight record").evaluate("a => a.href"), headers=bearer(operator), timeout=60.0
+    )
     assert data.status_code == 200
     assert data.text.startswith("#")
 

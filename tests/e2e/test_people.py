@@ -1,13 +1,20 @@
 """A person is asked for a name once, everybody sees who is connected, and signing out ends the session for good."""
 
+import re
+from datetime import datetime
+
 import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from backend.api.cookies import COOKIE
+from backend.api.live import SILENT_S
+from backend.web_server.cookies import COOKIE
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.relay import relayed
 from tests.e2e.service import Service
+
+PATIENCE_S = 30.0
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +39,7 @@ def test_a_person_is_asked_once_is_seen_by_all_and_signs_out(browser: Browser, s
     expect(question).to_have_count(0)
 
     vic = browser.new_context(viewport=DESKTOP).new_page()
-    vic.goto(service.url)
+    vic.goto(f"{service.url}/#/studies")
     vic.get_by_role("textbox", name="Token").fill((service.data / "viewer-token").read_text().strip())
     vic.get_by_role("textbox", name="Your name").fill("Ana")
     vic.get_by_role("button", name="Sign in").click()
@@ -62,8 +69,30 @@ def _take_control(page: Page) -> None:
     expect(page.get_by_role("list", name="Connected")).to_have_count(0)  # the menu is closed, not closing
 
 
-def _expect_connected(page: Page, *listed: str) -> None:
+def _expect_connected(page: Page, *listed: str, within_s: float = PATIENCE_S) -> None:
     people = page.get_by_role("list", name="Connected")
     if people.count() == 0:
         page.get_by_role("button", name="Control: ").click()
-    expect(people.get_by_role("listitem")).to_have_text([*listed], use_inner_text=True)
+    lines = people.get_by_role("listitem")
+    words = [r"\s+".join(map(re.escape, f"{line}, since".split())) for line in listed]
+    expect(lines).to_have_text([re.compile(f"^{one}") for one in words], use_inner_text=True, timeout=1000 * within_s)
+    told = page.evaluate("fetch('./api/state').then(answer => answer.json()).then(state => state.people)")
+    came = [datetime.fromisoformat(one["since"]).astimezone().strftime("%H:%M") for one in told]
+    assert [line.rpartition("since ")[2] for line in lines.all_inner_texts()] == came
+
+
+def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Service) -> None:
+    with relayed(service) as (through, relay):
+        ana, vic = (browser.new_context(viewport=DESKTOP).new_page() for _ in range(2))
+        for page, url, token in ((ana, through.url, "token"), (vic, service.url, "viewer-token")):
+            signing_in = {"token": (service.data / token).read_text().strip(), "name": "Ana" if page is ana else "Vic"}
+            assert page.request.post(f"{url}/api/session", data=signing_in).ok
+            page.goto(f"{url}/#/studies")
+            expect(page.get_by_role("banner")).to_be_visible()
+        _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
+        relay.freeze()
+        _expect_connected(vic, "Vic (viewer), you VIEW, 1 page", within_s=SILENT_S + PATIENCE_S)
+        relay.thaw()
+        _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
+        ana.context.close()
+        vic.context.close()

@@ -7,7 +7,7 @@ from starlette.requests import HTTPConnection
 
 from backend.access.authentication import Authentication
 from backend.access.tokens import TokenFiles
-from backend.api.cookies import grant, shown_by
+from backend.web_server.cookies import grant, shown_by
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service

@@ -107,3 +107,30 @@ def test_a_watchdog_that_says_so_and_leaves_the_line_on_is_found_at_the_start() 
         rig.open()
     assert not registers.state().drive_enabled
     rig.close()
+
+
+@pytest.mark.parametrize("pauses", [1, 2, 3])
+def test_a_machine_that_pauses_at_the_start_has_the_watchdog_begin_again(
+    pauses: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is driven yet, so a pause there is no fault; one that comes back each time is."""
+    rig, registers = watched()
+    enable, left = Daq.enable, pauses
+
+    def paused(daq: Daq, *, on: bool) -> None:
+        nonlocal left
+        if daq.watched and left:
+            left -= 1
+            until_expired(registers)
+        enable(daq, on=on)
+
+    monkeypatch.setattr(Daq, "enable", paused)
+    if pauses < 3:
+        rig.open()
+        rig.write(MotorCommand(1.0, 1.0))
+        assert registers.state().drive_enabled
+    else:
+        with pytest.raises(PlantError, match="the watchdog timer has expired"):
+            rig.open()
+    rig.close()
+    assert not registers.state().drive_enabled

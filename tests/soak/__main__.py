@@ -6,7 +6,7 @@ import traceback
 
 from rich.console import Console
 
-from tests.soak import killed_experiments, long_exports, page_heap, random_moves, random_programs, viewers
+from tests.soak import eight_panels, killed_experiments, long_exports, page_heap, random_moves, random_programs, viewers
 from tests.soak.attack import parts as attack
 
 ATTACK = "attack"
@@ -21,6 +21,7 @@ def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 160, markup=False)
     watched = {
         "page-heap": lambda given, console: page_heap.streaming_page(given.minutes, console),
+        "eight-panels": lambda given, console: eight_panels.eight_panels(given.minutes, console),
         "viewers": lambda given, console: viewers.watched_simulation(given.minutes, given.viewers, console),
         "killed-experiments": lambda _given, console: killed_experiments.killed_experiments(console),
         "programs": lambda _given, console: random_programs.random_programs(console),

@@ -31,11 +31,11 @@ def streaming_page(minutes: float, console: Console) -> bool:
         page.get_by_role("combobox", name="Window", exact=True).select_option(str(WINDOW_S))
         devtools = page.context.new_cdp_session(page)
         _move(operator, FILLED_S)
-        heap = [_heap_MB(devtools)]
+        heap = [heap_MB(devtools)]
         ending = time.monotonic() + 60.0 * minutes
         while time.monotonic() < ending:
             _move(operator, 2.0 * STEP_S)
-            heap.append(_heap_MB(devtools))
+            heap.append(heap_MB(devtools))
         expect(page.get_by_role("region", name="Charts", exact=True)).to_have_attribute("data-stale", "false")
     growth = heap[-1] - heap[0]
     met = growth < MOST_GROWTH_MB
@@ -56,7 +56,7 @@ def _move(operator: Operator, seconds: float) -> None:
         side = -side
 
 
-def _heap_MB(devtools: CDPSession) -> float:
+def heap_MB(devtools: CDPSession) -> float:
     """What is in use after a sweep, the arrays' own storage included."""
     devtools.send("HeapProfiler.collectGarbage")
     usage = devtools.send("Runtime.getHeapUsage")

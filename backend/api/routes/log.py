@@ -8,7 +8,7 @@ from backend.api.auth import Operator, SignedIn
 from backend.api.routes.runs import DATA, download
 from backend.api.service import RowId, ServiceInUse
 from backend.exports.formats import MEDIA_TYPES, DataFormat
-from backend.messages.flight import FlightList
+from backend.messages.flight import FlightList, FlightMoment
 from backend.messages.timeline import Instant, Remark, Timeline
 from backend.storage.events import EventKind
 from backend.storage.timeline import Asked
@@ -46,3 +46,9 @@ async def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
 async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return a flight record in a format; t counts from the trip."""
     return download(await service.downloads.flight(id, format), MEDIA_TYPES[format], f"sinew-trip-{id}.{format}")
+
+
+@router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
+async def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _person: SignedIn) -> None:
+    """Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves."""
+    await service.replay.show_flight(id, body.t)

@@ -6,12 +6,12 @@ from fastapi import APIRouter, Path, Query, Response
 
 from backend.api.angles import AnglesRead
 from backend.api.auth import Operator, SignedIn
-from backend.api.routes.runs import report
+from backend.api.routes.runs import download, report
 from backend.api.service import ServiceInUse
+from backend.messages.comparison import ComparisonAsked, Differences, DifferencesAsked, RunComparison
 from backend.messages.run_search import (
     SEARCH_NAME_MAX,
     MetricHistory,
-    RunComparison,
     SavedSearchList,
     SearchText,
     SearchWords,
@@ -65,15 +65,30 @@ async def rename_tag(
 
 @router.get("/run-comparison")
 async def compare_runs(
+    asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn
+) -> RunComparison:
+    """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
+    return await service.run_library.comparison(asked)
+
+
+@router.get("/run-comparison/differences")
+async def get_differences(
+    asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
+) -> Differences:
+    """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
+    return await service.downloads.differences(asked)
+
+
+@router.get("/run-comparison/{content}.csv", response_class=Response)
+async def get_comparison_file(
+    content: Literal["curves", "table"],
+    asked: Annotated[DifferencesAsked, Query()],
     service: ServiceInUse,
     _person: SignedIn,
-    run: Annotated[list[RunNumber], Query(min_length=1, max_length=100, description="runs to compare, in order")],
-    reference: Annotated[
-        int | None, Query(ge=1, le=2**53, description="run that the differences are to; the first if left out")
-    ] = None,
-) -> RunComparison:
-    """Return the metrics of runs beside each other, with their differences to one of them."""
-    return await service.run_library.comparison(run, reference)
+) -> Response:
+    """Return aligned curves with their differences, or the table of what differs; SI units."""
+    content_pieces = await service.downloads.comparison(content, asked)
+    return download(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
 
 
 @router.get("/run-comparison/report.{format}", response_class=Response)

@@ -127,7 +127,7 @@ async def _excerpt(
         Finite | None, Query(alias="to", gt=0.0, le=LONGEST_S, description="end [s]; the run's end if left out")
     ] = None,
     points: Annotated[int, Query(ge=10, le=20000, description="most points; beyond it the envelope is sent")] = 2000,
-    signals: Annotated[str, Query(max_length=400, description="names separated by commas")] = "q,q_ref,S,S_ref",
+    signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> Excerpt:
     return Excerpt(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
 

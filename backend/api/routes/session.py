@@ -3,11 +3,11 @@
 from fastapi import APIRouter, Request, Response
 
 from backend.access.people import Person
-from backend.api.auth import Operator, SignedIn, authentication_of
-from backend.api.cookies import forget, grant, shown_by
+from backend.api.auth import Operator, SignedIn
 from backend.api.service import ServiceInUse
 from backend.messages.history import Checklist
 from backend.messages.session import FreshTokens, Health, NameRequest, Role, Rotation, SessionView, SignIn
+from backend.web_server.cookies import authentication_of, forget, grant, shown_by
 
 router = APIRouter(prefix="/api", tags=["session"])
 

@@ -8,10 +8,10 @@ from fastapi import APIRouter, FastAPI, Request
 from fastapi.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from fastapi.staticfiles import StaticFiles
 
-from backend.api.auth import SignedIn, authentication_of
-from backend.api.cookies import grant, shown_by
+from backend.api.auth import SignedIn
 from backend.api.errors import STATUS
 from backend.refusal import RefusalError
+from backend.web_server.cookies import authentication_of, grant, shown_by
 from backend.web_server.guard import DOCUMENT_POLICY
 
 STATIC = Path(__file__).parents[2] / "static"

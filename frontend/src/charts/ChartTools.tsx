@@ -1,8 +1,11 @@
 /** What can be done with the stretch in sight: measure, figures, spectrum, picture, data. */
 
-import { ActionIcon, Button, Tooltip } from "@mantine/core";
+import { ActionIcon, Button, Menu, Tooltip } from "@mantine/core";
 import type { ReactNode } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
+
+/** Vectors, or dots at print size. */
+export type PictureKind = "svg" | "png";
 
 interface ChartToolsProps {
   readonly measuring: boolean;
@@ -10,7 +13,7 @@ interface ChartToolsProps {
   onMeasure(): void;
   onFigures(): void;
   onSpectrum(): void;
-  onPicture(): void;
+  onPicture(kind: PictureKind): void;
   onData(): void;
 }
 
@@ -32,9 +35,22 @@ export function ChartTools(props: ChartToolsProps) {
       <Tool name="Spectrum" hint="Spectrum of what is in sight, or between the cursors" onClick={onSpectrum}>
         <TbChartHistogram size={16} />
       </Tool>
-      <Tool name="Save picture" hint="Picture of the charts (PNG)" onClick={onPicture}>
-        <TbCameraDown size={16} />
-      </Tool>
+      <Menu position="top" withinPortal>
+        <Menu.Target>
+          <ActionIcon
+            variant="default"
+            size={30}
+            aria-label="Save picture"
+            title="Picture of what is in sight"
+          >
+            <TbCameraDown size={16} />
+          </ActionIcon>
+        </Menu.Target>
+        <Menu.Dropdown>
+          <Menu.Item onClick={() => onPicture("svg")}>SVG, vectors</Menu.Item>
+          <Menu.Item onClick={() => onPicture("png")}>PNG, 180 mm at 300 dpi</Menu.Item>
+        </Menu.Dropdown>
+      </Menu>
       <Tool name="Save data" hint="Data of what is in sight (CSV, SI)" onClick={onData}>
         <TbFileTypeCsv size={16} />
       </Tool>

@@ -1,30 +1,34 @@
-/** A stack of charts with legends that read out values, one shared cursor, two measuring cursors, and tools below. */
+/** The chart workspace: panels over one time axis and over signals, legends that read out values, cursors, tools below. */
 
 import { useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
-import { type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { Terms } from "../components/Terms";
-import { clockTime } from "../samples/format";
 import { type SampleTable, toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
 import { type Panel, unitOf } from "../theme/signals";
 import styles from "./Charts.module.css";
-import { ChartTools } from "./ChartTools";
-import { readColours } from "./colours";
+import { ChartTools, type PictureKind } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
 import { type GestureTarget, listen, steer } from "./gestures";
+import { LayoutTools } from "./LayoutTools";
 import { Legend } from "./Legend";
-import { stackPicture } from "./picture";
+import { MeasureCursors } from "./MeasureCursors";
+import { type Origin, sheetNow } from "./origin";
+import { PlaneFigure } from "./Planes";
+import { isPlane } from "./plane";
 import type { Playhead } from "./playhead";
 import { Readout } from "./readout";
 import { SpectrumDialog } from "./SpectrumDialog";
 import { StatisticsTable } from "./StatisticsTable";
-import { save, stamp } from "./save";
+import { pngOf, save, stamp } from "./save";
+import { svgOf, WIDTH_MM } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
+import { timeText } from "./timeAxis";
 import type { ViewControl } from "./useViewport";
 import { useWheelHint, WHEEL_HINT } from "./useWheelHint";
-import { held, panned, type Viewport, zoomed } from "./viewport";
+import { held, panned, stretch, type Viewport, zoomed } from "./viewport";
 
 interface ChartsProps {
   readonly panels: readonly Panel[];
@@ -33,15 +37,20 @@ interface ChartsProps {
   /** Where a double click leads. */
   readonly home: Viewport;
   readonly longest_s?: number;
-  /** By the title of the panel. */
-  readonly limits: ReadonlyMap<string, readonly LimitLine[]>;
+  readonly limits: readonly LimitLine[];
   readonly marks: readonly PlacedMark[];
   /** Values are old: shown grey. */
   readonly stale: boolean;
   /** Of a recording: follows the pointer, and shows where it stands otherwise. */
   readonly playhead?: Playhead;
+  /** What is drawn, for the foot of pictures. */
+  readonly origin: Origin;
   /** Begin of the names of saved files. */
   readonly name: string;
+  /** Time of day at time 0 [s since 1970]; left out where there is no one such time. */
+  readonly epoch_s?: () => number;
+  /** What is drawn is not the person's to choose. */
+  readonly fixed?: boolean;
   /** Buttons before the tools. */
   readonly children?: ReactNode;
   /** At the end of the row of buttons. */
@@ -49,8 +58,7 @@ interface ChartsProps {
 }
 
 export function Charts(props: ChartsProps) {
-  const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name, children, remark } =
-    props;
+  const { panels, source, control, home, longest_s, limits, marks, stale, playhead, name } = props;
   const { change, current } = control;
   const scheme = useComputedColorScheme("light");
   const size = useElementSize();
@@ -59,17 +67,25 @@ export function Charts(props: ChartsProps) {
   const frame = useRef<HTMLElement>(null);
   const { preferences, change: remember } = usePreferences();
   const hidden = useMemo(() => new Set(preferences.hidden), [preferences.hidden]);
+  const timed = useMemo(() => panels.filter((panel) => !isPlane(panel)), [panels]);
+  const planes = useMemo(() => panels.filter(isPlane), [panels]);
+  const epoch = useEpoch(preferences.clock ? props.epoch_s : undefined);
   const [measuring, measure] = useDisclosure(false);
   const [spectrum, setSpectrum] = useState<SampleTable | null>(null);
   useHotkeys([["m", measure.toggle]]);
-  const readout = useMemo(() => new Readout(source, panels, playhead), [source, panels, playhead]);
+  const readout = useMemo(
+    () => new Readout(source, [...timed, ...planes], playhead),
+    [source, timed, planes, playhead],
+  );
+  const seen = useCallback(() => stretch(current.current, source.now_s()), [current, source]);
+  const looked = useCallback(() => readout.looked(seen()), [readout, seen]);
   const stack = useRef<ChartStack | null>(null);
   const [wheelHint, explainWheel] = useWheelHint();
 
   const target = useMemo<GestureTarget>(() => {
     const instant = (at: number) => {
-      const seen = stack.current?.seen() ?? { from_s: 0, to_s: 0 };
-      return seen.from_s + at * (seen.to_s - seen.from_s);
+      const { from_s, to_s } = seen();
+      return from_s + at * (to_s - from_s);
     };
     return {
       zoomTime: (factor, at) => change(zoomed(current.current, factor, instant(at), longest_s)),
@@ -94,24 +110,25 @@ export function Charts(props: ChartsProps) {
       grab: (at) => readout.grab(instant(at), current.current.span_s),
       move: (cursor, at) => readout.move(cursor, instant(at)),
     };
-  }, [source, readout, change, current, home, longest_s, playhead, explainWheel]);
+  }, [source, readout, seen, change, current, home, longest_s, playhead, explainWheel]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: a new colour scheme needs new colours on the canvases
   useEffect(() => {
-    const elements = hosts.current.filter((host) => host !== null);
+    const elements = hosts.current.slice(0, timed.length).filter((host) => host !== null);
     const built = new ChartStack(
       elements,
-      panels,
+      timed,
       source,
       () => current.current,
-      (seen) => readout.refresh(seen),
+      epoch,
+      (inSight) => readout.refresh(inSight),
     );
     stack.current = built;
     return () => {
       stack.current = null;
       built.destroy();
     };
-  }, [panels, source, current, readout, scheme]);
+  }, [timed, source, current, readout, epoch, scheme]);
 
   // biome-ignore lint/correctness/useExhaustiveDependencies: the size, or that of a legend, is the reason to measure again
   useEffect(() => stack.current?.resize(), [size.width, size.height, measuring]);
@@ -120,10 +137,10 @@ export function Charts(props: ChartsProps) {
   useEffect(() => {
     stack.current?.setLimits(limits);
     stack.current?.setMarks(marks);
-    for (const panel of panels) {
+    for (const panel of timed) {
       for (const trace of panel.traces) stack.current?.show(trace.name, !hidden.has(trace.name));
     }
-  }, [limits, marks, hidden, panels, source, scheme]);
+  }, [limits, marks, hidden, timed, source, readout, epoch, scheme]);
 
   useEffect(() => (area.current === null ? undefined : listen(area.current, target)), [target]);
   useEffect(() => readout.attach(frame.current), [readout]);
@@ -131,20 +148,19 @@ export function Charts(props: ChartsProps) {
   useEffect(() => {
     if (measuring) {
       change(held(current.current, source.now_s()));
-      const seen = stack.current?.seen();
-      if (seen !== undefined) readout.measure(seen);
+      readout.measure(seen());
     } else {
       readout.stopMeasuring();
     }
-  }, [measuring, readout, source, change, current]);
+  }, [measuring, readout, source, seen, change, current]);
 
-  const names = useMemo(
-    () => panels.flatMap((panel) => panel.traces.map((trace) => trace.name as string)),
-    [panels],
-  );
+  const names = useMemo(() => {
+    const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
+    return [...new Set(drawn.map((one) => one.name))];
+  }, [panels]);
   const selected = useCallback(
-    () => source.table(names, readout.selection() ?? stack.current?.seen() ?? { from_s: 0, to_s: 0 }),
-    [source, names, readout],
+    () => source.table(names, readout.selection() ?? seen()),
+    [source, names, readout, seen],
   );
 
   function toggle(signal: string): void {
@@ -152,13 +168,13 @@ export function Charts(props: ChartsProps) {
     remember({ hidden: kept.length < preferences.hidden.length ? kept : [...kept, signal] });
   }
 
-  function savePicture(): void {
-    const [built, element] = [stack.current, frame.current];
-    if (built === null || element === null) return;
-    const { from_s, to_s } = built.seen();
-    const foot = `${name}, ${clockTime(from_s, 0.001)} to ${clockTime(to_s, 0.001)}, saved ${stamp(new Date())}`;
-    const picture = stackPicture(panels, built.canvases, hidden, readColours(element), foot);
-    picture.toBlob((content) => content && save(content, `${name}-${stamp(new Date())}.png`));
+  async function savePicture(kind: PictureKind): Promise<void> {
+    const drawn = { panels: timed, planes, hidden, source, limits, marks };
+    const svg = svgOf(
+      sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin),
+    );
+    const content = kind === "svg" ? new Blob([svg], { type: "image/svg+xml" }) : await pngOf(svg, WIDTH_MM);
+    save(content, `${name}-${stamp(new Date())}.${kind}`);
   }
 
   function saveData(): void {
@@ -175,13 +191,15 @@ export function Charts(props: ChartsProps) {
       aria-label="Charts"
     >
       <Terms>
-        <div ref={size.ref} className={styles.body}>
-          {panels.map((panel, index) => (
+        <div ref={size.ref} className={styles.body} style={{ flexGrow: heightOf(timed) }}>
+          {timed.map((panel, index) => (
             <figure
               key={panel.title}
               className={styles.panel}
               aria-label={panel.title}
-              data-last={index === panels.length - 1}
+              data-last={index === timed.length - 1}
+              data-panel={index}
+              style={{ flexGrow: panel.share ?? 1, "--share": panel.share ?? 1 } as CSSProperties}
               // biome-ignore lint/a11y/noNoninteractiveTabindex: arrow keys pan and zoom the chart that has the focus
               tabIndex={0}
               onKeyDown={(event) => {
@@ -203,46 +221,64 @@ export function Charts(props: ChartsProps) {
             </figure>
           ))}
           <div ref={area} className={styles.area}>
-            <div className={styles.cursor} data-role="hover" />
-            {([0, 1] as const).map((cursor) => (
-              <div
-                key={cursor}
-                className={styles.measure}
-                data-role={`cursor-${cursor}`}
-                role="slider"
-                aria-label={`Measuring cursor ${cursor + 1} [s]`}
-                aria-valuenow={0}
-                tabIndex={measuring ? 0 : -1}
-                onKeyDown={(event) => {
-                  const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-                  if (by === undefined) return;
-                  event.preventDefault();
-                  const share = event.shiftKey ? 0.1 : 0.005;
-                  readout.nudge(cursor, by * share, current.current.span_s);
-                }}
+            <MeasureCursors readout={readout} measuring={measuring} span_s={() => current.current.span_s} />
+          </div>
+        </div>
+        {planes.length > 0 && (
+          <div
+            className={styles.planes}
+            style={{ flexGrow: Math.max(...planes.map(({ share = 1 }) => share)) }}
+          >
+            {planes.map((plane, index) => (
+              <PlaneFigure
+                key={plane.title}
+                plane={plane}
+                place={timed.length + index}
+                source={source}
+                hidden={hidden}
+                seen={seen}
+                looked={looked}
+                onToggle={toggle}
               />
             ))}
           </div>
-        </div>
-        {preferences.statistics && <StatisticsTable panels={panels} hidden={hidden} table={selected} />}
+        )}
+        {preferences.statistics && (
+          <StatisticsTable
+            panels={panels}
+            hidden={hidden}
+            table={selected}
+            timeText={(time_s) => timeText(time_s, 0.001, epoch())}
+          />
+        )}
       </Terms>
       <div className={styles.toolbar} role="toolbar" aria-label="Chart tools">
-        {children}
+        {props.children}
+        {props.fixed !== true && <LayoutTools clock={props.epoch_s !== undefined} />}
         <ChartTools
           measuring={measuring}
           figures={preferences.statistics}
           onMeasure={measure.toggle}
           onFigures={() => remember({ statistics: !preferences.statistics })}
           onSpectrum={() => setSpectrum(selected())}
-          onPicture={savePicture}
+          onPicture={(kind) => void savePicture(kind)}
           onData={saveData}
         />
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
-        <span className={styles.toolbarEnd}>{wheelHint ? WHEEL_HINT : remark}</span>
+        <span className={styles.toolbarEnd}>{wheelHint ? WHEEL_HINT : props.remark}</span>
       </div>
       <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
     </section>
   );
+}
+
+function heightOf(panels: readonly Panel[]): number {
+  return panels.reduce((sum, { share = 1 }) => sum + share, 0);
+}
+
+/** The same function as long as the axis tells the same: time of day where there is one, else null. */
+function useEpoch(epoch_s: (() => number) | undefined): () => number | null {
+  return useCallback(() => epoch_s?.() ?? null, [epoch_s]);
 }
 
 function inside(element: HTMLElement, clientY: number): boolean {

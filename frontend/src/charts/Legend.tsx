@@ -2,7 +2,7 @@
 
 import { Explained, entriesOf, explaining } from "../components/Explained";
 import { Written } from "../components/SignalName";
-import { symbolEntry } from "../service/glossary";
+import { symbolEntries } from "../service/glossary";
 import type { Panel } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { ColourChoice } from "./ColourChoice";
@@ -20,8 +20,8 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
   return (
     <figcaption className={styles.caption}>
       <span className={styles.title}>
-        <Explained of={panel.traces.map(({ name }) => symbolEntry(name))}>{panel.title}</Explained>{" "}
-        <span className={styles.unit}>[{panel.unit}]</span>
+        <Explained of={panel.traces.flatMap(({ name }) => symbolEntries(name))}>{panel.title}</Explained>{" "}
+        {panel.unit !== "1" && <span className={styles.unit}>[{panel.unit}]</span>}
       </span>
       {panel.traces.map((trace) => (
         <span
@@ -36,7 +36,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
             className={styles.toggle}
             aria-pressed={!hidden.has(trace.name)}
             onClick={() => onToggle(trace.name)}
-            {...explaining(entriesOf(symbolEntry(trace.name)))}
+            {...explaining(entriesOf(symbolEntries(trace.name)))}
           >
             <span aria-hidden="true">
               <Written name={trace.name} />
@@ -47,6 +47,13 @@ export function Legend({ panel, hidden, onToggle, onHighlight }: LegendProps) {
           <span className={styles.delta} data-role={`delta-${trace.name}`} />
         </span>
       ))}
+      {panel.over !== undefined && (
+        <span className={styles.over}>
+          over <Written name={panel.over.name} />
+          {panel.over.unit !== "1" && <span>[{panel.over.unit}]</span>}
+          <span className={styles.value} data-role="over" />
+        </span>
+      )}
     </figcaption>
   );
 }

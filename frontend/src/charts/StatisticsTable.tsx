@@ -1,4 +1,4 @@
-/** Least, greatest, mean and deviation of every signal in sight, renewed twice a second. */
+/** Peaks with their times, mean and deviation of every signal in sight, renewed twice a second. */
 
 import { useEffect, useState } from "react";
 import { Shown } from "../components/Absent";
@@ -16,26 +16,32 @@ interface StatisticsTableProps {
   readonly hidden: ReadonlySet<string>;
   /** The samples in sight, or between the cursors. */
   table(): SampleTable;
+  /** A moment as the time axis tells it. */
+  timeText(time_s: number): string;
 }
 
-export function StatisticsTable({ panels, hidden, table }: StatisticsTableProps) {
+export function StatisticsTable({ panels, hidden, table, timeText }: StatisticsTableProps) {
   const [figures, setFigures] = useState<ReadonlyMap<string, Statistics>>(new Map());
   useEffect(() => {
-    const renew = () =>
-      setFigures(new Map(table().columns.map((column) => [column.name, statistics(column)])));
+    const renew = () => {
+      const { t, columns } = table();
+      setFigures(new Map(columns.map((column) => [column.name, statistics(column, t)])));
+    };
     renew();
     const timer = window.setInterval(renew, EVERY_MS);
     return () => window.clearInterval(timer);
   }, [table]);
   const rows = panels.flatMap((panel) =>
-    panel.traces.filter((trace) => !hidden.has(trace.name)).map((trace) => ({ panel, name: trace.name })),
+    panel.traces
+      .filter((trace) => !hidden.has(trace.name))
+      .map((trace) => ({ panel, name: trace.name, key: `${panel.title} ${trace.name}` })),
   );
   return (
     <div className={styles.frame}>
       <table className={styles.table} aria-label="Statistics">
         <thead>
           <tr>
-            {["Signal", "Min", "Max", "Mean", "Std dev", "Unit"].map((heading) => (
+            {["Signal", "Min, at", "Max, at", "Mean", "Std dev", "Unit"].map((heading) => (
               <th key={heading} scope="col">
                 {heading}
               </th>
@@ -43,20 +49,33 @@ export function StatisticsTable({ panels, hidden, table }: StatisticsTableProps)
           </tr>
         </thead>
         <tbody>
-          {rows.map(({ panel, name }) => {
+          {rows.map(({ panel, name, key }) => {
             const figure = figures.get(name);
             const shown = (value: number | undefined, decimals: number) => (
               <Shown value={value} why="no value of it in sight">
                 {(some) => fixed(some * panel.factor, decimals)}
               </Shown>
             );
+            const at = (time_s: number | undefined) => (
+              <div className={styles.when}>
+                <Shown value={time_s} why="no value of it in sight">
+                  {timeText}
+                </Shown>
+              </div>
+            );
             return (
-              <tr key={name}>
+              <tr key={key}>
                 <th scope="row">
                   <SignalName name={name} />
                 </th>
-                <td>{shown(figure?.minimum, panel.decimals)}</td>
-                <td>{shown(figure?.maximum, panel.decimals)}</td>
+                <td>
+                  {shown(figure?.minimum, panel.decimals)}
+                  {at(figure?.minimum_s)}
+                </td>
+                <td>
+                  {shown(figure?.maximum, panel.decimals)}
+                  {at(figure?.maximum_s)}
+                </td>
                 <td>{shown(figure?.mean, panel.decimals)}</td>
                 <td>{shown(figure?.deviation, panel.decimals + 1)}</td>
                 <td>{panel.unit}</td>

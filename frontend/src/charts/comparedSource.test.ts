@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { dashOf, FORCE, PANELS, POSITION, STIFFNESS } from "../theme/signals";
+import { FORCE, PANELS, POSITION, STIFFNESS } from "../theme/layouts";
+import { dashOf } from "../theme/signals";
 import { ComparedSource, comparedPanels, markOf, merged, resampled } from "./comparedSource";
 import type { PlotSource } from "./source";
 

@@ -83,7 +83,7 @@ export class ComparedSource implements PlotSource {
   }
 
   first_s(): number {
-    return 0;
+    return Math.min(...this.sources.map((source) => source.first_s()));
   }
 
   version(): number {

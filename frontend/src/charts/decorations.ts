@@ -1,9 +1,12 @@
 /** Limit lines and event marks, drawn on a chart's canvas. */
 
 import type uPlot from "uplot";
+import type { Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
 
 export interface LimitLine {
+  /** Signals that it limits: it stands in the panels that show one of them. */
+  readonly of: readonly string[];
   /** In the unit of the chart. */
   readonly value: number;
   readonly label: string;
@@ -15,6 +18,11 @@ export interface PlacedMark {
   readonly time_s: number;
   readonly text: string;
   readonly fault: boolean;
+}
+
+/** Those of the lines that belong into a panel. */
+export function linesOf(panel: Panel, limits: readonly LimitLine[]): readonly LimitLine[] {
+  return limits.filter(({ of }) => panel.traces.some(({ name }) => of.includes(name)));
 }
 
 /** Height above the first chart that is kept free for the labels of marks [CSS px]. */
@@ -60,6 +68,7 @@ export function drawMarks(
   const inSight = marks.filter((mark) => mark.time_s >= (scale.min ?? 0) && mark.time_s <= (scale.max ?? 0));
   ctx.save();
   ctx.lineWidth = ratio;
+  ctx.setLineDash([]);
   for (const mark of inSight) {
     const x = Math.round(plot.valToPos(mark.time_s, "x", true)) + 0.5;
     ctx.strokeStyle = mark.fault ? colours.fault : colours.limit;

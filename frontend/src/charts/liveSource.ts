@@ -6,7 +6,7 @@ import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
-import type { Curves, PlotSource } from "./source";
+import type { Curves, Pairs, PlotSource } from "./source";
 
 class Buffers {
   times = new Float64Array(0);
@@ -20,8 +20,12 @@ class Buffers {
   }
 }
 
+/** How far the way of the samples to this page may carry the time of day astray before it is set anew. */
+const ASTRAY_S = 0.25;
+
 export class LiveSource implements PlotSource {
-  private readonly buffers = new Map<Panel, Buffers>();
+  private epoch = Number.NaN;
+  private readonly buffers = new WeakMap<Panel, Buffers>();
 
   constructor(private readonly store: LiveStore) {}
 
@@ -70,6 +74,29 @@ export class LiveSource implements PlotSource {
       values.push(buffer.subarray(0, points));
     }
     return { times: buffers.times.subarray(0, points), values, extents };
+  }
+
+  pairs(x: string, y: string, { from_s, to_s }: Stretch, points: number): Pairs {
+    const window = this.store.window;
+    const from = Math.max(window.startTick, Math.ceil(from_s / PERIOD_S));
+    const to = Math.min(window.endTick - 1, Math.floor(to_s / PERIOD_S));
+    // every so many ticks, counted from tick 0, so that the points stay while the view scrolls
+    const every = 2 ** Math.max(0, Math.ceil(Math.log2((to - from + 1) / points)));
+    const first = Math.ceil(from / every);
+    const ticks = Array.from(
+      { length: Math.max(0, Math.floor(to / every) - first + 1) },
+      (_, n) => (first + n) * every,
+    );
+    if (to >= from && ticks.at(-1) !== to) ticks.push(to);
+    const values = (name: string) => Float64Array.from(ticks, (tick) => window.at(name, tick));
+    return { x: values(x), y: values(y) };
+  }
+
+  /** Time of day at sample time 0, by this machine's clock [s since 1970]; held until it is off by more than a jitter. */
+  epoch_s(): number {
+    const epoch_s = Date.now() / 1000 - this.store.clock.at(performance.now() / 1000);
+    if (!(Math.abs(epoch_s - this.epoch) < ASTRAY_S)) this.epoch = epoch_s;
+    return this.epoch;
   }
 
   table(names: readonly string[], { from_s, to_s }: Stretch): SampleTable {

@@ -2,7 +2,6 @@
 
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
-import { clockTime } from "../samples/format";
 import type { Stretch } from "../samples/stretch";
 import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
@@ -11,14 +10,11 @@ import { linePath } from "./linePath";
 import { steadyRange, type ValueRange } from "./range";
 import type { Curves } from "./source";
 import { tickLabels } from "./ticks";
+import { splitsOf, TIME_STEPS_S, timeText } from "./timeAxis";
 
 export const AXIS_WIDTH = 52;
 export const RIGHT_MARGIN = 10;
 export const TIME_AXIS_HEIGHT = 24;
-const TIME_STEPS_S = [
-  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
-  3600,
-];
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
 /** As wide as that the line above it leaves an edge in sight on both sides. */
@@ -33,6 +29,8 @@ export interface PlotOptions {
   readonly panel: Panel;
   readonly timeAxis: boolean;
   readonly markLabels: boolean;
+  /** Time of day at time 0 [s since 1970]; null for an axis that tells the time since the start. */
+  epoch_s(): number | null;
 }
 
 export class SignalPlot {
@@ -165,8 +163,9 @@ export class SignalPlot {
           space: 70,
           gap: 6,
           size: options.timeAxis ? TIME_AXIS_HEIGHT : 0,
+          splits: (_plot, _axis, min, max, step) => splitsOf(min, max, step, options.epoch_s()),
           values: (_plot, splits, _axis, _space, step) =>
-            options.timeAxis ? splits.map((split) => clockTime(split, step)) : splits.map(() => ""),
+            splits.map((split) => (options.timeAxis ? timeText(split, step, options.epoch_s()) : "")),
         },
         {
           scale: "y",

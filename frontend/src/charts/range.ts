@@ -31,6 +31,12 @@ function hugsAnEdge(range: ValueRange, extent: Extent): boolean {
   return Math.min(below, above) < EDGE * span && Math.abs(above - below) > LOPSIDED * span;
 }
 
+/** A range for what was never drawn before: all of `extent`, or around zero where there is nothing. */
+export function roundedRange(extent: Extent, narrowest: number): ValueRange {
+  const nothing = extent.maximum < extent.minimum;
+  return roundRange(nothing ? { minimum: 0, maximum: 0 } : extent, narrowest);
+}
+
 function roundRange(extent: Extent, narrowest: number): ValueRange {
   const span = Math.max(extent.maximum - extent.minimum, narrowest);
   const middle = (extent.maximum + extent.minimum) / 2;

@@ -72,6 +72,12 @@ export class Readout {
     this.written_ms = 0;
   }
 
+  /** The moment that the legends tell: under the pointer, or else the newest in sight or where a recording is looked at. */
+  looked(seen: Stretch): number {
+    if (this.hovered === null) return this.newest(seen);
+    return seen.from_s + this.hovered * (seen.to_s - seen.from_s);
+  }
+
   /** Called after each drawn frame. */
   refresh(seen: Stretch): void {
     if (this.frame === null) return;
@@ -93,22 +99,37 @@ export class Readout {
   }
 
   private write(seen: Stretch): void {
-    const at_s =
-      this.hovered === null ? this.newest(seen) : seen.from_s + this.hovered * (seen.to_s - seen.from_s);
-    for (const panel of this.panels) {
+    const at_s = this.looked(seen);
+    for (const [place, panel] of this.panels.entries()) {
+      const own = this.frame?.querySelector<HTMLElement>(`[data-panel="${place}"]`) ?? null;
       const measured = panel.traces.some(({ name }) => !Number.isNaN(this.source.at(name, at_s)));
-      for (const trace of panel.traces) {
-        const value = panel.factor * this.source.at(trace.name, at_s);
-        const why = measured ? NOT_IN_FORCE : NO_SAMPLE;
-        this.text(`value-${trace.name}`, Number.isNaN(value) ? null : fixed(value, panel.decimals), why);
-        if (this.cursors === null) continue;
-        const [a, b] = this.cursors.map((cursor) => panel.factor * this.source.at(trace.name, cursor));
-        const apart = (b as number) - (a as number);
-        const told = Number.isNaN(apart) ? null : `Δ ${fixed(apart, panel.decimals)}`;
-        this.text(`delta-${trace.name}`, told, NOT_AT_BOTH);
-      }
+      const why = measured ? NOT_IN_FORCE : NO_SAMPLE;
+      for (const { name } of panel.traces) this.writeTrace(own, panel, name, at_s, why);
+      if (panel.over === undefined) continue;
+      const { name, factor, decimals } = panel.over;
+      this.number(own, "over", factor * this.source.at(name, at_s), decimals, "", why);
     }
-    if (this.cursors !== null) this.text("delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
+    if (this.cursors !== null)
+      this.text(this.frame, "delta-t", `Δt ${fixed(this.cursors[1] - this.cursors[0], 3)} s`);
+  }
+
+  private writeTrace(own: HTMLElement | null, panel: Panel, name: string, at_s: number, why: string): void {
+    const value = (time_s: number) => panel.factor * this.source.at(name, time_s);
+    this.number(own, `value-${name}`, value(at_s), panel.decimals, "", why);
+    if (this.cursors === null) return;
+    const apart = value(this.cursors[1]) - value(this.cursors[0]);
+    this.number(own, `delta-${name}`, apart, panel.decimals, "Δ ", NOT_AT_BOTH);
+  }
+
+  private number(
+    own: HTMLElement | null,
+    role: string,
+    value: number,
+    decimals: number,
+    before: string,
+    why: string,
+  ): void {
+    this.text(own, role, Number.isNaN(value) ? null : `${before}${fixed(value, decimals)}`, why);
   }
 
   /** Where a recording is looked at, or the newest sample in sight; the edge of a following view may be a little ahead of it. */
@@ -127,8 +148,8 @@ export class Readout {
   }
 
   /** `text` is null where there is none; `why` says why. */
-  private text(role: string, text: string | null, why = ""): void {
-    const element = this.frame?.querySelector<HTMLElement>(`[data-role="${role}"]`) ?? null;
+  private text(own: HTMLElement | null, role: string, text: string | null, why = ""): void {
+    const element = own?.querySelector<HTMLElement>(`[data-role="${role}"]`) ?? null;
     if (element === null) return;
     if (text === null) writeAbsent(element, why);
     else writeValue(element, text);

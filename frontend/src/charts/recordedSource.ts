@@ -5,7 +5,7 @@ import type { Stretch } from "../samples/stretch";
 import type { SampleTable } from "../samples/table";
 import type { Panel } from "../theme/signals";
 import type { Excerpt } from "../wire/curves";
-import type { Curves, PlotSource } from "./source";
+import type { Curves, Pairs, PlotSource } from "./source";
 
 interface Sheet {
   readonly stretch: Stretch;
@@ -77,6 +77,16 @@ export class RecordedSource implements PlotSource {
     const minimum = signal?.minimum[index] ?? Number.NaN;
     const maximum = signal?.maximum[index] ?? Number.NaN;
     return (minimum + maximum) / 2;
+  }
+
+  pairs(x: string, y: string, seen: Stretch): Pairs {
+    const { columns } = this.table([x, y], seen);
+    const middles = (index: number) => {
+      const column = columns[index];
+      if (column === undefined) return new Float64Array(0);
+      return column.minimum.map((low, row) => (low + (column.maximum[row] as number)) / 2);
+    };
+    return { x: middles(0), y: middles(1) };
   }
 
   table(names: readonly string[], seen: Stretch): SampleTable {

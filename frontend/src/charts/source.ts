@@ -13,6 +13,12 @@ export interface Curves {
   readonly extents: readonly Extent[];
 }
 
+/** Points of one signal over another in SI, in the order of time. */
+export interface Pairs {
+  readonly x: Float64Array;
+  readonly y: Float64Array;
+}
+
 export interface PlotSource {
   /** Where the newest sample is on the time axis [s]. */
   now_s(): number;
@@ -25,6 +31,8 @@ export interface PlotSource {
   /** Whether samples within `seen` were added or replaced since `version`. */
   changedWithin(seen: Stretch, version: number): boolean;
   curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
+  /** About `points` pairs at most, each of one moment, or of the middles of one bucket where single samples are not here. */
+  pairs?(x: string, y: string, seen: Stretch, points: number): Pairs;
   /** The sample nearest to an instant, in SI; NaN where there is none. */
   at(name: string, time_s: number): number;
   /** What is known of a stretch, every sample where the source has them; a copy. */

@@ -4,7 +4,7 @@ import { FramePacer } from "../drawing/pacer";
 import type { Stretch } from "../samples/stretch";
 import type { Panel } from "../theme/signals";
 import { readColours } from "./colours";
-import type { LimitLine, PlacedMark } from "./decorations";
+import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
 import { AXIS_WIDTH, RIGHT_MARGIN, SignalPlot } from "./plot";
 import type { PlotSource } from "./source";
 import { stretch, type Viewport } from "./viewport";
@@ -25,6 +25,7 @@ export class ChartStack {
     private readonly panels: readonly Panel[],
     private readonly source: PlotSource,
     private readonly view: () => Viewport,
+    epoch_s: () => number | null,
     private readonly afterFrame: (seen: Stretch) => void,
   ) {
     const colours = readColours(hosts[0] as HTMLElement);
@@ -32,7 +33,7 @@ export class ChartStack {
       (panel, index) =>
         new SignalPlot(
           hosts[index] as HTMLElement,
-          { panel, timeAxis: index === panels.length - 1, markLabels: index === 0 },
+          { panel, timeAxis: index === panels.length - 1, markLabels: index === 0, epoch_s },
           colours,
         ),
     );
@@ -75,11 +76,10 @@ export class ChartStack {
     return this.plots.map((plot) => plot.canvas);
   }
 
-  /** Limit lines by the title of the panel. */
-  setLimits(limits: ReadonlyMap<string, readonly LimitLine[]>): void {
+  setLimits(limits: readonly LimitLine[]): void {
     for (const [index, panel] of this.panels.entries()) {
       const plot = this.plots[index];
-      if (plot !== undefined) plot.limits = limits.get(panel.title) ?? [];
+      if (plot !== undefined) plot.limits = linesOf(panel, limits);
     }
     this.dirty = true;
   }

@@ -17,8 +17,12 @@ export function ControlLoss() {
   const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
   const refused = useStanding(take.error);
   useEffect(() => {
-    if (state !== null)
-      keep((before) => afterTold(before, state.holder, heldEpoch(), givenUpEpoch(), Date.now()));
+    if (state === null) return;
+    const handed = state.wishes.some(({ epoch }) => epoch !== null && epoch === state.holder?.epoch);
+    keep((before) => {
+      const givenUp = handed ? before.had : givenUpEpoch();
+      return afterTold(before, state.holder, heldEpoch(), givenUp, Date.now());
+    });
   }, [state]);
   if (kept.lost === null) return null;
   const at = new Date(kept.lost.at_ms).toLocaleTimeString("sv-SE");

@@ -5,8 +5,10 @@ import { useMutation, useQuery } from "@tanstack/react-query";
 import { useSyncExternalStore } from "react";
 import { TbDeviceGamepad2 } from "react-icons/tb";
 import { useLive } from "../live/react";
+import { timeOfDay } from "../samples/format";
 import { counted } from "../samples/words";
 import { useSignOut } from "../service/commands";
+import { type ControlForm, isAsked, othersToGetControl } from "../service/handOver";
 import { sessionQuery } from "../service/queries";
 import { useStanding } from "../service/useStanding";
 import { answeredBy } from "../wire/client";
@@ -16,8 +18,14 @@ import styles from "./ControlMenu.module.css";
 import { OperatorsOnly } from "./OperatorsOnly";
 
 const NOBODY: State["people"] = [];
+const NO_WISHES: State["wishes"] = [];
 
-export function ControlMenu({ onName }: { onName: () => void }) {
+interface ControlMenuProps {
+  onName(): void;
+  onForm(form: ControlForm): void;
+}
+
+export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   const holder = useLive((live) => live.state?.holder ?? null);
   const take = useMutation({ mutationFn: (takeOver: boolean) => answeredBy(takeControl(takeOver)) });
   const giveUp = useMutation({ mutationFn: () => answeredBy(giveUpControl()) });
@@ -27,9 +35,11 @@ export function ControlMenu({ onName }: { onName: () => void }) {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const mine = holder !== null && holder.epoch === epoch;
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
+  const asking = useLive((live) => live.state?.wishes ?? NO_WISHES).filter(isAsked);
+  const others = othersToGetControl(people, me?.name);
   const refusal = useStanding(take.error ?? giveUp.error ?? signOut.error)?.message;
   return (
-    <Menu position="bottom-end" width={260}>
+    <Menu position="bottom-end" width={300}>
       <Menu.Target>
         <Button
           size="compact-sm"
@@ -49,11 +59,26 @@ export function ControlMenu({ onName }: { onName: () => void }) {
       <Menu.Dropdown>
         <OperatorsOnly>
           {mine ? (
-            <Menu.Item onClick={() => giveUp.mutate()}>Give up control</Menu.Item>
+            <>
+              {asking.map(({ number, name }) => (
+                <Menu.Item key={number} onClick={() => onForm({ kind: "answer", number })}>
+                  Answer {name} …
+                </Menu.Item>
+              ))}
+              {others.length > 0 && (
+                <Menu.Item onClick={() => onForm({ kind: "offer" })}>Hand over …</Menu.Item>
+              )}
+              <Menu.Item onClick={() => giveUp.mutate()}>Give up control</Menu.Item>
+            </>
           ) : (
-            <Menu.Item onClick={() => take.mutate(holder !== null)}>
-              {holder === null ? "Take control" : `Take over from ${holder.name}`}
-            </Menu.Item>
+            <>
+              {holder?.page && holder.name !== me?.name && !asking.some((one) => one.name === me?.name) && (
+                <Menu.Item onClick={() => onForm({ kind: "ask" })}>Ask {holder.name} for control …</Menu.Item>
+              )}
+              <Menu.Item onClick={() => take.mutate(holder !== null)}>
+                {holder === null ? "Take control" : `Take over from ${holder.name}`}
+              </Menu.Item>
+            </>
           )}
         </OperatorsOnly>
         <Menu.Label>Anyone may press STOP</Menu.Label>
@@ -66,7 +91,10 @@ export function ControlMenu({ onName }: { onName: () => void }) {
                 {person.name}
                 {person.name === me?.name && ", you"}
               </span>
-              <span className={styles.what}>{whatOf(person, holder?.name ?? null)}</span>
+              <span className={styles.what}>
+                {whatOf(person, holder?.name ?? null)},{" "}
+                <span className={styles.since}>since {timeOfDay(person.since)}</span>
+              </span>
             </li>
           ))}
         </ul>

@@ -5,6 +5,7 @@ import { TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "react-icons/tb";
 import { health } from "../live/link";
 import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, fixed, kilohertz } from "../samples/format";
+import type { ControlForm } from "../service/handOver";
 import { usePreferences } from "../service/preferences";
 import { useMayCommand } from "../service/useMayCommand";
 import { AngleSwitch } from "./AngleSwitch";
@@ -18,7 +19,13 @@ import { PlantBadge } from "./PlantBadge";
 import { StopButton } from "./StopButton";
 import { Terms } from "./Terms";
 
-export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onName: () => void }) {
+interface HeaderProps {
+  onShortcuts(): void;
+  onName(): void;
+  onForm(form: ControlForm): void;
+}
+
+export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
   const now_ms = useNow(250);
@@ -64,7 +71,7 @@ export function Header({ onShortcuts, onName }: { onShortcuts: () => void; onNam
         </div>
       </Terms>
       <div className={styles.tools}>
-        <ControlMenu onName={onName} />
+        <ControlMenu onName={onName} onForm={onForm} />
         <AngleSwitch />
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">

@@ -15,6 +15,13 @@ const SHORT: Partial<Record<PlantView["kind"], string>> = {
 /** Of a package nobody knows better: it counts as real. */
 const MAY_BE_REAL: readonly PlantView["kind"][] = ["rig", "package"];
 
+/** The badge's word for a plant as runs keep its name: whether something real has moved. */
+export function plantWord(name: string): string {
+  const kinds: Readonly<Record<string, string>> = SHORT;
+  const word = kinds[name.replaceAll(" ", "_")];
+  return word === undefined ? name : `${word} (${name})`;
+}
+
 interface PlantBadgeProps {
   readonly plant: PlantView | undefined;
   readonly parameters: string | undefined;

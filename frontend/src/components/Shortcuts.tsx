@@ -16,6 +16,7 @@ const KEYS: Keys = [
   [["Ctrl", "Wheel"], "Charts, also after a click: zoom time; hold V for the value axis, B for both"],
   [["←", "→"], "Chart in focus: pan; ↑ ↓ zoom, Home resets"],
   [["G"], "Glossary: what every symbol, figure, verdict and fault means"],
+  [["D"], "Docs: the first hour, and everything else that is written, with a search"],
   [["?"], "This list"],
 ];
 
@@ -45,6 +46,17 @@ export function Shortcuts({ opened, onClose }: { opened: boolean; onClose: () =>
         onClick={onClose}
       >
         Glossary
+      </Button>
+      <Button
+        component={Link}
+        href="/docs"
+        variant="default"
+        size="compact-sm"
+        mb="sm"
+        ml="xs"
+        onClick={onClose}
+      >
+        Docs
       </Button>
       <Table withRowBorders={false}>
         <Table.Tbody>

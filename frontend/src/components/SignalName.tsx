@@ -1,10 +1,21 @@
 /** A signal's name as it is written in the paper: q_ref with a lowered "ref"; it says what it means when asked. */
 
-import { symbolEntry } from "../service/glossary";
+import { MINUS } from "../samples/format";
+import { symbolEntries } from "../service/glossary";
 import { Explained } from "./Explained";
 
-/** The name alone, where something around it explains it, or is a control. */
+/** The name alone, where something around it explains it, or is a control; of a difference those of both. */
 export function Written({ name }: { name: string }) {
+  const [of, taken] = name.split(" - ");
+  if (taken === undefined) return <Single name={name} />;
+  return (
+    <>
+      <Single name={of as string} /> {MINUS} <Single name={taken} />
+    </>
+  );
+}
+
+function Single({ name }: { name: string }) {
   const [letter, ...index] = name.split("_");
   return (
     <span className="symbol">
@@ -16,7 +27,7 @@ export function Written({ name }: { name: string }) {
 
 export function SignalName({ name }: { name: string }) {
   return (
-    <Explained of={symbolEntry(name)}>
+    <Explained of={symbolEntries(name)}>
       <Written name={name} />
     </Explained>
   );

@@ -1,6 +1,7 @@
 /** A line under the header that is always there, so that nothing moves when it has something to say. */
 
 import { Button, Progress } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-icons/tb";
 import { Link } from "wouter";
 import { age_ms, health } from "../live/link";
@@ -9,10 +10,13 @@ import { duration } from "../samples/format";
 import { inWords } from "../samples/quantity";
 import { useAngles } from "../service/angles";
 import { useReset } from "../service/commands";
+import type { ControlForm } from "../service/handOver";
+import { flightOf, flightsQuery } from "../service/system";
 import { useMayCommand } from "../service/useMayCommand";
 import { useStanding } from "../service/useStanding";
 import type { Task } from "../wire/types";
 import { Explained } from "./Explained";
+import { HandOver } from "./HandOver";
 import styles from "./StatusStrip.module.css";
 import { StopResult } from "./StopResult";
 import { currentStatus, type Status, type Tone, taskProgress } from "./status";
@@ -24,7 +28,13 @@ const ICONS: Record<Tone, typeof TbInfoCircle> = {
   fault: TbCircleX,
 };
 
-export function StatusStrip() {
+interface StatusStripProps {
+  /** What the person is about to say of control; null for nothing. */
+  readonly form: ControlForm | null;
+  onForm(form: ControlForm | null): void;
+}
+
+export function StatusStrip({ form, onForm }: StatusStripProps) {
   const state = useLive((live) => live.state);
   const link = useLive((live) => live.link);
   const now_ms = useNow(500);
@@ -37,10 +47,14 @@ export function StatusStrip() {
     <div className={styles.strip} data-tone={status.tone}>
       <Icon size={18} aria-hidden="true" className={styles.icon} />
       <Message status={status} instead={status.resettable ? refused?.message : undefined} />
+      <HandOver form={form} onForm={onForm} />
       {status.tone === "fault" && (
-        <Link href="/log" className={styles.more}>
-          What happened
-        </Link>
+        <>
+          <FlightLink />
+          <Link href="/log" className={styles.more}>
+            What happened
+          </Link>
+        </>
       )}
       {status.task !== null && <TaskProgress task={status.task} />}
       {status.resettable && may !== false && (
@@ -56,6 +70,19 @@ export function StatusStrip() {
       )}
       <StopResult />
     </div>
+  );
+}
+
+/** To the seconds around the trip, once they are over and kept. */
+function FlightLink() {
+  const fault = useLive((live) => live.state?.fault ?? null);
+  const { data = [] } = useQuery({ ...flightsQuery, refetchInterval: 1000 });
+  const flight = flightOf(data, fault);
+  if (flight === undefined) return null;
+  return (
+    <Link href={`/flights/${flight.id}`} className={styles.more}>
+      Flight record
+    </Link>
   );
 }
 

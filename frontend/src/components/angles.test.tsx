@@ -9,7 +9,7 @@ import { limitLines } from "../pages/operate/limitLines";
 import { SettingsCard } from "../pages/runs/SettingsCard";
 import type { Angles } from "../samples/quantity";
 import { AnglesContext } from "../service/angles";
-import { PANELS, POSITION, readIn } from "../theme/signals";
+import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
 import { NumberField } from "./NumberField";
 import { SettingField } from "./SettingField";
@@ -146,10 +146,10 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
   const limits = { q_min: -SIXTH, q_max: SIXTH, ...forces } as Limits;
   const lines = (angles: Angles) =>
     limitLines(limits, angles)
-      .get(POSITION.title)
-      ?.map(({ value }) => value);
+      .filter(({ of }) => of.includes("q"))
+      .map(({ value }) => value);
   expect(lines("rad")).toEqual([-SIXTH, SIXTH]);
-  expect(lines("deg")?.[1]).toBeCloseTo(60, 12);
+  expect(lines("deg")[1]).toBeCloseTo(60, 12);
 });
 
 it("reads a text of the service in the person's unit", () => {

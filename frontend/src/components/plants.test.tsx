@@ -23,12 +23,19 @@ import type { PlantView, State } from "../wire/types";
 import { Navigation } from "./Navigation";
 import { PlantBadge } from "./PlantBadge";
 
+const GEOMETRY = { r_m: 0.0075, r_j: 0.075 };
 const PLANTS: Record<PlantView["kind"], PlantView> = {
-  simulator: { kind: "simulator", simulated: true, name: "simulator", says: "simulator" },
-  rig: { kind: "rig", simulated: false, name: "rig", says: "NI PCIe-6323 as Dev1, on-demand" },
-  virtual_card: { kind: "virtual_card", simulated: true, name: "virtual card", says: "virtual NI PCIe-6323" },
-  replay: { kind: "replay", simulated: false, name: "replay", says: "replay of run 7" },
-  package: { kind: "package", simulated: false, name: "servo-bench", says: "" },
+  simulator: { kind: "simulator", simulated: true, name: "simulator", says: "simulator", ...GEOMETRY },
+  rig: { kind: "rig", simulated: false, name: "rig", says: "NI PCIe-6323 as Dev1, on-demand", ...GEOMETRY },
+  virtual_card: {
+    kind: "virtual_card",
+    simulated: true,
+    name: "virtual card",
+    says: "virtual NI PCIe-6323",
+    ...GEOMETRY,
+  },
+  replay: { kind: "replay", simulated: false, name: "replay", says: "replay of run 7", ...GEOMETRY },
+  package: { kind: "package", simulated: false, name: "servo-bench", says: "", ...GEOMETRY },
 };
 const KINDS = Object.keys(PLANTS) as PlantView["kind"][];
 

@@ -15,6 +15,7 @@ function state(starts: number, rate_Hz: number, tick = 0): State {
   return {
     tick,
     link: { alive: true, silent_s: 0, starts },
+    plant: { r_m: 0.0075, r_j: 0.075 },
     limits: { F_max: 50 },
     timing: { rate_Hz },
   } as State;

@@ -49,8 +49,7 @@ export class LiveStore {
   /** A new connection was greeted: samples and marks come again from the service. */
   setLayout(layout: Layout): void {
     const names = layout.fields.map((field) => field.name);
-    const known = [...this.window.columns.keys()];
-    if (names.join() !== known.join()) {
+    if (names.join() !== this.window.names.join()) {
       this.window = new SampleWindow(names);
       this.clock.reset();
     }
@@ -61,7 +60,7 @@ export class LiveStore {
   setState(state: State): void {
     const restarted = this.live.state !== null && this.live.state.link.starts !== state.link.starts;
     if (restarted) {
-      this.window = new SampleWindow([...this.window.columns.keys()]);
+      this.window = new SampleWindow(this.window.names);
       this.clock.reset();
       this.change({ marks: [] });
     }
@@ -77,6 +76,8 @@ export class LiveStore {
   addFrame(frame: Frame, arrival_s: number): void {
     const frames = this.complete(frame, arrival_s);
     if (frames === null) return;
+    const plant = this.live.state?.plant;
+    if (plant !== undefined) this.window.measure(plant);
     for (const one of frames) this.window.append(one);
     const period_s = this.live.layout?.period_s ?? 0;
     this.clock.observe(this.window.endTick * period_s, arrival_s);

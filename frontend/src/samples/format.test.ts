@@ -4,6 +4,7 @@ import {
   bytes,
   clockTime,
   dateTime,
+  dayTime,
   digitsApart,
   digitsOver,
   duration,
@@ -11,6 +12,7 @@ import {
   kilohertz,
   short,
   significant,
+  timeOfDay,
 } from "./format";
 
 describe("numbers", () => {
@@ -75,6 +77,9 @@ describe("times", () => {
     const local = new Date(2026, 0, 9, 7, 5, 3);
     expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
     expect(dateTime("")).toBe("time not known");
+    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 9, 23, 0))).toBe("07:05");
+    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 10, 1, 0))).toBe("2026-01-09 07:05");
+    expect(timeOfDay("")).toBe("time not known");
   });
 });
 
@@ -90,5 +95,15 @@ describe("bytes", () => {
       "999.9 MB",
       "size unknown",
     ]);
+  });
+});
+
+describe("the time of day", () => {
+  it("is that of the moment in the person's zone, as finely as the step", () => {
+    const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 250).getTime() / 1000;
+    expect(dayTime(epoch_s, 0.01)).toBe("14:05:09.25");
+    expect(dayTime(epoch_s - 0.25, 5)).toBe("14:05:09");
+    expect(dayTime(epoch_s + 0.7499, 0.1)).toBe("14:05:10.0");
+    expect(dayTime(epoch_s, 0.001)).toBe("14:05:09.250");
   });
 });

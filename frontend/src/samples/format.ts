@@ -92,6 +92,16 @@ export function clockTime(seconds: number, step_s: number): string {
   return `${sign}${minutes}:${rest.toFixed(decimals).padStart(width, "0")}`;
 }
 
+/** A moment as the time of day in the person's own zone, with as many decimals as the step between points needs. */
+export function dayTime(epoch_s: number, step_s: number): string {
+  const decimals = Math.min(3, Math.max(0, decimalsOf(step_s)));
+  const when = new Date(Math.round(epoch_s * 10 ** decimals) * 10 ** (3 - decimals));
+  const two = (part: number) => String(part).padStart(2, "0");
+  const behind =
+    decimals === 0 ? "" : `.${String(when.getMilliseconds()).padStart(3, "0").slice(0, decimals)}`;
+  return `${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}${behind}`;
+}
+
 /** Date and time in the person's own zone, to the second. */
 export function dateTime(iso: string): string {
   const when = new Date(iso);
@@ -101,7 +111,14 @@ export function dateTime(iso: string): string {
   return `${date} ${two(when.getHours())}:${two(when.getMinutes())}:${two(when.getSeconds())}`;
 }
 
-/** The same to the millisecond, for what happens within one second. */
+/** Hours and minutes of the day, with the date where that is another day than `now`. */
+export function timeOfDay(iso: string, now = new Date()): string {
+  const [date, time = ""] = dateTime(iso).split(" ");
+  const today = dateTime(now.toISOString()).startsWith(`${date} `);
+  return Number.isNaN(Date.parse(iso)) ? dateTime(iso) : `${today ? "" : `${date} `}${time.slice(0, 5)}`;
+}
+
+/** Date and time to the millisecond, for what happens within one second. */
 export function instant(iso: string): string {
   const when = new Date(iso);
   const ms = String(when.getMilliseconds()).padStart(3, "0");

@@ -4,19 +4,32 @@ import type { Column } from "./table";
 
 export interface Statistics {
   readonly minimum: number;
+  /** Where it is first: of an envelope, where its bucket begins [s]. */
+  readonly minimum_s: number;
   readonly maximum: number;
+  readonly maximum_s: number;
   readonly mean: number;
   /** Standard deviation about the mean. */
   readonly deviation: number;
 }
 
+const NOTHING: Statistics = {
+  minimum: Number.NaN,
+  minimum_s: Number.NaN,
+  maximum: Number.NaN,
+  maximum_s: Number.NaN,
+  mean: Number.NaN,
+  deviation: Number.NaN,
+};
+
 /**
- * Statistics of a column; NaN without any number. Of an envelope the extremes are exact, mean and deviation those of the
+ * Statistics of a column over the times of its rows; NaN without any number. Of an envelope the extremes are exact, mean and deviation those of the
  * buckets' middles.
  */
-export function statistics({ minimum, maximum }: Column): Statistics {
+export function statistics({ minimum, maximum }: Column, t: ArrayLike<number>): Statistics {
   let low = Number.POSITIVE_INFINITY;
   let high = Number.NEGATIVE_INFINITY;
+  let [lowRow, highRow] = [0, 0];
   let count = 0;
   let mean = 0;
   let squares = 0;
@@ -24,15 +37,21 @@ export function statistics({ minimum, maximum }: Column): Statistics {
     const a = minimum[row] as number;
     const b = maximum[row] as number;
     if (Number.isNaN(a) || Number.isNaN(b)) continue;
-    if (a < low) low = a;
-    if (b > high) high = b;
+    if (a < low) [low, lowRow] = [a, row];
+    if (b > high) [high, highRow] = [b, row];
     count += 1;
     const value = (a + b) / 2;
     const shift = value - mean;
     mean += shift / count;
     squares += shift * (value - mean);
   }
-  if (count === 0)
-    return { minimum: Number.NaN, maximum: Number.NaN, mean: Number.NaN, deviation: Number.NaN };
-  return { minimum: low, maximum: high, mean, deviation: Math.sqrt(squares / count) };
+  if (count === 0) return NOTHING;
+  return {
+    minimum: low,
+    minimum_s: t[lowRow] as number,
+    maximum: high,
+    maximum_s: t[highRow] as number,
+    mean,
+    deviation: Math.sqrt(squares / count),
+  };
 }

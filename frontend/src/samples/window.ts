@@ -6,6 +6,7 @@
  */
 
 import type { Frame } from "../wire/frame";
+import { COMBINED } from "../wire/sample.gen";
 
 export const BLOCK_TICKS = 16;
 /** A power of two above 120 s at 1 kHz. */
@@ -17,8 +18,28 @@ export interface Column {
   readonly maxima: Float32Array;
 }
 
+/** Lengths of the joint's geometry [m]; what needs one that is not known is NaN. */
+export interface Lengths {
+  readonly r_m: number;
+  readonly r_j: number;
+}
+
+const UNKNOWN: Lengths = { r_m: Number.NaN, r_j: Number.NaN };
+
+/** A signal that follows from two others: of each what it is times, and its samples. */
+interface Sum {
+  readonly column: Column;
+  readonly terms: readonly {
+    readonly of: Column;
+    readonly sign: number;
+    readonly length: keyof Lengths | "";
+  }[];
+}
+
 export class SampleWindow {
   readonly capacity: number;
+  /** What frames bring, in their order. */
+  readonly names: readonly string[];
   readonly columns: ReadonlyMap<string, Column>;
   /** First tick held. */
   startTick = 0;
@@ -26,14 +47,33 @@ export class SampleWindow {
   endTick = 0;
 
   private readonly ordered: readonly Column[];
+  private readonly sums: readonly Sum[];
+  private lengths = UNKNOWN;
 
   constructor(names: readonly string[], capacity: number = CAPACITY_TICKS) {
     if (capacity % BLOCK_TICKS !== 0 || (capacity & (capacity - 1)) !== 0) {
       throw new RangeError(`capacity ${capacity} is not a power of two of at least ${BLOCK_TICKS} ticks`);
     }
     this.capacity = capacity;
+    this.names = names;
     this.ordered = names.map(() => emptyColumn(capacity));
-    this.columns = new Map(names.map((name, index) => [name, this.ordered[index] as Column]));
+    const columns = new Map(names.map((name, index) => [name, this.ordered[index] as Column]));
+    const here = COMBINED.filter(({ terms }) => terms.every(({ column }) => columns.has(column)));
+    this.sums = here.map(({ terms }) => ({
+      column: emptyColumn(capacity),
+      terms: terms.map(({ column, sign, length }) => ({ of: columns.get(column) as Column, sign, length })),
+    }));
+    this.columns = new Map([
+      ...columns,
+      ...here.map(({ name }, index): [string, Column] => [name, (this.sums[index] as Sum).column]),
+    ]);
+  }
+
+  /** Tell the geometry; what is held of signals that follow from it is made anew. */
+  measure({ r_m, r_j }: Lengths): void {
+    if (r_m === this.lengths.r_m && r_j === this.lengths.r_j) return;
+    this.lengths = { r_m, r_j };
+    for (const sum of this.sums) this.add(sum, this.startTick);
   }
 
   /** Number of ticks between start and end, holes included. */
@@ -64,6 +104,7 @@ export class SampleWindow {
       this.copy(column.samples, frame.columns[index] as Float32Array, frame.firstTick);
       this.summarise(column, holeFrom);
     }
+    for (const sum of this.sums) this.add(sum, Math.max(holeFrom, this.startTick));
   }
 
   /** Value of a signal at a tick, NaN where there is none. */
@@ -86,6 +127,20 @@ export class SampleWindow {
   /** Newest value of a signal, NaN before the first frame. */
   newest(name: string): number {
     return this.at(name, this.endTick - 1);
+  }
+
+  private add({ column, terms }: Sum, fromTick: number): void {
+    const mask = this.capacity - 1;
+    const [a, b] = terms as [Sum["terms"][number], Sum["terms"][number]];
+    const [ofA, ofB, out] = [a.of.samples, b.of.samples, column.samples];
+    const [timesA, timesB] = [a, b].map(
+      ({ sign, length }) => sign * (length === "" ? 1 : this.lengths[length]),
+    );
+    for (let tick = fromTick; tick < this.endTick; tick++) {
+      const slot = tick & mask;
+      out[slot] = (timesA as number) * (ofA[slot] as number) + (timesB as number) * (ofB[slot] as number);
+    }
+    this.summarise(column, fromTick);
   }
 
   private fill(samples: Float32Array, fromTick: number, toTick: number): void {

@@ -1,6 +1,7 @@
 /** Looking a word up in the glossary that the service's sources make (`backend/glossary`). */
 
 import { type Entry, GLOSSARY } from "../wire/glossary.gen";
+import { COMBINED } from "../wire/sample.gen";
 import type { Metric } from "../wire/types";
 
 export type { Entry };
@@ -25,6 +26,15 @@ export function entryOf(key: string): Entry | undefined {
 /** The entry of a symbol or a name of the code: "M_s", "λ_q", "theta_A_ref"; primes and numbers tell recordings apart. */
 export function symbolEntry(name: string): Entry | undefined {
   return BY_SYMBOL.get(name) ?? BY_SYMBOL.get(name.replace(/[′⁰¹²³⁴-⁹]+/g, ""));
+}
+
+/** The entries of a signal; of one that is made of others, those of its parts. */
+export function symbolEntries(name: string): readonly (Entry | undefined)[] {
+  const own = symbolEntry(name);
+  if (own !== undefined) return [own];
+  const plain = name.replace(/[′⁰¹²³⁴-⁹]+/g, "");
+  const parts = COMBINED.find((one) => one.name === plain)?.terms ?? [];
+  return parts.map(({ column }) => symbolEntry(column));
 }
 
 /** The entry of a figure: what its result says of it, which stays as it was when it was computed, and its equation. */

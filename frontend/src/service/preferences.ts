@@ -8,6 +8,9 @@ const DEFAULTS: Preferences = {
   scheme: "auto",
   colours: {},
   hidden: [],
+  layout: "Standard",
+  layouts: [],
+  clock: false,
   window_s: 20,
   statistics: false,
   solid: null,
@@ -27,8 +30,8 @@ interface PreferencesInUse {
   /** Defaults until the service has answered. */
   readonly preferences: Preferences;
   readonly known: boolean;
-  /** In force at once; the service is told behind. */
-  change(part: Partial<Preferences>): void;
+  /** In force at once; the service is told behind. What follows from what is in force is a function of it, null for none. */
+  change(part: Partial<Preferences> | ((before: Preferences) => Partial<Preferences> | null)): void;
 }
 
 export function usePreferences(): PreferencesInUse {
@@ -45,7 +48,9 @@ export function usePreferences(): PreferencesInUse {
       const before = queries.getQueryData(preferencesQuery.queryKey);
       // what is not known yet must not be overwritten by defaults
       if (before === undefined) return;
-      const after = { ...before, ...part };
+      const changed = typeof part === "function" ? part(before) : part;
+      if (changed === null) return;
+      const after = { ...before, ...changed };
       queries.setQueryData(preferencesQuery.queryKey, after);
       store.mutate(after);
     },

@@ -224,15 +224,6 @@ export const savedSearchesQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/saved-searches"))).searches,
 });
 
-export function comparisonQuery(run: readonly number[], reference: number) {
-  return queryOptions({
-    queryKey: ["runs", "comparison", run, reference],
-    queryFn: () =>
-      answered(api.GET("/api/run-comparison", { params: { query: { run: [...run], reference } } })),
-    placeholderData: (before) => before,
-  });
-}
-
 /** `metric` "" is the first there is. */
 export function metricHistoryQuery(kind: string, metric: string, where: string, everywhere: boolean) {
   return queryOptions({

@@ -2,7 +2,8 @@
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { answered, api } from "../wire/client";
-import type { Injection } from "../wire/types";
+import { fromCsv } from "../wire/csv";
+import type { Fault, Flight, Injection } from "../wire/types";
 
 export const systemQuery = queryOptions({
   queryKey: ["system"],
@@ -15,6 +16,31 @@ export const flightsQuery = queryOptions({
   queryFn: async () => (await answered(api.GET("/api/flights"))).flights,
   refetchInterval: 5000,
 });
+
+/** Its samples as they are exported, t counted from the trip. They never change. */
+export function flightSamplesQuery(id: number) {
+  return queryOptions({
+    queryKey: ["flights", id, "samples"],
+    queryFn: async () => {
+      const params = { path: { id, format: "csv" as const } };
+      return fromCsv(await answered(api.GET("/api/flights/{id}/data.{format}", { params, parseAs: "text" })));
+    },
+    staleTime: Number.POSITIVE_INFINITY,
+  });
+}
+
+/** Let the 3D view of the replay show a moment of it; `t` counts from the trip. */
+export function showFlightMoment(id: number, t: number) {
+  return answered(api.POST("/api/flights/{id}/replay", { params: { path: { id } }, body: { t } }));
+}
+
+/** The flight record that a fault is in: trips that follow each other share one. */
+export function flightOf(flights: readonly Flight[], fault: Pick<Fault, "tick"> | null): Flight | undefined {
+  const [newest] = flights; // ticks begin anew with each loop process: older records may be of another one
+  if (newest === undefined || fault === null) return undefined;
+  const after_s = (fault.tick - newest.tick) / 1000;
+  return after_s >= 0 && after_s <= newest.after_s ? newest : undefined;
+}
 
 export const faultsQuery = queryOptions({
   queryKey: ["faults"],

@@ -1,7 +1,6 @@
-/** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line and label, the same everywhere. */
+/** Signals as people see them: hue (Okabe-Ito, safe for colour-blind eyes), line, digits; the same everywhere. */
 
-import { type Angles, FINER, readingOf } from "../samples/quantity";
-import { FIELDS, type SignalName } from "../wire/sample.gen";
+import { COMBINED, FIELDS } from "../wire/sample.gen";
 
 export const DEGREES = 180 / Math.PI;
 
@@ -18,29 +17,29 @@ export interface Trace {
   readonly broad?: boolean;
 }
 
-export interface Panel {
-  readonly title: string;
-  readonly quantity: string;
+/** How the values of an axis are read. */
+export interface Scale {
   readonly unit: string;
   /** From SI to the unit shown. */
   readonly factor: number;
   readonly decimals: number;
-  /** Least height of the value axis, in the unit shown. */
+  /** Least length of the axis, in the unit shown. */
   readonly narrowest: number;
+}
+
+export interface Panel extends Scale {
+  readonly title: string;
   readonly traces: readonly Trace[];
+  /** The signal along the other axis; time where there is none. */
+  readonly over?: Scale & { readonly name: string };
+  /** Height, as a multiple of that of a plain panel; 1 if left out. */
+  readonly share?: number;
 }
 
-function measured(name: SignalName, hue: string): Trace {
-  return { name, hue, dashed: false };
-}
-
-function reference(name: SignalName, hue: string): Trace {
-  return { name, hue, dashed: true };
-}
-
-function broad(trace: Trace): Trace {
-  return { ...trace, broad: true };
-}
+/** Everything that can be drawn. */
+export const DRAWN = [...FIELDS, ...COMBINED].map(({ name, unit, meaning }) => ({ name, unit, meaning }));
+const BY_NAME: ReadonlyMap<string, (typeof DRAWN)[number]> = new Map(DRAWN.map((one) => [one.name, one]));
+const SUMS: ReadonlySet<string> = new Set(COMBINED.map(({ name }) => name));
 
 export const HUES = {
   q: "#0072B2",
@@ -51,84 +50,91 @@ export const HUES = {
   u_B: "#D55E00",
 } as const;
 
+const GREY = "#8C949E";
+/** Of signals that have none of their own: those of a side are as its tendon force, what comes from outside is grey. */
+const FURTHER_HUES: Readonly<Record<string, string>> = {
+  F_push: GREY,
+  F_ext: GREY,
+  F_wall: HUES.u_B,
+  mode: GREY,
+  run: GREY,
+  fault: HUES.u_B,
+  limits: HUES.S,
+  overruns: HUES.u_B,
+  lam_S: HUES.S,
+};
+
 /** Hues offered for a signal: Okabe and Ito's, and a grey, told apart by colour-blind eyes too. */
 export const PALETTE = ["#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#8C949E"] as const;
 
 const REFERENCE = [6, 4] as const;
+/** What a reference becomes on its way to the loop. */
+const GOVERNED = [10, 3, 2, 3] as const;
 
 /** Lengths of dashes and gaps of a curve [px], none of a solid one; the same wherever it is drawn. */
 export function dashOf({ dash, dashed }: Trace): number[] {
   return [...(dash ?? (dashed ? REFERENCE : []))];
 }
 
-/** The signal whose colour a reference or an estimate shares. */
+/** The signal whose colour a reference, an estimate or an error shares. */
 export function signalOf(name: string): string {
-  return name.replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
+  return (name.split(" - ")[0] as string).replace(/_(ref|gov|hat|true)|[′⁰¹²³⁴-⁹]/g, "");
 }
 
-/** Unit of a signal in recordings and exports (SI). */
+/** Unit of a signal in recordings and exports (SI), and of its difference Δ. */
 export function unitOf(name: string): string {
-  return FIELDS.find((field) => field.name === name)?.unit ?? "1";
+  return BY_NAME.get(name.replace(/^Δ|[′⁰¹²³⁴-⁹]/g, ""))?.unit ?? "1";
 }
 
-export const POSITION: Panel = {
-  title: "Joint position",
-  quantity: "q",
-  unit: "rad",
-  factor: 1,
-  decimals: 4,
-  narrowest: 4 / DEGREES,
-  traces: [reference("q_ref", HUES.q), measured("q", HUES.q)],
-};
-
-export const STIFFNESS: Panel = {
-  title: "Joint stiffness",
-  quantity: "S",
-  unit: "N·m/rad",
-  factor: 1,
-  decimals: 3,
-  narrowest: 1,
-  traces: [reference("S_ref", HUES.S), measured("S", HUES.S)],
-};
-
-export const FORCE: Panel = {
-  title: "Tendon force",
-  quantity: "F",
-  unit: "N",
-  factor: 1,
-  decimals: 2,
-  narrowest: 4,
-  traces: [broad(measured("F_A", HUES.F_A)), measured("F_B", HUES.F_B)],
-};
-
-export const VOLTAGE: Panel = {
-  title: "Motor voltage",
-  quantity: "u",
-  unit: "V",
-  factor: 1,
-  decimals: 2,
-  narrowest: 1,
-  traces: [broad(measured("u_A", HUES.u_A)), measured("u_B", HUES.u_B)],
-};
-
-const OUTSIDE = "#8C949E";
-
-/** What acts on the joint from outside: as estimated, and on a simulator what is applied, in the place of a reference. */
-export const TOUCH: Panel = {
-  title: "Outside force",
-  quantity: "F",
-  unit: "N",
-  factor: 1,
-  decimals: 2,
-  narrowest: 4,
-  traces: [reference("F_push", OUTSIDE), measured("F_ext_hat", OUTSIDE)],
-};
-
-/** A panel in SI in the unit in which a person reads it; an angle of two decimals in degrees has four in radians. */
-export function readIn(panel: Panel, angles: Angles): Panel {
-  const { unit, factor } = readingOf(panel.unit, angles);
-  if (factor === 1) return panel;
-  return { ...panel, unit, factor, decimals: panel.decimals - FINER, narrowest: panel.narrowest * factor };
+export function isDrawn(name: string): boolean {
+  return BY_NAME.has(name);
 }
 
-export const PANELS = [POSITION, STIFFNESS, FORCE, VOLTAGE, TOUCH] as const;
+export function meaningOf(name: string): string {
+  return BY_NAME.get(name)?.meaning ?? "";
+}
+
+/** How a signal is drawn beside others. */
+export function traceFor(name: string, beside: readonly string[]): Trace {
+  const signal = signalOf(name);
+  const own: Readonly<Record<string, string>> = HUES;
+  const hue = own[signal] ?? FURTHER_HUES[signal] ?? (/_B/.test(name) ? HUES.F_B : undefined);
+  const trace = { name, hue: hue ?? (/_A/.test(name) ? HUES.F_A : HUES.q), dashed: dashes(name, beside) };
+  const governed = /_gov$/.test(name) ? { dash: GOVERNED } : {};
+  const partner = name.replaceAll("_A", "_B");
+  return { ...trace, ...governed, ...(partner !== name && beside.includes(partner) ? { broad: true } : {}) };
+}
+
+/** What was asked for is dashed, and of two errors of one signal that against what was governed. */
+function dashes(name: string, beside: readonly string[]): boolean {
+  if (name === "F_push" || name === "S_true") return true;
+  if (!/_(ref|gov)$/.test(name)) return false;
+  if (!name.includes(" - ")) return true;
+  return /_gov$/.test(name) && beside.some((one) => one !== name && signalOf(one) === signalOf(name));
+}
+
+const BY_UNIT: Readonly<Record<string, Scale>> = {
+  rad: { unit: "rad", factor: 1, decimals: 4, narrowest: 4 / DEGREES },
+  "rad/s": { unit: "rad/s", factor: 1, decimals: 4, narrowest: 10 / DEGREES },
+  "N·m/rad": { unit: "N·m/rad", factor: 1, decimals: 3, narrowest: 1 },
+  N: { unit: "N", factor: 1, decimals: 2, narrowest: 4 },
+  V: { unit: "V", factor: 1, decimals: 2, narrowest: 1 },
+  m: { unit: "mm", factor: 1000, decimals: 2, narrowest: 2 },
+  s: { unit: "s", factor: 1, decimals: 3, narrowest: 0.2 },
+  "1": { unit: "1", factor: 1, decimals: 0, narrowest: 1 },
+};
+/** Errors are small: a digit more, on an axis that may be ten times as fine. */
+const FINER_ERROR = 10;
+const LATENESS: Scale = { unit: "ms", factor: 1000, decimals: 3, narrowest: 0.2 };
+
+/** How one axis for all of these signals of one unit is read. */
+export function scaleOf(names: readonly string[]): Scale {
+  const unit = unitOf(names[0] ?? "");
+  if (names.length > 0 && names.every((name) => name === "lateness_s")) return LATENESS;
+  const scale = BY_UNIT[unit] as Scale;
+  if (names.includes("bank_entry")) return { ...scale, decimals: 2 };
+  const errors = names.length > 0 && names.every((name) => SUMS.has(name) && unit !== "m" && unit !== "N");
+  return errors
+    ? { ...scale, decimals: scale.decimals + 1, narrowest: scale.narrowest / FINER_ERROR }
+    : scale;
+}

@@ -1,14 +1,28 @@
-/** The charts in the colours and the units of the signed-in person. */
+/** The charts of the layout in use, in the colours and the units of the signed-in person; live, of a recording, compared. */
 
 import { useMemo } from "react";
 import { useAngles } from "../service/angles";
 import { usePreferences } from "../service/preferences";
-import { PANELS, type Panel, readIn, signalOf } from "./signals";
+import { panelsOf, readIn, STANDARD } from "./layouts";
+import { type Panel, signalOf } from "./signals";
+import { useLayouts } from "./useLayouts";
 
 export function usePanels(): readonly Panel[] {
+  return useDrawn(useLayouts().used);
+}
+
+/** The charts that every record has the signals of. */
+export function useStandardPanels(): readonly Panel[] {
+  return useDrawn(STANDARD);
+}
+
+function useDrawn(layout: typeof STANDARD): readonly Panel[] {
   const { colours } = usePreferences().preferences;
   const angles = useAngles();
-  return useMemo(() => PANELS.map((panel) => readIn(inColours(panel, colours), angles)), [colours, angles]);
+  return useMemo(
+    () => panelsOf(layout).map((panel) => readIn(inColours(panel, colours), angles)),
+    [layout, colours, angles],
+  );
 }
 
 function inColours(panel: Panel, colours: Readonly<Record<string, string>>): Panel {

@@ -160,6 +160,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/control/wishes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Ask For Control
+         * @description Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it.
+         */
+        post: operations["ask_for_control"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/control/wishes/{id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Answer Wish
+         * @description Hand over, keep control, do not take it, or take back what was asked or offered.
+         */
+        post: operations["answer_wish"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/state": {
         parameters: {
             query?: never;
@@ -538,6 +578,26 @@ export interface paths {
         get: operations["get_flight_data"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/flights/{id}/replay": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Show Flight Moment
+         * @description Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves.
+         */
+        post: operations["show_flight_moment"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1497,9 +1557,49 @@ export interface paths {
         };
         /**
          * Compare Runs
-         * @description Return the metrics of runs beside each other, with their differences to one of them.
+         * @description Return metrics and settings of runs beside those of one of them, and how they come onto its time axis.
          */
         get: operations["compare_runs"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/run-comparison/differences": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Differences
+         * @description Return a signal of runs minus that of one of them, and where it leaves a tolerance band.
+         */
+        get: operations["get_differences"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/run-comparison/{content}.csv": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Comparison File
+         * @description Return aligned curves with their differences, or the table of what differs; SI units.
+         */
+        get: operations["get_comparison_file"];
         put?: never;
         post?: never;
         delete?: never;
@@ -2144,11 +2244,23 @@ export interface components {
             off_percent: number;
         };
         /**
+         * AlignBy
+         * @description What of each run is brought to one moment.
+         * @enum {string}
+         */
+        AlignBy: "begin" | "step" | "event";
+        /**
          * Angles
          * @description Unit in which somebody reads angles.
          * @enum {string}
          */
         Angles: "deg" | "rad";
+        /**
+         * Answer
+         * @description What one of the two says to a request or an offer.
+         * @enum {string}
+         */
+        Answer: "hand_over" | "decline";
         /**
          * ApplyRequest
          * @description The stored identification to apply, of motors or springs, by the number of its estimate.
@@ -2584,6 +2696,44 @@ export interface components {
             T_error_percent: number | null;
         };
         /**
+         * ChartLayout
+         * @description A stack of panels under a name.
+         */
+        ChartLayout: {
+            /**
+             * Version
+             * @constant
+             */
+            version: 1;
+            /** Name */
+            name: string;
+            /** Panels */
+            panels: components["schemas"]["ChartPanel"][];
+        };
+        /**
+         * ChartPanel
+         * @description One chart: signals of one unit over time, or over another signal.
+         */
+        ChartPanel: {
+            /** Title */
+            title: string;
+            /**
+             * Signals
+             * @description what is drawn, in this order
+             */
+            signals: string[];
+            /**
+             * Over
+             * @description signal along the other axis; null for time
+             */
+            over: string | null;
+            /**
+             * Share
+             * @description height, as a multiple of that of a plain panel [1]
+             */
+            share: number;
+        };
+        /**
          * CheckedExperiment
          * @description What can be told of an experiment before it is kept or started, its settings at their defaults.
          */
@@ -2751,6 +2901,36 @@ export interface components {
              * @description in one sentence
              */
             verdict: string;
+            /**
+             * Aligned At S
+             * @description moment that is aligned, from the run's first sample; null: none [s]
+             */
+            aligned_at_s: number | null;
+            /**
+             * Offset S
+             * @description what its times are shifted by onto the reference's axis; null: not aligned [s]
+             */
+            offset_s: number | null;
+            /**
+             * Not Aligned
+             * @description why it is not aligned
+             */
+            not_aligned: string;
+        };
+        /**
+         * ComparedSetting
+         * @description Something that not all compared runs were set to alike: of each run in its order, null where it has none.
+         */
+        ComparedSetting: {
+            /** Name */
+            name: string;
+            /**
+             * Unit
+             * @description SI, 1 for what has none
+             */
+            unit: string;
+            /** Values */
+            values: (boolean | number | string | null)[];
         };
         /**
          * ComparedValue
@@ -2809,6 +2989,11 @@ export interface components {
              * @description the key of this page before it was loaded again: goes on, or is refused
              */
             resume?: string | null;
+            /**
+             * Handed
+             * @description the number under which it was handed over or offered: takes that, or is refused
+             */
+            handed?: number | null;
         };
         /**
          * Correlation
@@ -2906,6 +3091,35 @@ export interface components {
             size_bytes: number | null;
             /** Disk Free Bytes */
             disk_free_bytes: number;
+        };
+        /**
+         * Differences
+         * @description Differences of all runs to the reference, but for itself, computed from every sample.
+         */
+        Differences: {
+            /** Reference */
+            reference: number;
+            /** Signal */
+            signal: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Raw
+             * @description buckets are single samples
+             */
+            raw: boolean;
+            /**
+             * Width S
+             * @description length of a bucket [s]
+             */
+            width_s: number;
+            /**
+             * T
+             * @description where the buckets begin, on the reference's axis [s]
+             */
+            t: number[];
+            /** Runs */
+            runs: components["schemas"]["RunDifference"][];
         };
         /**
          * Doing
@@ -3244,6 +3458,17 @@ export interface components {
             flights: components["schemas"]["FlightView"][];
         };
         /**
+         * FlightMoment
+         * @description The moment of a flight record to show.
+         */
+        FlightMoment: {
+            /**
+             * T
+             * @description time since the trip [s]
+             */
+            t: number;
+        };
+        /**
          * FlightView
          * @description One trip and the extent of what was kept around it.
          */
@@ -3261,6 +3486,11 @@ export interface components {
             text: string;
             /** Run */
             run: number | null;
+            /**
+             * Tick
+             * @description tick of the trip, of the loop that ran then
+             */
+            tick: number;
             /**
              * Before S
              * @description length kept before the trip [s]
@@ -4390,6 +4620,12 @@ export interface components {
              * @description pages and scripts of this person that follow the loop
              */
             pages: number;
+            /**
+             * Since
+             * Format: date-time
+             * @description when the first of these came
+             */
+            since: string;
         };
         /**
          * Ping
@@ -4472,6 +4708,16 @@ export interface components {
             name: string;
             /** Says */
             says: string;
+            /**
+             * R M
+             * @description radius of a motor's reel [m]
+             */
+            r_m: number;
+            /**
+             * R J
+             * @description radius of the joint's pulley [m]
+             */
+            r_j: number;
         };
         /**
          * Pong
@@ -4607,6 +4853,21 @@ export interface components {
              * @description signals switched off in the charts
              */
             hidden: string[];
+            /**
+             * Layout
+             * @description name of the charts' layout in use: an own one, or one of the page's
+             */
+            layout: string;
+            /**
+             * Layouts
+             * @description own layouts of the charts
+             */
+            layouts: components["schemas"]["ChartLayout"][];
+            /**
+             * Clock
+             * @description the time axis tells the time of day; else the time since the start
+             */
+            clock: boolean;
             /**
              * Window S
              * @description length of the following window [s]
@@ -4980,6 +5241,69 @@ export interface components {
             runs: components["schemas"]["ComparedRun"][];
             /** Metrics */
             metrics: components["schemas"]["ComparedMetric"][];
+            /**
+             * Settings
+             * @description what differs of what they were set to
+             */
+            settings: components["schemas"]["ComparedSetting"][];
+        };
+        /**
+         * RunDifference
+         * @description A signal of a run minus that of the reference, at the reference's samples; null where either has none.
+         */
+        RunDifference: {
+            /** Run */
+            run: number;
+            /**
+             * Reason
+             * @description why nothing is compared
+             */
+            reason: string;
+            /**
+             * Minimum
+             * @description smallest difference per bucket; raw: the difference
+             */
+            minimum: (number | null)[];
+            /**
+             * Maximum
+             * @description largest difference per bucket; raw: the difference
+             */
+            maximum: (number | null)[];
+            /**
+             * Compared S
+             * @description length of what was compared, of the stretch asked for [s]
+             */
+            compared_s: number;
+            /**
+             * Missing S
+             * @description the rest of the stretch, where one of both has no sample [s]
+             */
+            missing_s: number;
+            /**
+             * Left At S
+             * @description when the band is left first, on the reference's axis; null: never [s]
+             */
+            left_at_s: number | null;
+            /**
+             * Outside S
+             * @description how long it is outside the band, together [s]
+             */
+            outside_s: number;
+            /**
+             * Longest S
+             * @description how long at most without coming back into it [s]
+             */
+            longest_s: number;
+            /**
+             * Largest
+             * @description difference of the largest size, in the signal's unit
+             */
+            largest: number | null;
+            /**
+             * Largest At S
+             * @description when, on the reference's axis [s]
+             */
+            largest_at_s: number | null;
         };
         /**
          * RunList
@@ -5482,6 +5806,12 @@ export interface components {
             fits: components["schemas"]["SpringFitView"][];
         };
         /**
+         * Standing
+         * @description How a request or an offer stands: the first three wait for somebody, the others are its end.
+         * @enum {string}
+         */
+        Standing: "asked" | "offered" | "handed" | "taken" | "declined" | "withdrawn" | "lapsed" | "left" | "freed";
+        /**
          * Started
          * @description The task was started; its run, the first where there are several, carries the result.
          */
@@ -5523,6 +5853,11 @@ export interface components {
              * @description who has a page open; a number tells persons of one name apart
              */
             people: components["schemas"]["PersonView"][];
+            /**
+             * Wishes
+             * @description who asks for control or is offered it, and what came of that
+             */
+            wishes: components["schemas"]["WishView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -5582,6 +5917,11 @@ export interface components {
              * @description who has a page open; a number tells persons of one name apart
              */
             people: components["schemas"]["PersonView"][];
+            /**
+             * Wishes
+             * @description who asks for control or is offered it, and what came of that
+             */
+            wishes: components["schemas"]["WishView"][];
             /**
              * Chain
              * @description the safety chain in order, from the page to the safety module
@@ -5697,6 +6037,12 @@ export interface components {
              */
             at: string;
         };
+        /**
+         * StepSignal
+         * @description Signals that jump when they are told to.
+         * @enum {string}
+         */
+        StepSignal: "q_ref" | "S_ref" | "F_push";
         /**
          * StepState
          * @description How a step stands.
@@ -6598,6 +6944,71 @@ export interface components {
          */
         WallOrder: {
             wall: components["schemas"]["Wall"] | null;
+        };
+        /**
+         * Wish
+         * @description Ask whoever holds control for it, or offer it to somebody as the page that holds it.
+         */
+        Wish: {
+            /**
+             * Reason
+             * @description why, in a few words; stands in the log
+             */
+            reason: string;
+            /**
+             * To
+             * @description to whom it is offered; null asks for it
+             */
+            to?: string | null;
+        };
+        /**
+         * WishAnswer
+         * @description What is said to a request or an offer; whoever keeps control says why.
+         */
+        WishAnswer: {
+            answer: components["schemas"]["Answer"];
+            /**
+             * Reason
+             * @description why, in a few words; stands in the log
+             * @default
+             */
+            reason: string;
+        };
+        /**
+         * WishView
+         * @description Control that somebody asks for, or that is offered to somebody.
+         */
+        WishView: {
+            /** Number */
+            number: number;
+            /**
+             * Name
+             * @description who is to have it
+             */
+            name: string;
+            /**
+             * By
+             * @description who holds it: is asked, or offers it
+             */
+            by: string;
+            /** Reason */
+            reason: string;
+            standing: components["schemas"]["Standing"];
+            /**
+             * Answer
+             * @description why it was declined, or what was said beside handing it over
+             */
+            answer: string;
+            /**
+             * Offered
+             * @description offered without being asked for
+             */
+            offered: boolean;
+            /**
+             * Epoch
+             * @description what others know the control by that was taken by this; null before
+             */
+            epoch: number | null;
         };
     };
     responses: never;
@@ -7737,6 +8148,241 @@ export interface operations {
             cookie?: never;
         };
         requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    ask_for_control: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Wish"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WishView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    answer_wish: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["WishAnswer"];
+            };
+        };
         responses: {
             /** @description Successful Response */
             204: {
@@ -10032,6 +10678,121 @@ export interface operations {
                     "application/x-matlab-data": unknown;
                     "application/octet-stream": unknown;
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    show_flight_moment: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["FlightMoment"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {
@@ -16478,6 +17239,14 @@ export interface operations {
                 run: number[];
                 /** @description run that the differences are to; the first if left out */
                 reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
             };
             header?: never;
             path?: never;
@@ -16493,6 +17262,270 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["RunComparison"];
                 };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_differences: {
+        parameters: {
+            query: {
+                /** @description runs to compare, in order */
+                run: number[];
+                /** @description run that the differences are to; the first if left out */
+                reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
+                signal?: string;
+                /** @description begin, on the reference's axis [s] */
+                from_s?: number;
+                /** @description end, on the reference's axis [s] */
+                to_s?: number;
+                /** @description most points; beyond it the envelope is sent */
+                points?: number;
+                /** @description tolerance to either side, in the signal's unit */
+                band?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Differences"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_comparison_file: {
+        parameters: {
+            query: {
+                /** @description runs to compare, in order */
+                run: number[];
+                /** @description run that the differences are to; the first if left out */
+                reference?: number | null;
+                /** @description what is brought to one moment */
+                by?: components["schemas"]["AlignBy"];
+                /** @description signal whose step it is */
+                step?: components["schemas"]["StepSignal"];
+                /** @description kind of the event */
+                event?: components["schemas"]["MarkKind"];
+                /** @description which step or event of each run, from 1 */
+                number?: number;
+                signal?: string;
+                /** @description begin, on the reference's axis [s] */
+                from_s?: number;
+                /** @description end, on the reference's axis [s] */
+                to_s?: number;
+                /** @description most points; beyond it the envelope is sent */
+                points?: number;
+                /** @description tolerance to either side, in the signal's unit */
+                band?: number;
+            };
+            header?: never;
+            path: {
+                content: "curves" | "table";
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description the body cannot be parsed */
             400: {

@@ -62,6 +62,16 @@ export function takeControl(takeOver: boolean): Promise<Response> {
   return inTurn(() => take({ take_over: takeOver }));
 }
 
+/** Take control that was handed over or offered to this person under a number. */
+export function takeHanded(number: number): Promise<Response> {
+  return inTurn(() => take({ handed: number }));
+}
+
+/** Ask for control, offer it, answer: with the stamp of this page where it holds control, which it never takes for it. */
+export function sayOfControl(path: "wishes" | `wishes/${number}`, body: object): Promise<Response> {
+  return inTurn(() => send(stamped(posted(`/api/control/${path}`, body))));
+}
+
 /** Give control up. */
 export function giveUpControl(): Promise<Response> {
   return inTurn(async () => {
@@ -89,19 +99,23 @@ async function command(request: Request): Promise<Response> {
   return answer;
 }
 
-async function take(body: { take_over: boolean } | { resume: string }): Promise<Response> {
-  const answer = await send(
-    new Request(new URL("/api/control", globalThis.location.origin), {
-      method: "POST",
-      headers: { "Content-Type": "application/json" },
-      body: JSON.stringify(body),
-    }),
-  );
+async function take(
+  body: { take_over: boolean } | { resume: string } | { handed: number },
+): Promise<Response> {
+  const answer = await send(posted("/api/control", body));
   if (answer.ok) {
     const lease = await answer.clone().json();
     keep({ epoch: lease.epoch, key: lease.page, sequence: 0 });
   }
   return answer;
+}
+
+function posted(path: string, body: object): Request {
+  return new Request(new URL(path, globalThis.location.origin), {
+    method: "POST",
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
 }
 
 function resume(key: string): Promise<Response> {

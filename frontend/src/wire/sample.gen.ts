@@ -203,6 +203,180 @@ export const FIELDS = [
 
 export type SignalName = (typeof FIELDS)[number]["name"];
 
+/** Signals that are stored nowhere: sums of columns, some times a length of the joint's geometry. */
+export const COMBINED = [
+  {
+    "name": "q - q_ref",
+    "unit": "rad",
+    "meaning": "error of the joint position against its reference",
+    "terms": [
+      {
+        "column": "q",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "q_ref",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "q - q_ref_gov",
+    "unit": "rad",
+    "meaning": "error of the joint position against the governed reference, or the plan",
+    "terms": [
+      {
+        "column": "q",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "q_ref_gov",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "S - S_ref",
+    "unit": "N·m/rad",
+    "meaning": "error of the joint stiffness against its reference",
+    "terms": [
+      {
+        "column": "S",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "S_ref",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "S - S_ref_gov",
+    "unit": "N·m/rad",
+    "meaning": "error of the joint stiffness against the governed reference, or the plan",
+    "terms": [
+      {
+        "column": "S",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "S_ref_gov",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "S - S_true",
+    "unit": "N·m/rad",
+    "meaning": "error of the estimated joint stiffness against that of the simulator",
+    "terms": [
+      {
+        "column": "S",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "S_true",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "theta_A - theta_A_ref",
+    "unit": "rad",
+    "meaning": "error of the position of motor A against its reference",
+    "terms": [
+      {
+        "column": "theta_A",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "theta_A_ref",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "theta_B - theta_B_ref",
+    "unit": "rad",
+    "meaning": "error of the position of motor B against its reference",
+    "terms": [
+      {
+        "column": "theta_B",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "theta_B_ref",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "F_A - F_B",
+    "unit": "N",
+    "meaning": "force that the tendons turn the joint with, at r_j",
+    "terms": [
+      {
+        "column": "F_A",
+        "sign": 1,
+        "length": ""
+      },
+      {
+        "column": "F_B",
+        "sign": -1,
+        "length": ""
+      }
+    ]
+  },
+  {
+    "name": "x_A",
+    "unit": "m",
+    "meaning": "elongation of spring A, by the measured angles",
+    "terms": [
+      {
+        "column": "theta_A",
+        "sign": 1,
+        "length": "r_m"
+      },
+      {
+        "column": "q",
+        "sign": -1,
+        "length": "r_j"
+      }
+    ]
+  },
+  {
+    "name": "x_B",
+    "unit": "m",
+    "meaning": "elongation of spring B, by the measured angles",
+    "terms": [
+      {
+        "column": "theta_B",
+        "sign": 1,
+        "length": "r_m"
+      },
+      {
+        "column": "q",
+        "sign": 1,
+        "length": "r_j"
+      }
+    ]
+  }
+] as const;
+
 export const PERIOD_S = 0.001;
 export const HEADER_BYTES = 16;
 export const CURVES_HEADER_BYTES = 24;

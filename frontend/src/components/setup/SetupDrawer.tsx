@@ -19,14 +19,48 @@ const STATES: Record<StepState, { word: string; Icon: IconType }> = {
   unusable: { word: "not usable", Icon: TbCircleX },
 };
 
-const STEPS: Record<string, { title: string; path: string; action: string }> = {
-  pretension: { title: "Pretension", path: "/operate", action: "Wind the tendons up" },
-  motor: { title: "Motor identification", path: "/identify", action: "Identify the motors" },
-  spring: { title: "Spring identification", path: "/identify", action: "Identify the springs" },
-  actuator: { title: "Actuator identification", path: "/identify", action: "Identify the actuator" },
-  bank: { title: "Controller bank", path: "/banks", action: "Build or activate a bank" },
-  experiment: { title: "Experiment", path: "/experiments", action: "Run an experiment" },
-  report: { title: "Report", path: "/experiments", action: "Open the report" },
+interface StepWords {
+  readonly title: string;
+  readonly path: string;
+  readonly action: string;
+  /** The part of the document about the first hour that tells how, and why. */
+  readonly told: string;
+}
+
+export const STEPS: Record<string, StepWords> = {
+  pretension: { title: "Pretension", path: "/operate", action: "Wind the tendons up", told: "pretension" },
+  motor: {
+    title: "Motor identification",
+    path: "/identify",
+    action: "Identify the motors",
+    told: "identify-the-motors",
+  },
+  spring: {
+    title: "Spring identification",
+    path: "/identify",
+    action: "Identify the springs",
+    told: "identify-the-springs",
+  },
+  actuator: {
+    title: "Actuator identification",
+    path: "/identify",
+    action: "Identify the actuator",
+    told: "identify-the-actuator",
+  },
+  bank: {
+    title: "Controller bank",
+    path: "/banks",
+    action: "Build or activate a bank",
+    told: "build-a-bank",
+  },
+  tuning: { title: "Tuning", path: "/operate", action: "Choose λ and save it", told: "tune" },
+  experiment: {
+    title: "Experiment",
+    path: "/experiments",
+    action: "Run an experiment",
+    told: "run-an-experiment",
+  },
+  report: { title: "Report", path: "/experiments", action: "Open the report", told: "take-a-report-home" },
 };
 
 export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () => void }) {
@@ -57,7 +91,7 @@ export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () 
 
 function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => void }) {
   const { word, Icon } = STATES[step.state];
-  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: "Open" };
+  const about = STEPS[step.name] ?? { title: step.name, path: "/operate", action: "Open", told: "" };
   return (
     <li className={styles.step} data-state={step.state} aria-label={`${about.title}: ${word}`}>
       <Icon size={20} aria-hidden="true" className={styles.icon} />
@@ -70,16 +104,25 @@ function Step({ step, onFollowed }: { step: ChecklistStep; onFollowed: () => voi
           {step.detail}
           {step.at !== null && <span className={styles.when}> {dateTime(step.at)}</span>}
         </p>
-        {step.state !== "done" && (
-          <Link href={about.path} onClick={onFollowed}>
-            {about.action}
+        <div className={styles.ways}>
+          {step.state !== "done" && (
+            <Link href={about.path} onClick={onFollowed}>
+              {about.action}
+            </Link>
+          )}
+          <Link
+            href={`/docs/first-hour/${about.told}`}
+            aria-label={`${about.title}: how, and why`}
+            onClick={onFollowed}
+          >
+            How
           </Link>
-        )}
-        {step.run !== null && step.state === "done" && (
-          <Link href={`/runs/${step.run}`} onClick={onFollowed}>
-            Run {step.run}
-          </Link>
-        )}
+          {step.run !== null && step.state === "done" && (
+            <Link href={`/runs/${step.run}`} onClick={onFollowed}>
+              Run {step.run}
+            </Link>
+          )}
+        </div>
       </div>
     </li>
   );

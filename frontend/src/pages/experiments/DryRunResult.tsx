@@ -6,12 +6,13 @@ import { Charts } from "../../charts/Charts";
 import { RecordedSource } from "../../charts/recordedSource";
 import { useViewport } from "../../charts/useViewport";
 import { Card } from "../../components/Card";
+import { plantWord } from "../../components/PlantBadge";
 import { RunState } from "../../components/RunState";
 import { Told } from "../../components/Told";
 import { Outcome } from "../../components/Verdict";
 import { duration } from "../../samples/format";
 import type { useDryRun } from "../../service/commands";
-import { usePanels } from "../../theme/usePanels";
+import { useStandardPanels } from "../../theme/usePanels";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
@@ -83,7 +84,7 @@ function Curves({ samples, duration_s }: CurvesProps) {
   return (
     <div className={page.charts}>
       <Charts
-        panels={usePanels()}
+        panels={useStandardPanels()}
         source={source}
         control={useViewport(home)}
         home={home}
@@ -91,11 +92,14 @@ function Curves({ samples, duration_s }: CurvesProps) {
         limits={NO_LIMITS}
         marks={NO_MARKS}
         stale={false}
+        fixed
+        origin={DRY_RUN}
         name="sinew-dry-run"
       />
     </div>
   );
 }
 
-const NO_LIMITS = new Map();
+const DRY_RUN = { of: "dry run, nothing stored", plant: plantWord("simulator"), bank: "" };
+const NO_LIMITS: readonly never[] = [];
 const NO_MARKS: readonly never[] = [];

@@ -80,9 +80,14 @@ function Recording({ entry: { run, t, flight, event } }: { entry: LogEntry }) {
         </Link>
       )}
       {flight && (
-        <a className={styles.flight} href={`./api/flights/${event}/data.csv`} download>
-          flight record
-        </a>
+        <>
+          <Link className={styles.flight ?? ""} href={`/flights/${event}`}>
+            charts of the trip
+          </Link>
+          <a className={styles.flight} href={`./api/flights/${event}/data.csv`} download>
+            flight record
+          </a>
+        </>
       )}
     </>
   );

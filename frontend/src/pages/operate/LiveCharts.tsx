@@ -2,13 +2,15 @@
 
 import { Button, NativeSelect } from "@mantine/core";
 import { useHotkeys } from "@mantine/hooks";
-import { useEffect, useMemo } from "react";
+import { useCallback, useEffect, useMemo } from "react";
 import { TbPlayerPause, TbPlayerPlay } from "react-icons/tb";
 import { Charts } from "../../charts/Charts";
 import type { PlacedMark } from "../../charts/decorations";
 import { LiveSource } from "../../charts/liveSource";
+import type { Origin } from "../../charts/origin";
 import { useViewport } from "../../charts/useViewport";
 import { following, held, LIVE, SPANS_S, withSpan } from "../../charts/viewport";
+import { plantWord } from "../../components/PlantBadge";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { type Angles, inWords } from "../../samples/quantity";
@@ -22,11 +24,13 @@ import { limitLines } from "./limitLines";
 export function LiveCharts() {
   const store = useLiveStore();
   const source = useMemo(() => new LiveSource(store), [store]);
+  const epoch_s = useCallback(() => source.epoch_s(), [source]);
   const control = useViewport();
   const panels = usePanels();
   const angles = useAngles();
   const { preferences, known, change: remember } = usePreferences();
   const limits = useLive((live) => live.state?.limits);
+  const origin = useOrigin();
   const marks = useLive((live) => live.marks);
   const missed = useLive((live) => live.missed);
   const old_s = useSampleAge();
@@ -57,6 +61,8 @@ export function LiveCharts() {
         [marks, angles],
       )}
       stale={old_s !== null}
+      epoch_s={epoch_s}
+      origin={origin}
       name="sinew-live"
       remark={
         <output aria-label="View">
@@ -94,6 +100,18 @@ export function LiveCharts() {
       </Button>
     </Charts>
   );
+}
+
+/** What pictures of the live charts are of. */
+function useOrigin(): Origin {
+  const plant = useLive((live) => live.state?.plant.name);
+  const run = useLive((live) => live.state?.recording_run);
+  const bank = useLive((live) => live.state?.tuning.bank);
+  return {
+    of: typeof run === "number" ? `run ${run}` : "live, not recorded",
+    plant: plant === undefined ? "plant not known" : plantWord(plant),
+    bank: bank ? `bank ${bank.name} v${bank.version}` : "gains from geometry",
+  };
 }
 
 function spanChoices(span_s: number): { value: string; label: string }[] {

@@ -12,7 +12,7 @@ it("names each line by the value at which it is drawn", () => {
     F_max: 47.5,
     u_max: 7.25,
   } as Limits;
-  const named = [...limitLines(limits, "deg").values()].flat().filter(({ label }) => /\d/.test(label));
+  const named = limitLines(limits, "deg").filter(({ label }) => /\d/.test(label));
   expect(named).toHaveLength(4);
   for (const { label, value } of named)
     expect(Number(/[−+]?[\d.]+/.exec(label)?.[0].replace("−", "-"))).toBe(value);

@@ -12,7 +12,14 @@ import { addressOf, MOST_COMPARED } from "./address";
 
 const OFFERED = 100;
 
-export function CompareWith({ run, others }: { run: Run; others: readonly number[] }) {
+interface CompareWithProps {
+  readonly run: Run;
+  readonly others: readonly number[];
+  /** How they are compared, as the address has it. */
+  readonly how?: string;
+}
+
+export function CompareWith({ run, others, how = "" }: CompareWithProps) {
   const [, go] = useLocation();
   const runs = useQuery(runsQuery({ limit: OFFERED, offset: 0 }));
   const offered = (runs.data?.runs ?? []).filter(
@@ -35,6 +42,8 @@ export function CompareWith({ run, others }: { run: Run; others: readonly number
                 addressOf(
                   run.id,
                   others.filter((other) => other !== id),
+                  null,
+                  how,
                 ),
               )
             }
@@ -47,7 +56,7 @@ export function CompareWith({ run, others }: { run: Run; others: readonly number
         aria-label="Compare with"
         value=""
         disabled={others.length >= MOST_COMPARED - 1}
-        onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)]))}
+        onChange={(event) => go(addressOf(run.id, [...others, Number(event.currentTarget.value)], null, how))}
         data={[
           { value: "", label: others.length === 0 ? "Compare with …" : "and with …" },
           ...sorted.map(({ id, title, started }) => ({

@@ -1,16 +1,15 @@
 // @vitest-environment jsdom
 /** Differences stand beside the run that they are to, and a figure that is none beside its reason. */
 import { MantineProvider } from "@mantine/core";
-import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
-import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { cleanup, render, screen, within } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
 
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
-import { comparisonQuery } from "../../service/queries";
 import type { RunComparison } from "../../wire/types";
 import { ComparisonCard } from "./ComparisonCard";
+import { askedOf, USUAL } from "./compared";
 
 afterEach(cleanup);
 
@@ -31,7 +30,15 @@ function answer(reference: number): RunComparison {
       who: "Ana",
       started: "2026-03-31T10:00:00Z",
       verdict: "",
+      aligned_at_s: 0,
+      offset_s: 0,
+      not_aligned: "",
     })),
+    settings: [
+      { name: "time each reference is held t_q", unit: "s", values: [1.5, 1.5, null] },
+      { name: "range of the joint q_max", unit: "rad", values: [Math.PI / 2, Math.PI, Math.PI / 2] },
+      { name: "plant", unit: "1", values: ["simulator", "rig", "simulator"] },
+    ],
     metrics: [
       {
         name: "peak_voltage_V",
@@ -56,18 +63,19 @@ function answer(reference: number): RunComparison {
   };
 }
 
-function show(): QueryClient {
+/** The card for a reference, with the answer for another one until its own has come. */
+function card(reference: number, answered = reference) {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
-  const client = new QueryClient({ defaultOptions: { queries: { staleTime: Number.POSITIVE_INFINITY } } });
-  client.setQueryData(comparisonQuery(RUNS, 1).queryKey, answer(1));
-  render(
-    <QueryClientProvider client={client}>
-      <MantineProvider>
-        <ComparisonCard runs={RUNS} />
-      </MantineProvider>
-    </QueryClientProvider>,
+  return (
+    <MantineProvider>
+      <ComparisonCard
+        asked={askedOf(RUNS, { ...USUAL, reference })}
+        signal="q"
+        told={answer(answered)}
+        error={null}
+      />
+    </MantineProvider>
   );
-  return client;
 }
 
 function row(name: string): (string | null)[] {
@@ -75,21 +83,42 @@ function row(name: string): (string | null)[] {
   return Array.from(found.querySelectorAll("td")).map((cell) => cell.textContent);
 }
 
-it("shows differences to the run that is named, and none while those are under way", async () => {
-  const client = show();
+function busy(): string | null | undefined {
+  return screen.getByRole("table", { name: "Comparison" }).closest("[aria-busy]")?.getAttribute("aria-busy");
+}
+
+it("shows differences to the run that is named, and none while those are under way", () => {
+  const { rerender } = render(card(1));
   expect(row("Peak voltage")).toEqual(["Peak voltage", "3.000", "4.000+1.000", "6.000+3.000", "V"]);
-  fireEvent.change(screen.getByRole("combobox", { name: "Differences to" }), { target: { value: "2" } });
+  expect(busy()).toBe("false");
+  rerender(card(2, 1));
   expect(row("Peak voltage")).toEqual(["Peak voltage", "3.000", "4.000", "6.000", "V"]);
-  expect(screen.getByRole("table").closest("[aria-busy]")?.getAttribute("aria-busy")).toBe("true");
-  client.setQueryData(comparisonQuery(RUNS, 2).queryKey, answer(2));
-  await vi.waitFor(() =>
-    expect(row("Peak voltage")).toEqual(["Peak voltage", "3.000−1.000", "4.000", "6.000+2.000", "V"]),
-  );
-  expect(screen.getByRole("table").closest("[aria-busy]")?.getAttribute("aria-busy")).toBe("false");
+  expect(busy()).toBe("true");
+  rerender(card(2));
+  expect(row("Peak voltage")).toEqual(["Peak voltage", "3.000−1.000", "4.000", "6.000+2.000", "V"]);
+  expect(busy()).toBe("false");
+});
+
+it("shows the settings that differ as they are read, and which of them are not those of the reference", () => {
+  render(card(2));
+  expect(row("time each reference")).toEqual(["time each reference is held t_q", "1.5", "1.5", "–", "s"]);
+  expect(row("range of the joint")).toEqual(["range of the joint q_max", "90", "180", "90", "deg"]);
+  expect(row("plant")).toEqual(["plant", "simulator", "rig", "simulator", "–"]);
+  const table = within(screen.getByRole("table", { name: "Settings that differ" }));
+  const apart = table.getAllByText(/./, { selector: "strong" }).map(({ textContent }) => textContent);
+  expect(apart).toEqual(["90", "90", "simulator", "simulator"]);
+});
+
+it("leads to files of what is compared, by the same reference", () => {
+  render(card(2));
+  const link = (name: string) => screen.getByRole("link", { name }).getAttribute("href");
+  const asked = "run=1&run=2&run=3&reference=2&by=begin&step=q_ref&event=fault&number=1&signal=q";
+  expect(link("Table (CSV)")).toBe(`./api/run-comparison/table.csv?${asked}`);
+  expect(link("Curves of q (CSV)")).toBe(`./api/run-comparison/curves.csv?${asked}`);
 });
 
 it("says beside a figure why there is none, or why it is that of a part", () => {
-  show();
+  render(card(1));
   expect(row("Overshoot of q").slice(1)).toEqual([
     `2.000at least this: ${REASON}`,
     `not measured${REASON}`,

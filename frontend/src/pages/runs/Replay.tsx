@@ -28,12 +28,38 @@ interface ReplayProps {
 }
 
 export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
+  const { at_s } = usePlayhead(playhead);
+  const moment = useMoments(run, at_s, duration_s, source);
+  const show = useCallback((time_s: number) => showMoment(run, time_s), [run]);
+  return (
+    <PlayedBack
+      playhead={playhead}
+      of={`run ${run}`}
+      read={moment}
+      show={show}
+      begin_s={0}
+      end_s={duration_s}
+    />
+  );
+}
+
+interface PlayedBackProps {
+  readonly playhead: Playhead;
+  /** What is played back, in words. */
+  readonly of: string;
+  readonly read: (name: string, time_s: number) => number;
+  /** Ask the 3D view for a moment; has to be the same as long as it shows the same. */
+  readonly show: (time_s: number) => Promise<unknown>;
+  readonly begin_s: number;
+  readonly end_s: number;
+}
+
+export function PlayedBack({ playhead, of, read: readAt, show, begin_s, end_s }: PlayedBackProps) {
   const { at_s, playing } = usePlayhead(playhead);
   const [speed, setSpeed] = useState(1);
   const { solid, camera, known, toggle: toggleView, look } = useSceneView(false);
-  useMomentIn3D(solid, run, playhead);
-  const moment = useMoments(run, at_s, duration_s, source);
-  const read = useCallback((name: string) => moment(name, playhead.at_s), [moment, playhead]);
+  useMomentIn3D(solid, show, playhead);
+  const read = useCallback((name: string) => readAt(name, playhead.at_s), [readAt, playhead]);
 
   useEffect(() => {
     if (!playing) return;
@@ -41,15 +67,15 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
     let request = requestAnimationFrame(function next(now_ms) {
       const moved_s = playhead.at_s + (speed * Math.max(0, now_ms - before_ms)) / 1000;
       before_ms = now_ms;
-      playhead.set(Math.min(moved_s, duration_s));
-      if (moved_s >= duration_s) playhead.play(false);
+      playhead.set(Math.min(moved_s, end_s));
+      if (moved_s >= end_s) playhead.play(false);
       else request = requestAnimationFrame(next);
     });
     return () => cancelAnimationFrame(request);
-  }, [playhead, playing, speed, duration_s]);
+  }, [playhead, playing, speed, end_s]);
 
   function toggle(): void {
-    if (!playing && at_s >= duration_s) playhead.set(0);
+    if (!playing && at_s >= end_s) playhead.set(begin_s);
     playhead.play(!playing);
   }
 
@@ -57,7 +83,7 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
     <section className={styles.replay} aria-label="Replay">
       <p className={styles.origin}>
         <strong className={styles.badge}>REPLAY</strong>
-        run {run}, not live
+        {of}, not live
       </p>
       {solid ? (
         <SceneFrame address={sceneAddress("./replay/", camera)} title="3D view of the replay" />
@@ -86,8 +112,8 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
         size="sm"
         thumbLabel="Replay position"
         label={null}
-        min={0}
-        max={duration_s}
+        min={begin_s}
+        max={end_s}
         step={STEP_S}
         value={at_s}
         onChange={(value) => playhead.set(value)}
@@ -97,7 +123,11 @@ export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
 }
 
 /** Keep the 3D view at the playhead: a moment is asked for once the one before has been answered. */
-function useMomentIn3D(wanted: boolean, run: number, playhead: Playhead): void {
+function useMomentIn3D(
+  wanted: boolean,
+  show: (time_s: number) => Promise<unknown>,
+  playhead: Playhead,
+): void {
   useEffect(() => {
     if (!wanted) return;
     let shown = Number.NaN;
@@ -107,7 +137,7 @@ function useMomentIn3D(wanted: boolean, run: number, playhead: Playhead): void {
         const at_s = playhead.at_s;
         if (at_s !== shown) {
           // a service that cannot be reached is told of in the header; the next moment tries again
-          await showMoment(run, at_s).catch(() => undefined);
+          await show(at_s).catch(() => undefined);
           shown = at_s;
         }
         await new Promise((resume) => window.setTimeout(resume, MOMENT_MS));
@@ -117,5 +147,5 @@ function useMomentIn3D(wanted: boolean, run: number, playhead: Playhead): void {
     return () => {
       ended = true;
     };
-  }, [wanted, run, playhead]);
+  }, [wanted, show, playhead]);
 }

@@ -6,25 +6,29 @@ import { Charts } from "../../charts/Charts";
 import { ComparedSource, comparedPanels, markOf, traceOf } from "../../charts/comparedSource";
 import type { PlacedMark } from "../../charts/decorations";
 import { Playhead } from "../../charts/playhead";
+import { ShiftedSource } from "../../charts/shiftedSource";
 import type { PlotSource } from "../../charts/source";
 import { TraceLine } from "../../charts/TraceLine";
 import { useViewport, type ViewControl } from "../../charts/useViewport";
 import type { Viewport } from "../../charts/viewport";
+import { plantWord } from "../../components/PlantBadge";
 import { useLive } from "../../live/react";
 import { type Angles, inWords } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
-import { runMarksQuery, runQuery } from "../../service/queries";
+import { banksQuery, runMarksQuery, runQuery } from "../../service/queries";
+import { bankInWords } from "../../service/tuningWords";
 import { HUES, type Trace } from "../../theme/signals";
 import { usePanels } from "../../theme/usePanels";
-import type { RunMark } from "../../wire/types";
+import type { Bank, RunMark } from "../../wire/types";
 import { limitLines } from "../operate/limitLines";
 import page from "../Page.module.css";
 import { Replay } from "./Replay";
 import replay from "./Replay.module.css";
-import { type Recorded, useRecordings } from "./useRecordings";
+import { covered, type Recorded, useRecordings } from "./useRecordings";
 
 const NO_MARKS: readonly RunMark[] = [];
 
+const NO_BANKS: readonly Bank[] = [];
 const NO_OTHERS: readonly number[] = [];
 
 /** What the pieces of curves in the key are of. */
@@ -35,20 +39,33 @@ interface RunChartsProps {
   /** Where the playhead stands first. */
   readonly at_s?: number | null;
   readonly others?: readonly number[];
+  /** Of runs beside each other: what brings each onto the axis of the reference, whose marks are shown. */
+  readonly placed?: Placed;
+}
+
+/** Runs without an offset are left out. */
+export interface Placed {
+  readonly reference: number;
+  readonly offsets: ReadonlyMap<number, number>;
 }
 
 /** `others` has to be the same array as long as it says the same. */
-export function RunCharts({ run, at_s = null, others = NO_OTHERS }: RunChartsProps) {
+export function RunCharts({ run, at_s = null, others = NO_OTHERS, placed }: RunChartsProps) {
   const asked = useQueries({ queries: [run, ...others].map((id) => runQuery(id)) });
   const error = asked.find((one) => one.error)?.error;
   if (error) return <p className={page.empty}>{error.message}</p>;
   const found = asked.map(({ data }) => data).filter((data) => data !== undefined);
   if (found.length < asked.length) return <p className={page.empty}>Loading …</p>;
   const silent = found.filter(({ samples }) => samples === 0).map(({ id }) => id);
-  if (silent.includes(run)) return <p className={page.empty}>This run has no samples.</p>;
-  const drawn = found.filter(({ samples }) => samples > 0).map(({ id, duration_s }) => ({ id, duration_s }));
-  const key = drawn.map(({ id, duration_s }) => `${id}:${duration_s}`).join(" ");
-  return drawn.length === 1 ? (
+  if (silent.includes(run) && placed === undefined) {
+    return <p className={page.empty}>This run has no samples.</p>;
+  }
+  const drawn = found
+    .filter(({ id, samples }) => samples > 0 && (placed === undefined || placed.offsets.has(id)))
+    .map(({ id, duration_s }) => ({ id, duration_s, offset_s: placed?.offsets.get(id) ?? 0 }));
+  const key = drawn.map(({ id, duration_s, offset_s }) => `${id}:${duration_s}:${offset_s}`).join(" ");
+  if (drawn.length === 0) return <p className={page.empty}>None of these runs can be drawn.</p>;
+  return placed === undefined && drawn.length === 1 ? (
     <OneRun
       key={`${key} ${at_s}`}
       run={run}
@@ -57,7 +74,7 @@ export function RunCharts({ run, at_s = null, others = NO_OTHERS }: RunChartsPro
       silent={silent}
     />
   ) : (
-    <SeveralRuns key={key} runs={drawn} silent={silent} />
+    <SeveralRuns key={key} runs={drawn} silent={silent} reference={placed?.reference ?? run} />
   );
 }
 
@@ -73,6 +90,7 @@ function OneRun({ run, at_s, duration_s, silent }: OneRunProps) {
       <RecordedCharts
         runs={runs}
         silent={silent}
+        marksOf={run}
         source={source}
         control={control}
         home={home}
@@ -103,20 +121,27 @@ interface OneRunProps {
 interface SeveralRunsProps {
   readonly runs: readonly Recorded[];
   readonly silent: readonly number[];
+  readonly reference: number;
 }
 
 /** Mounted anew for other runs: these stay what they are. */
-function SeveralRuns({ runs, silent }: SeveralRunsProps) {
+function SeveralRuns({ runs, silent, reference }: SeveralRunsProps) {
   const [kept] = useState(runs);
-  const longest_s = Math.max(...kept.map(({ duration_s }) => duration_s));
-  const home = useMemo(() => ({ span_s: longest_s, end_s: longest_s }), [longest_s]);
+  const home = useMemo(() => {
+    const { from_s, to_s } = covered(kept);
+    return { span_s: to_s - from_s, end_s: to_s };
+  }, [kept]);
   const control = useViewport(home);
   const { sources, resolution } = useRecordings(kept, control.view);
-  const source = useMemo(() => new ComparedSource(...sources), [sources]);
+  const source = useMemo(
+    () => new ComparedSource(...sources.map((own, n) => new ShiftedSource(own, kept[n]?.offset_s ?? 0))),
+    [sources, kept],
+  );
   return (
     <RecordedCharts
       runs={kept}
       silent={silent}
+      marksOf={reference}
       source={source}
       control={control}
       home={home}
@@ -129,6 +154,8 @@ interface RecordedChartsProps {
   readonly runs: readonly Recorded[];
   /** Runs that were asked for and have no samples. */
   readonly silent: readonly number[];
+  /** The run whose time the axis shows. */
+  readonly marksOf: number;
   readonly source: PlotSource;
   readonly control: ViewControl;
   readonly home: Viewport;
@@ -136,13 +163,21 @@ interface RecordedChartsProps {
   readonly resolution: string;
 }
 
-function RecordedCharts({ runs, silent, source, control, home, playhead, resolution }: RecordedChartsProps) {
+function RecordedCharts(props: RecordedChartsProps) {
+  const { runs, silent, marksOf, source, control, home, playhead, resolution } = props;
   const run = (runs[0] as Recorded).id;
   const further = runs.length - 1;
   const panels = usePanels();
   const angles = useAngles();
   const limits = useLive((live) => live.state?.limits);
-  const { data: marks = NO_MARKS } = useQuery(runMarksQuery(run));
+  const { data: found } = useQuery(runQuery(run));
+  const { data: banks = NO_BANKS } = useQuery(banksQuery);
+  const started = found?.started;
+  const began = useMemo(() => {
+    const epoch_s = started === undefined ? Number.NaN : Date.parse(started) / 1000;
+    return Number.isNaN(epoch_s) ? undefined : () => epoch_s;
+  }, [started]);
+  const { data: marks = NO_MARKS } = useQuery(runMarksQuery(marksOf));
   return (
     <Charts
       panels={useMemo(() => (further === 0 ? panels : comparedPanels(panels, further)), [panels, further])}
@@ -154,6 +189,12 @@ function RecordedCharts({ runs, silent, source, control, home, playhead, resolut
       marks={useMemo(() => marks.map((mark) => placed(mark, angles)), [marks, angles])}
       stale={false}
       {...(playhead === undefined ? {} : { playhead })}
+      {...(playhead !== undefined && began !== undefined ? { epoch_s: began } : {})}
+      origin={{
+        of: runs.map(({ id }, n) => `run ${id}${markOf(n)}`).join(", "),
+        plant: found === undefined ? "plant not known" : plantWord(found.plant),
+        bank: bankInWords(found?.settings.find((one) => one.name === "bank")?.value, banks),
+      }}
       name={`sinew-run-${run}`}
       remark={
         <>

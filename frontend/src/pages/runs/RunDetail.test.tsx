@@ -12,6 +12,7 @@ import { RunDetail } from "./RunDetail";
 
 // A canvas cannot draw here; where the curves stand is what counts.
 vi.mock("./RunCharts", () => ({ RunCharts: () => <div data-testid="curves" /> }));
+vi.mock("./ComparedRuns", () => ({ ComparedRuns: () => null }));
 
 const RUN: Run = {
   id: 7,

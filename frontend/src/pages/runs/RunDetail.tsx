@@ -10,8 +10,9 @@ import { capital } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
+import { ComparedRuns } from "./ComparedRuns";
 import { CompareWith } from "./CompareWith";
-import { ComparisonCard } from "./ComparisonCard";
+import { type Compared, USUAL } from "./compared";
 import { LineageCard } from "./LineageCard";
 import { NoteCard } from "./NoteCard";
 import { RunCharts } from "./RunCharts";
@@ -24,11 +25,13 @@ interface RunDetailProps {
   /** The second of the recording to be shown first; its begin where left out. */
   readonly at_s?: number | null;
   readonly others: readonly number[];
+  /** How it is compared with these. */
+  readonly compared?: Compared;
   /** What of the address could not be followed. */
   readonly problem?: string;
 }
 
-export function RunDetail({ id, at_s = null, others, problem = "" }: RunDetailProps) {
+export function RunDetail({ id, at_s = null, others, compared = USUAL, problem = "" }: RunDetailProps) {
   const { data, error } = useQuery(runQuery(id));
   return (
     <div className={page.page}>
@@ -44,12 +47,15 @@ export function RunDetail({ id, at_s = null, others, problem = "" }: RunDetailPr
       {data && (
         <>
           <RunResult run={data} />
-          <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
-            <div className={page.charts}>
-              <RunCharts run={id} at_s={at_s} others={others} />
-            </div>
-          </Card>
-          {others.length > 0 && <ComparisonCard runs={[id, ...others]} />}
+          {others.length > 0 ? (
+            <ComparedRuns run={data} others={others} compared={compared} />
+          ) : (
+            <Card title="Curves" aside={<CompareWith run={data} others={others} />}>
+              <div className={page.charts}>
+                <RunCharts run={id} at_s={at_s} />
+              </div>
+            </Card>
+          )}
           <div className={page.halves}>
             <Facts run={data} />
             <NoteCard run={data} />

@@ -3,13 +3,15 @@
 import { useMemo } from "react";
 import { useParams } from "wouter";
 import { othersIn } from "./address";
+import { comparedIn } from "./compared";
 import { MetricChart } from "./MetricChart";
 import { RunDetail } from "./RunDetail";
 import { RunTable } from "./RunTable";
 
 export default function RunsPage() {
-  const { id, at, others, chart } = useParams();
+  const { id, at, others, how, chart } = useParams();
   const beside = useMemo(() => othersIn(others, Number(id)), [others, id]);
+  const told = useMemo(() => comparedIn(how), [how]);
   if (chart !== undefined) return <MetricChart />;
   return id === undefined ? (
     <RunTable />
@@ -19,7 +21,8 @@ export default function RunsPage() {
       id={Number(id)}
       at_s={at === undefined ? null : Number(at)}
       others={beside.numbers}
-      problem={beside.problem}
+      compared={told.compared}
+      problem={[beside.problem, told.problem].filter((one) => one !== "").join("; ")}
     />
   );
 }

@@ -2,12 +2,18 @@
 
 /** All runs, their metrics, a run, a run at a second of it, a run beside others, whatever these are: `othersIn` says what is wrong with them. */
 export const RUNS =
-  /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+))?))?$/;
+  /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;
 
-/** A run by itself, at a second of its recording where one is given, or beside others. */
-export function addressOf(run: number, others: readonly number[] = [], at_s: number | null = null): string {
+/** A run by itself, at a second of its recording where one is given, or beside others, compared as `how` says. */
+export function addressOf(
+  run: number,
+  others: readonly number[] = [],
+  at_s: number | null = null,
+  how = "",
+): string {
   const own = at_s === null ? `/runs/${run}` : `/runs/${run}@${Math.max(0, at_s).toFixed(3)}`;
-  return others.length === 0 ? own : `${own}/${others.join(",")}`;
+  if (others.length === 0) return own;
+  return `${own}/${others.join(",")}${how === "" ? "" : `/${how}`}`;
 }
 
 /** As many as the service sets beside each other. */

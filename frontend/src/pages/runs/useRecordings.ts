@@ -8,17 +8,27 @@ import { stretch, type Viewport } from "../../charts/viewport";
 import { significant } from "../../samples/format";
 import type { Stretch } from "../../samples/stretch";
 import { recordingQuery } from "../../service/queries";
-import { PANELS } from "../../theme/signals";
+import { usePanels } from "../../theme/usePanels";
 import type { Excerpt } from "../../wire/curves";
 
-/** What the charts show, and what the drawing of the actuator needs beside. */
-const SIGNALS = [...PANELS.flatMap((panel) => panel.traces.map((trace) => trace.name)), "theta_A", "theta_B"];
+/** What the drawing of the actuator and the foot of a picture need, whatever the charts show. */
+const ALWAYS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "lam_q", "lam_S", "bank_entry"];
 const POINTS = 2000;
 const RESTED_MS = 80;
 
 export interface Recorded {
   readonly id: number;
   readonly duration_s: number;
+  /** What its times are shifted by onto the axis of the charts. */
+  readonly offset_s?: number;
+}
+
+/** All that the runs cover of the axis. */
+export function covered(runs: readonly Recorded[]): Stretch {
+  return {
+    from_s: Math.min(...runs.map(({ offset_s = 0 }) => offset_s)),
+    to_s: Math.max(...runs.map(({ offset_s = 0, duration_s }) => offset_s + duration_s)),
+  };
 }
 
 export interface Recordings {
@@ -29,27 +39,32 @@ export interface Recordings {
 
 /** `runs` has to be the same array as long as it says the same. */
 export function useRecordings(runs: readonly Recorded[], view: Viewport): Recordings {
+  const panels = usePanels();
+  const signals = useMemo(() => {
+    const drawn = panels.flatMap(({ traces, over }) => [...traces, ...(over === undefined ? [] : [over])]);
+    return [...new Set([...drawn.map(({ name }) => name), ...ALWAYS])];
+  }, [panels]);
   const sources = useMemo(() => runs.map(({ duration_s }) => new RecordedSource(duration_s)), [runs]);
   const overviews = useQueries({
     queries: runs.map(({ id, duration_s }) =>
-      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, SIGNALS),
+      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, signals),
     ),
   });
-  const longest_s = Math.max(...runs.map(({ duration_s }) => duration_s));
-  const seen = stretch(view, longest_s);
+  const whole = covered(runs);
+  const seen = stretch(view, whole.to_s);
   // the first turn of the wheel is followed at once, those after it when they have come to rest
-  const wanted = useSteady(widened(seen, longest_s));
+  const wanted = useSteady(widened(seen, whole));
   const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
-  const parts = runs.map(({ duration_s }) => ({
-    from_s: Math.min(rested.from_s, duration_s),
-    to_s: Math.min(rested.to_s, duration_s),
-  }));
+  const parts = runs.map(({ duration_s, offset_s = 0 }) => {
+    const own = (time_s: number) => Math.min(Math.max(0, time_s - offset_s), duration_s);
+    return { from_s: own(rested.from_s), to_s: own(rested.to_s) };
+  });
   const zoomed = parts.map(
     ({ from_s, to_s }, index) => to_s - from_s < (runs[index] as Recorded).duration_s && to_s > from_s,
   );
   const details = useQueries({
     queries: runs.map(({ id }, index) => ({
-      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, SIGNALS),
+      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, signals),
       enabled: zoomed[index] === true,
     })),
   });
@@ -70,9 +85,11 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   }, [...detailsThere, sources]);
 
   const first = parts[0] as Stretch;
-  const duration_s = (runs[0] as Recorded).duration_s;
+  const { duration_s, offset_s = 0 } = runs[0] as Recorded;
   const fits =
-    zoomed[0] && first.from_s <= Math.max(0, seen.from_s) && first.to_s >= Math.min(seen.to_s, duration_s);
+    zoomed[0] &&
+    first.from_s <= Math.max(0, seen.from_s - offset_s) &&
+    first.to_s >= Math.min(seen.to_s - offset_s, duration_s);
   return { sources, resolution: resolution(fits ? detailsThere[0] : overviewsThere[0]) };
 }
 
@@ -87,10 +104,10 @@ function resolution(shown: Excerpt | undefined): string {
 }
 
 /** A third more on either side, so that a small pan needs no new data. */
-function widened({ from_s, to_s }: Stretch, duration_s: number): Stretch {
+function widened({ from_s, to_s }: Stretch, whole: Stretch): Stretch {
   const margin = (to_s - from_s) / 3;
   return {
-    from_s: Math.max(0, from_s - margin),
-    to_s: Math.max(from_s, Math.min(duration_s, to_s + margin)),
+    from_s: Math.max(whole.from_s, from_s - margin),
+    to_s: Math.max(from_s, Math.min(whole.to_s, to_s + margin)),
   };
 }

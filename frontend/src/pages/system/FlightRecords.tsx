@@ -32,7 +32,9 @@ export function FlightRecords() {
             <Table.Tbody>
               {flights.map((flight) => (
                 <Table.Tr key={flight.id}>
-                  <Table.Td>{dateTime(flight.at)}</Table.Td>
+                  <Table.Td>
+                    <a href={`#/flights/${flight.id}`}>{dateTime(flight.at)}</a>
+                  </Table.Td>
                   <Table.Td>
                     <Told text={flight.text} />
                   </Table.Td>

@@ -6,9 +6,8 @@ from contextlib import suppress
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from backend.api.auth import authentication_of
-from backend.api.cookies import shown_by
 from backend.refusal import RefusalError
+from backend.web_server.cookies import authentication_of, shown_by
 
 LIVE = "/api/live"
 OVER = 1008

@@ -18,6 +18,12 @@ _SAME_COOKIES = 4
 _SHOWN = "sinew.shown"
 
 
+def authentication_of(connection: HTTPConnection) -> Authentication:
+    """Return what tells who asks, of the running service."""
+    authentication: Authentication = connection.app.state.authentication
+    return authentication
+
+
 def shown_by(connection: HTTPConnection) -> Shown:
     """Return what a request or websocket shows of who sends it; the same each time it is asked for."""
     shown: Shown | None = connection.scope.get(_SHOWN)

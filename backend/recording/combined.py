@@ -1,0 +1,70 @@
+"""Envelopes of signals that are not stored: they follow from the columns, sample by sample."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from backend.documents.edge import UnreadableDocumentError
+from backend.recording.codec import Table, unpack_alike
+from backend.sample import Combined, Term
+from backend.storage import Session, recordings, runs
+from backend.storage.recordings import Recording
+
+LONGEST_TICKS = 3_600_000
+"""The extremes of a sum are not those of its terms: every sample is read, and beyond an hour that takes too long."""
+
+
+def combined_envelope(
+    session: Session,
+    recording: Recording,
+    wanted: Sequence[Combined],
+    ticks: tuple[int, int],
+    buckets: NDArray[np.int64],
+) -> tuple[Table, Table]:
+    """Return smallest and largest value per bucket, [buckets, wanted] each, over the ticks from .. up to ..
+
+    ``buckets`` holds the first tick of each, and where the last one ends. nan where the recording lacks a column or
+    the run's parameters a length, and for stretches of more than LONGEST_TICKS.
+    """
+    count = len(buckets) - 1
+    low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
+    if ticks[1] - ticks[0] > LONGEST_TICKS:
+        return low, high
+    lengths = _lengths(session, recording.run_id, wanted)
+    names = list(dict.fromkeys(term.column for one in wanted for term in one.terms))
+    kept = [name for name in names if name in recording.fields]
+    indices = [recording.fields.index(name) for name in kept]
+    for chunk in recordings.chunks(session, recording.run_id, *ticks):
+        (table,) = unpack_alike([chunk.samples], len(recording.fields), indices)
+        begin, end = max(ticks[0] - chunk.first_tick, 0), min(ticks[1] - chunk.first_tick, chunk.count)
+        columns = dict(zip(kept, table[begin:end].astype(np.float64).T, strict=True))
+        nothing = np.full(end - begin, np.nan)
+        values = np.column_stack(
+            [sum_of(((columns.get(term.column, nothing), term) for term in one.terms), lengths) for one in wanted]
+        ).astype(np.float32)
+        at = np.searchsorted(buckets, chunk.first_tick + np.arange(begin, end), side="right") - 1
+        starts = np.flatnonzero(np.diff(at, prepend=-1))
+        low[at[starts]] = np.fmin(low[at[starts]], np.fmin.reduceat(values, starts, axis=0))
+        high[at[starts]] = np.fmax(high[at[starts]], np.fmax.reduceat(values, starts, axis=0))
+    return low, high
+
+
+def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: dict[str, float]) -> NDArray[np.float64]:
+    """Return the sum of columns, each by its term; ``lengths`` are those of the geometry [m], by name."""
+    total: NDArray[np.float64] = np.sum(
+        [term.sign * (lengths[term.length] if term.length else 1.0) * column for column, term in parts], axis=0
+    )
+    return total
+
+
+def _lengths(session: Session, run_id: int, wanted: Sequence[Combined]) -> dict[str, float]:
+    return dict(_found(session, run_id, {str(term.length) for one in wanted for term in one.terms} - {""}))
+
+
+def _found(session: Session, run_id: int, names: Iterable[str]) -> Iterator[tuple[str, float]]:
+    for name in names:
+        try:
+            yield name, runs.get(session, run_id).number("geometry", name)
+        except UnreadableDocumentError:  # an imported run may have come without
+            yield name, np.nan

@@ -1,0 +1,72 @@
+/** The panels of the layout in use, one row each; every change is drawn and kept at once. */
+
+import { Button, NativeSelect } from "@mantine/core";
+import { useState } from "react";
+import { TbTrash } from "react-icons/tb";
+import { type Edited, moved, renamed, withPanel } from "../theme/editing";
+import { useLayouts } from "../theme/useLayouts";
+import type { ChartLayout } from "../wire/types";
+import { EditedText } from "./EditedText";
+import styles from "./LayoutEditor.module.css";
+import { PanelRow } from "./PanelRow";
+import { signalChoices } from "./signalChoices";
+
+export function LayoutEditor() {
+  const { used, own, edit, remove } = useLayouts();
+  const [refusal, refuse] = useState<string | null>(null);
+  const isOwn = own.includes(used);
+
+  const take = (how: (layout: ChartLayout) => Edited) => refuse(edit(how));
+
+  return (
+    <section className={styles.editor} aria-label="Layout editor">
+      <div className={styles.head}>
+        <span className={styles.name}>
+          Layout
+          <EditedText
+            label="Name of the layout"
+            text={used.name}
+            onDone={(text) => take((layout) => renamed(layout, text))}
+          />
+        </span>
+        {isOwn ? (
+          <Button
+            variant="default"
+            leftSection={<TbTrash size={14} />}
+            onClick={() => {
+              refuse(null);
+              remove(used.name);
+            }}
+          >
+            Remove layout
+          </Button>
+        ) : (
+          <span className={styles.note}>Ready-made: the first change makes an own copy.</span>
+        )}
+        <output className={styles.refusal} role="alert">
+          {refusal}
+        </output>
+      </div>
+      <ol className={styles.panels}>
+        {used.panels.map((panel, place) => (
+          <PanelRow
+            // biome-ignore lint/suspicious/noArrayIndexKey: a row stays where it is, and with it the focus; panels move
+            key={place}
+            layout={used}
+            panel={panel}
+            place={place}
+            onEdit={take}
+            onMove={(by) => take((layout) => moved(layout, place, by))}
+          />
+        ))}
+      </ol>
+      <NativeSelect
+        aria-label="Add panel"
+        value=""
+        onChange={({ currentTarget: { value } }) => take((layout) => withPanel(layout, value))}
+        data={[{ value: "", label: "Add a panel with …", disabled: true }, ...signalChoices(null)]}
+        w={200}
+      />
+    </section>
+  );
+}

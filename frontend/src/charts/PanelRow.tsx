@@ -1,0 +1,157 @@
+/** One panel of a layout in its editor. */
+
+import { ActionIcon, NativeSelect } from "@mantine/core";
+import { type ReactNode, useEffect, useRef } from "react";
+import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
+import { Written } from "../components/SignalName";
+import { fixed } from "../samples/format";
+import {
+  type Edited,
+  neighbour,
+  resized,
+  withOver,
+  withoutPanel,
+  withoutSignal,
+  withSignal,
+  withTitle,
+} from "../theme/editing";
+import { LEAST_SHARE, MOST } from "../theme/layouts";
+import { unitOf } from "../theme/signals";
+import type { ChartLayout, ChartPanel } from "../wire/types";
+import { EditedText } from "./EditedText";
+import styles from "./LayoutEditor.module.css";
+import { signalChoices } from "./signalChoices";
+
+interface PanelRowProps {
+  readonly layout: ChartLayout;
+  readonly panel: ChartPanel;
+  readonly place: number;
+  onEdit(how: (layout: ChartLayout) => Edited): void;
+  onMove(by: 1 | -1): void;
+}
+
+/** Row and direction of the move that was just made: the focus goes along. */
+let followed: { readonly place: number; readonly by: 1 | -1 } | null = null;
+
+export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps) {
+  const { title, signals, over, share } = panel;
+  const row = useRef<HTMLLIElement>(null);
+  // biome-ignore lint/correctness/useExhaustiveDependencies: a panel that has come here is the reason to look
+  useEffect(() => {
+    if (followed?.place !== place) return;
+    const [wanted, other] = followed.by < 0 ? ["up", "down"] : ["down", "up"];
+    followed = null;
+    const button = (name = "") =>
+      row.current?.querySelector<HTMLElement>(`[data-move=${name}]:not(:disabled)`);
+    (button(wanted) ?? button(other))?.focus();
+  }, [title, place]);
+
+  function move(by: 1 | -1): void {
+    const to = neighbour(layout, place, by);
+    if (to === null) return;
+    followed = { place: to, by };
+    onMove(by);
+  }
+
+  return (
+    <li ref={row} className={styles.panel} aria-label={title}>
+      <EditedText
+        label={`Title of panel ${place + 1}`}
+        text={title}
+        onDone={(text) => onEdit((now) => withTitle(now, place, text))}
+      />
+      <span className={styles.signals}>
+        {signals.map((name) => (
+          <button
+            key={name}
+            type="button"
+            className={styles.signal}
+            aria-label={`Remove ${name} from ${title}`}
+            onClick={() => onEdit((now) => withoutSignal(now, place, name))}
+          >
+            <Written name={name} /> <TbX size={12} aria-hidden="true" />
+          </button>
+        ))}
+      </span>
+      <NativeSelect
+        aria-label={`Add a signal to ${title}`}
+        value=""
+        onChange={({ currentTarget: { value } }) => onEdit((now) => withSignal(now, place, value))}
+        data={[
+          { value: "", label: "Add a signal …", disabled: true },
+          ...signalChoices(unitOf(signals[0] ?? "")),
+        ]}
+        w={130}
+      />
+      <NativeSelect
+        aria-label={`Axis of ${title}`}
+        value={over ?? ""}
+        onChange={({ currentTarget: { value } }) => onEdit((now) => withOver(now, place, value || null))}
+        data={[{ value: "", label: "over time" }, ...signalChoices(null)]}
+        w={110}
+      />
+      <span className={styles.tools}>
+        <Tool
+          name={`Make ${title} lower`}
+          idle={share <= LEAST_SHARE}
+          onClick={() => onEdit((now) => resized(now, place, -1))}
+        >
+          <TbMinus size={14} />
+        </Tool>
+        <output className={styles.share} aria-label={`Height of ${title}`}>
+          × {fixed(share, 1)}
+        </output>
+        <Tool
+          name={`Make ${title} higher`}
+          idle={share >= MOST.share}
+          onClick={() => onEdit((now) => resized(now, place, 1))}
+        >
+          <TbPlus size={14} />
+        </Tool>
+        <Tool
+          name={`Move ${title} up`}
+          move="up"
+          idle={neighbour(layout, place, -1) === null}
+          onClick={() => move(-1)}
+        >
+          <TbArrowUp size={14} />
+        </Tool>
+        <Tool
+          name={`Move ${title} down`}
+          move="down"
+          idle={neighbour(layout, place, 1) === null}
+          onClick={() => move(1)}
+        >
+          <TbArrowDown size={14} />
+        </Tool>
+        <Tool name={`Remove ${title}`} idle={false} onClick={() => onEdit((now) => withoutPanel(now, place))}>
+          <TbTrash size={14} />
+        </Tool>
+      </span>
+    </li>
+  );
+}
+
+interface ToolProps {
+  readonly name: string;
+  readonly idle: boolean;
+  readonly move?: string;
+  readonly children: ReactNode;
+  onClick(): void;
+}
+
+function Tool({ name, idle, move, children, onClick }: ToolProps) {
+  return (
+    <ActionIcon
+      variant="default"
+      size={28}
+      aria-label={name}
+      title={name}
+      disabled={idle}
+      data-move={move}
+      onClick={onClick}
+    >
+      {children}
+    </ActionIcon>
+  );
+}

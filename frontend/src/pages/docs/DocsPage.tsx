@@ -1,0 +1,127 @@
+/** The documents of Sinew, read where one works, with a search over all of them. */
+
+import { TextInput } from "@mantine/core";
+import { useMediaQuery } from "@mantine/hooks";
+import { useEffect, useState } from "react";
+import { Link, useParams } from "wouter";
+import { Card } from "../../components/Card";
+import page from "../Page.module.css";
+import styles from "./Docs.module.css";
+import { addressed, DOCUMENTS, type Document, documentNamed, type Found, search } from "./documents";
+import { Markdown } from "./Markdown";
+
+const DECISIONS = "decisions/";
+const MOST = 40;
+const NARROW = "(max-width: 700px)";
+
+export default function DocsPage() {
+  const { rest } = useParams<{ rest?: string }>();
+  const { name, part } = addressed(rest ?? DOCUMENTS[0]?.name ?? "");
+  const [words, setWords] = useState("");
+  const shown = documentNamed(name);
+  const found = search(words);
+  return (
+    <div className={page.page}>
+      <h1 className={page.title}>Docs</h1>
+      <div className={page.columns}>
+        <Card title="Documents">
+          <TextInput
+            label="Search in all of them"
+            placeholder="tension, homing, λ_q …"
+            value={words}
+            onChange={(event) => setWords(event.currentTarget.value)}
+          />
+          {words.trim() === "" ? (
+            <Contents key={name} here={name} chosen={rest !== undefined} />
+          ) : (
+            <Results found={found} onFollowed={() => setWords("")} />
+          )}
+        </Card>
+        {shown === undefined ? (
+          <p className={page.empty}>There is no document “{name}”. Choose one of the list.</p>
+        ) : (
+          <Reading document={shown} part={part} />
+        )}
+      </div>
+    </div>
+  );
+}
+
+/** On a phone out of the way once something is read. */
+function Contents({ here, chosen }: { here: string; chosen: boolean }) {
+  const narrow = useMediaQuery(NARROW, false, { getInitialValueInEffect: false });
+  const isDecision = ({ name }: Document) => name.startsWith(DECISIONS);
+  return (
+    <nav className={styles.contents} aria-label="Documents">
+      <details open={!(narrow && chosen)}>
+        <summary>What there is</summary>
+        <Titles of={DOCUMENTS.filter((one) => !isDecision(one))} here={here} />
+      </details>
+      <details open={here.startsWith(DECISIONS)}>
+        <summary>Why it is built so: decisions</summary>
+        <Titles of={DOCUMENTS.filter(isDecision)} here={here} />
+      </details>
+    </nav>
+  );
+}
+
+function Titles({ of, here }: { of: readonly Document[]; here: string }) {
+  return (
+    <ul>
+      {of.map(({ name, title }) => (
+        <li key={name}>
+          <Link href={`/docs/${name}`} aria-current={name === here ? "page" : undefined}>
+            {title}
+          </Link>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function Results({ found, onFollowed }: { found: readonly Found[]; onFollowed: () => void }) {
+  return (
+    <div className={styles.contents}>
+      <output className={page.dim} aria-label="Found">
+        {found.length === 1 ? "1 place" : `${found.length} places`}
+        {found.length > MOST && `, the first ${MOST} of them`}
+      </output>
+      <ul>
+        {found.slice(0, MOST).map(({ document, part, line }) => (
+          <li key={`${document.name}/${part.id}`}>
+            <Link href={`/docs/${document.name}/${part.id}`} onClick={onFollowed}>
+              {part.title === document.title ? part.title : `${document.title}: ${part.title}`}
+            </Link>
+            <p className={styles.line}>{line}</p>
+          </li>
+        ))}
+      </ul>
+    </div>
+  );
+}
+
+function Reading({ document, part }: { document: Document; part: string | null }) {
+  useEffect(() => {
+    const main = window.document.querySelector("main");
+    const target = part === null ? null : window.document.getElementById(`part-${document.name}-${part}`);
+    if (target === null) main?.scrollTo({ top: 0 });
+    else target.scrollIntoView({ block: "start" });
+  }, [document, part]);
+  const [first, ...others] = document.parts;
+  return (
+    <article className={styles.reading} aria-label={document.title}>
+      {[first, ...others].map((one) => one && <Section key={one.id} document={document} part={one} />)}
+    </article>
+  );
+}
+
+function Section({ document, part }: { document: Document; part: Document["parts"][number] }) {
+  // the page has the heading of the first order
+  const Heading = part.depth <= 1 ? "h2" : part.depth === 2 ? "h3" : "h4";
+  return (
+    <>
+      <Heading id={`part-${document.name}-${part.id}`}>{part.title}</Heading>
+      <Markdown of={document.name} tokens={part.tokens} />
+    </>
+  );
+}

@@ -1,0 +1,142 @@
+/** The seconds around a trip in charts and 3D, opened at its tick; time counts from it, as in the exported file. */
+
+import { useQuery } from "@tanstack/react-query";
+import { useCallback, useMemo, useState } from "react";
+import { Link, useParams } from "wouter";
+import { Charts } from "../../charts/Charts";
+import { Playhead } from "../../charts/playhead";
+import { RecordedSource } from "../../charts/recordedSource";
+import { ShiftedSource } from "../../charts/shiftedSource";
+import { useViewport } from "../../charts/useViewport";
+import { Card } from "../../components/Card";
+import { plantWord } from "../../components/PlantBadge";
+import { Told } from "../../components/Told";
+import { useLive } from "../../live/react";
+import { fixed, instant } from "../../samples/format";
+import { useAngles } from "../../service/angles";
+import { runQuery } from "../../service/queries";
+import { flightSamplesQuery, flightsQuery, showFlightMoment } from "../../service/system";
+import { usePanels } from "../../theme/usePanels";
+import type { Columns } from "../../wire/csv";
+import type { Flight } from "../../wire/types";
+import { limitLines } from "../operate/limitLines";
+import page from "../Page.module.css";
+import { PlayedBack } from "./Replay";
+import replay from "./Replay.module.css";
+
+const PERIOD_S = 0.001;
+
+export default function FlightPage() {
+  const id = Number(useParams().id);
+  const flights = useQuery(flightsQuery);
+  const samples = useQuery(flightSamplesQuery(id));
+  const flight = flights.data?.find((one) => one.id === id);
+  const missing = flights.data === undefined ? undefined : `there is no flight record ${id}`;
+  return (
+    <div className={page.page}>
+      <h1 className={page.title}>
+        <Link href="/log">Log</Link> / Flight record {id}
+      </h1>
+      {flight === undefined ? (
+        <p className={page.empty}>{samples.error?.message ?? missing ?? "Loading …"}</p>
+      ) : (
+        <Card title="Trip">
+          <dl className={page.facts}>
+            <dt>When</dt>
+            <dd>
+              {instant(flight.at)}, tick {flight.tick}
+            </dd>
+            <dt>What happened</dt>
+            <dd>
+              <Told text={flight.text} />
+            </dd>
+            <dt>Kept</dt>
+            <dd>
+              {fixed(flight.before_s, 3)} s before to {fixed(flight.after_s, 3)} s after, every sample
+            </dd>
+            <dt>Run</dt>
+            <dd>
+              {flight.run === null ? (
+                "none was recorded"
+              ) : (
+                <Link href={`/runs/${flight.run}`}>Run {flight.run}</Link>
+              )}
+            </dd>
+          </dl>
+        </Card>
+      )}
+      {flight !== undefined && (
+        <Card title="Curves">
+          <div className={page.charts}>
+            {samples.data === undefined ? (
+              <p className={page.empty}>{samples.error?.message ?? "Loading …"}</p>
+            ) : (
+              <FlightCharts key={id} flight={flight} samples={samples.data} />
+            )}
+          </div>
+        </Card>
+      )}
+    </div>
+  );
+}
+
+function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns }) {
+  const { id, text, run } = flight;
+  const { data: recorded } = useQuery({ ...runQuery(run ?? 0), enabled: run !== null });
+  const begin_s = samples.t?.[0] ?? 0;
+  const end_s = (samples.t?.at(-1) ?? 0) + PERIOD_S;
+  const home = useMemo(() => ({ span_s: end_s - begin_s, end_s }), [begin_s, end_s]);
+  const control = useViewport(home);
+  const source = useMemo(() => sourceOf(samples, begin_s, end_s), [samples, begin_s, end_s]);
+  const [playhead] = useState(() => new Playhead(0));
+  const panels = usePanels();
+  const angles = useAngles();
+  const limits = useLive((live) => live.state?.limits);
+  const read = useCallback((name: string, time_s: number) => source.at(name, time_s), [source]);
+  const show = useCallback((time_s: number) => showFlightMoment(id, time_s), [id]);
+  return (
+    <div className={replay.beside}>
+      <Charts
+        panels={panels}
+        source={source}
+        control={control}
+        home={home}
+        longest_s={home.span_s}
+        limits={useMemo(() => limitLines(limits, angles), [limits, angles])}
+        marks={useMemo(() => [{ time_s: 0, text, fault: true }], [text])}
+        stale={false}
+        playhead={playhead}
+        origin={{
+          of: `flight record ${id}`,
+          plant: recorded === undefined ? "plant not known" : plantWord(recorded.plant),
+          bank: "",
+        }}
+        name={`sinew-trip-${id}`}
+        remark="every sample; time counts from the trip"
+      />
+      <PlayedBack
+        playhead={playhead}
+        of={`flight record ${id}`}
+        read={read}
+        show={show}
+        begin_s={begin_s}
+        end_s={end_s - PERIOD_S}
+      />
+    </div>
+  );
+}
+
+function sourceOf(samples: Columns, begin_s: number, end_s: number): ShiftedSource {
+  const source = new RecordedSource(end_s - begin_s);
+  const signals = Object.entries(samples).map(([name, values]) => {
+    const column = Float32Array.from(values);
+    return [name, { minimum: column, maximum: column }] as const;
+  });
+  source.setOverview({
+    raw: true,
+    width_s: PERIOD_S,
+    t: Float64Array.from(samples.t ?? [], (time_s) => time_s - begin_s),
+    signals: Object.fromEntries(signals),
+  });
+  return new ShiftedSource(source, begin_s);
+}

@@ -1,0 +1,65 @@
+/** The layouts of the charts that a person may choose, and their own ones; each change is kept at once. */
+
+import { usePreferences } from "../service/preferences";
+import type { ChartLayout, Preferences } from "../wire/types";
+import type { Edited } from "./editing";
+import { MOST, panelsOf, READY, STANDARD, unused } from "./layouts";
+
+interface Layouts {
+  readonly used: ChartLayout;
+  readonly own: readonly ChartLayout[];
+  choose(name: string): void;
+  /** Change the layout in use; of one that comes with the page a copy is made. Null when it is kept, or why it is not. */
+  edit(how: (used: ChartLayout) => Edited): string | null;
+  /** Take an own layout away; the standard one is used after it. */
+  remove(name: string): void;
+}
+
+export function useLayouts(): Layouts {
+  const { preferences, change } = usePreferences();
+  return {
+    used: usedOf(preferences),
+    own: preferences.layouts,
+    choose: (name) => change({ layout: name }),
+    edit: (how) => {
+      let refusal: string | null = null;
+      // of what is in force now: two presses may come before the page is rendered once
+      change((before) => {
+        const to = edited(before, how);
+        if (typeof to !== "string") return to;
+        refusal = to;
+        return null;
+      });
+      return refusal;
+    },
+    remove: (name) =>
+      change(({ layouts }) => ({
+        layout: STANDARD.name,
+        layouts: layouts.filter((one) => one.name !== name),
+      })),
+  };
+}
+
+function usedOf({ layout, layouts }: Preferences): ChartLayout {
+  const wanted = [...READY, ...layouts].find(({ name }) => name === layout);
+  const drawable = wanted !== undefined && panelsOf(wanted).some(({ over }) => over === undefined);
+  return drawable ? wanted : STANDARD;
+}
+
+/** What changes in the preferences, or why nothing does. */
+function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partial<Preferences> | string {
+  const { layouts } = before;
+  const used = usedOf(before);
+  const to = how(used);
+  if (typeof to === "string") return to;
+  const isOwn = layouts.includes(used);
+  const others = [...READY, ...layouts].filter((one) => one !== used || !isOwn).map(({ name }) => name);
+  if (isOwn) {
+    if (others.includes(to.name)) return `There is a layout “${to.name}” already; choose another name.`;
+    return { layout: to.name, layouts: layouts.map((one) => (one === used ? to : one)) };
+  }
+  if (layouts.length >= MOST.layouts)
+    return `${MOST.layouts} own layouts are kept at most; remove one first.`;
+  const name = unused(to.name === used.name ? `My ${used.name}` : to.name, others);
+  return { layout: name, layouts: [...layouts, { ...to, name }] };
+}

@@ -1,0 +1,275 @@
+"""Runs beside one of them: what the operator reads is what the interface and the recordings say."""
+
+import csv
+import io
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import timedelta
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from backend.storage import events, open_database, recordings, runs
+from tests.api.conftest import client_with
+from tests.e2e.operator import Operator
+from tests.e2e.service import Service, running_service
+from tests.e2e.test_accessibility import violations
+
+STEPS: tuple[tuple[float, float], ...] = ((1.0, 0.2), (1.6, 0.2), (1.3, 0.3))
+"""Of three runs: when q_ref steps in the program [s], and to what [rad]. A fourth has no step."""
+FAULT_AT_S = {1: 0.8, 2: 1.5}
+"""When the journal tells of a fault [s from the first sample]."""
+DEG = 180.0 / math.pi
+
+Columns = dict[str, list[float]]
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    data = tmp_path_factory.mktemp("compared")
+    for at_s, q_ref in STEPS:
+        play(data, [segment(at_s, 0.0), segment(1.5, q_ref)], lam_q=0.5 if at_s != 1.6 else 0.6)
+    play(data, [segment(2.0, 0.0)])
+    database = open_database(data)
+    with database.session() as session:
+        for run_id, at_s in FAULT_AT_S.items():
+            run, span = runs.get(session, run_id), recordings.span(session, run_id)
+            tick, at = span.first_tick + round(1e3 * at_s), run.started_at + timedelta(microseconds=1)
+            events.add(session, "fault", "put here by a test", run_id=run_id, tick=tick, at=at)
+    database.close()
+    with running_service(data) as running:
+        yield running
+
+
+def segment(duration_s: float, q_ref: float) -> dict[str, float]:
+    return {"duration_s": duration_s, "q_ref": q_ref, "S_ref": 10.0}
+
+
+def play(data: Path, segments: list[dict[str, float]], lam_q: float = 0.5) -> None:
+    """Run a sequence headless."""
+    settings = ["--set", f"segments={json.dumps(segments)}", "--set", f"lam_q={lam_q}"]
+    command = [sys.executable, "-m", "backend", "experiment", "sequence", *settings, "--data", str(data)]
+    subprocess.run(command, check=True, capture_output=True)
+
+
+@pytest.fixture(scope="module")
+def recorded(service: Service) -> dict[int, Columns]:
+    """All samples of each run, as they are exported."""
+    with client_with(service, "token") as client:
+        return {run: columns(client.get(f"/api/runs/{run}/data.csv").raise_for_status().text) for run in range(1, 5)}
+
+
+def columns(text: str) -> Columns:
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    return {name: [float(row[name]) for row in rows] for name in rows[0]}
+
+
+def first_step(samples: Columns) -> int:
+    return next(k + 1 for k, (before, after) in enumerate(pairwise(samples["q_ref"])) if before == 0.0 != after)
+
+
+def show(operator: Operator, address: str) -> Page:
+    operator.sign_in()
+    operator.page.goto(f"{operator.service.url}/#{address}")
+    expect(operator.page.get_by_role("heading", level=1)).to_contain_text("Run 1")
+    return operator.page
+
+
+def number(text: str) -> float:
+    return float(text.replace("\u2212", "-").replace("+", ""))
+
+
+def cells(row: Locator) -> list[str]:
+    return [text.strip() for text in row.get_by_role("cell").all_inner_texts()]
+
+
+def rows_of(page: Page, table: str) -> list[list[str]]:
+    body = page.get_by_role("table", name=table, exact=True).locator("tbody tr")
+    return [cells(row) for row in body.all()]
+
+
+def ask(page: Page, path: str) -> Any:
+    return page.evaluate("path => fetch(path).then(answer => answer.json())", path)
+
+
+def test_metrics_are_told_with_their_differences_to_the_chosen_run(operator: Operator) -> None:
+    page = show(operator, "/runs/1/2,3,4")
+    expect(page.get_by_role("table", name="Comparison", exact=True)).to_be_visible()
+    check_metrics(page, 1)
+    page.get_by_role("combobox", name="Reference", exact=True).select_option("3")
+    expect(page.get_by_text("the difference to run 3")).to_be_visible()
+    page.locator('[aria-busy="false"]').get_by_role("table", name="Comparison", exact=True).wait_for()
+    check_metrics(page, 3)
+    assert page.url.endswith("/runs/1/2,3,4/reference=3")
+    page.reload()  # what is compared with stands in the address
+    expect(page.get_by_role("combobox", name="Reference", exact=True)).to_have_value("3")
+    expect(page.get_by_text("the difference to run 3")).to_be_visible()
+    check_metrics(page, 3)
+
+    lam_q = next(row for row in rows_of(page, "Settings that differ") if "λ_q" in row[0])
+    shown = [ask(page, f"./api/runs/{run}")["settings"] for run in range(1, 5)]
+    told = [next(one["value"] for one in settings if one["name"] == "lam_q") for settings in shown]
+    assert [number(cell) for cell in lam_q[1:5]] == told == [0.5, 0.6, 0.5, 0.5]
+    assert not any("λ_S" in row[0] for row in rows_of(page, "Settings that differ"))
+
+
+def check_metrics(page: Page, reference: int) -> None:
+    """Each figure is that of the run's own result, each difference theirs."""
+    results = [{one["label"]: one for one in ask(page, f"./api/experiments/{run}")["metrics"]} for run in range(1, 5)]
+    shown = rows_of(page, "Comparison")
+    assert {row[0] for row in shown} == set().union(*results)
+    looked_at = 0
+    for row in shown:
+        own = results[reference - 1].get(row[0], {"value": None})["value"]
+        for cell, result in zip(row[1:5], results, strict=True):
+            found = result.get(row[0])
+            lines = cell.split("\n")
+            if found is None or found["value"] is None:
+                assert lines[0] == "not measured"
+                continue
+            factor = DEG if found["unit"] == "rad" else 1.0
+            assert number(lines[0]) == pytest.approx(found["value"] * factor, rel=1e-3, abs=1e-12)
+            if own is None or abs(found["value"] - own) <= 1e-11 * abs(own):
+                assert len([line for line in lines if line and "(" in line]) == 0
+                continue
+            said = re.match(r"([+\u2212][\d.e+\u2212]+)(?: \(([+\u2212][\d.e+\u2212]+) %\))?$", lines[1])
+            assert said is not None, cell
+            assert number(said[1]) == pytest.approx((found["value"] - own) * factor, rel=1e-3)
+            if own:
+                assert number(said[2]) == pytest.approx(100.0 * (found["value"] - own) / abs(own), rel=1e-2)
+            looked_at += 1
+    assert looked_at > 10
+
+
+def test_runs_are_aligned_by_a_step_and_one_without_is_left_out(
+    operator: Operator, recorded: dict[int, Columns]
+) -> None:
+    page = show(operator, "/runs/1/2,3,4")
+    expect(page.get_by_text("run 2 not shifted")).to_be_visible()
+    page.get_by_role("combobox", name="Align by", exact=True).select_option("step")
+    steps = {run: first_step(recorded[run]) for run in (1, 2, 3)}
+    for run in (2, 3):
+        shift_s = (steps[1] - steps[run]) / 1e3
+        expect(page.get_by_text(f"run {run} shifted by {shift_s:.3f} s".replace("-", "\u2212"))).to_be_visible()
+    expect(page.get_by_role("alert").filter(has_text="left out")).to_contain_text("run 4 has no step of q_ref, not 1")
+    expect(operator.legend("Joint position", "q′′")).to_be_visible()
+    expect(operator.legend("Joint position", "q′′′")).to_have_count(0)
+
+    # once they are aligned, runs 1 and 2 are told the same at each moment
+    page.get_by_role("combobox", name="Signal", exact=True).select_option("q_ref")
+    second = page.get_by_role("table", name="Deviations").get_by_role("row").filter(has_text="Run 2")
+    expect(second.get_by_role("cell").nth(4)).to_have_text("0")
+
+    box = page.get_by_role("textbox", name="Number of the step")
+    box.fill("2")
+    expect(page.get_by_role("alert").filter(has_text="run 2 has 1 step of q_ref, not 2")).to_be_visible()
+    box.fill("x")
+    expect(page.get_by_text("“x” is not a number")).to_be_visible()
+    assert "number=2" in page.url  # what is no number changes nothing
+
+
+def test_where_a_run_leaves_the_band_is_told_as_the_samples_have_it(
+    operator: Operator, recorded: dict[int, Columns]
+) -> None:
+    page = show(operator, "/runs/1/2,3,4/by=step")
+    table = page.get_by_role("table", name="Deviations", exact=True)
+    expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(6)
+    page.get_by_role("textbox", name="Tolerance [deg]").fill("1.5")
+    expect(table.get_by_role("img", name="no tolerance is given")).to_have_count(0)
+    expect(page.get_by_text("the band is ± 1.5 deg")).to_be_visible()
+    shown = {row[0]: row[1:] for row in rows_of(page, "Deviations")}
+    assert shown["Run 4"] == ["not measured: run 4 has no step of q_ref, not 1"]
+    for run in (2, 3):
+        told = plain_look(recorded[1], recorded[run], 1.5 / DEG)
+        left, outside, longest, largest, at, compared = shown[f"Run {run}"]
+        assert (left == "–") == (told["left_at"] is None)
+        if told["left_at"] is not None:
+            assert number(left) == pytest.approx(told["left_at"] / 1e3, abs=6e-4)
+        assert number(outside) == pytest.approx(told["outside"] / 1e3, abs=6e-4)
+        assert number(longest) == pytest.approx(told["longest"] / 1e3, abs=6e-4)
+        assert number(largest) == pytest.approx(told["largest"] * DEG, rel=1e-3, abs=1e-6)
+        assert number(at) == pytest.approx(told["largest_at"] / 1e3, abs=6e-4)
+        assert number(compared.split(" of ")[0]) == pytest.approx(told["compared"] / 1e3, abs=6e-4)
+    assert plain_look(recorded[1], recorded[3], 1.5 / DEG)["left_at"] is not None
+    expect(operator.legend("Difference of q", "Δq′′")).to_be_visible()
+    assert page.get_by_role("region", name="Differences to run 1").locator("canvas").count() == 1
+
+
+def plain_look(own: Columns, other: Columns, band: float) -> dict[str, Any]:
+    """The same figures in samples, from exported files alone."""
+    shift = first_step(own) - first_step(other)
+    apart = {k: other["q"][k - shift] - value for k, value in enumerate(own["q"]) if 0 <= k - shift < len(other["q"])}
+    outside = [k for k, value in apart.items() if abs(value) > band]
+    longest = run = 0
+    for k in apart:
+        run = run + 1 if abs(apart[k]) > band else 0
+        longest = max(longest, run)
+    worst = max(apart, key=lambda k: (abs(apart[k]), -k))
+    return {
+        "left_at": outside[0] if outside else None,
+        "outside": len(outside),
+        "longest": longest,
+        "largest": apart[worst],
+        "largest_at": worst,
+        "compared": len(apart),
+    }
+
+
+def test_runs_are_aligned_by_an_event_of_the_log(operator: Operator) -> None:
+    page = show(operator, "/runs/1/2")
+    page.get_by_role("combobox", name="Align by", exact=True).select_option("event")
+    shift_s = FAULT_AT_S[1] - FAULT_AT_S[2]
+    expect(page.get_by_text(f"run 2 shifted by {shift_s:.3f} s".replace("-", "\u2212"))).to_be_visible()
+    page.get_by_role("combobox", name="Kind of event", exact=True).select_option("tuning")
+    expect(page.get_by_role("alert").filter(has_text="run 2 has no event of the kind tuning")).to_be_visible()
+
+
+def test_files_hold_what_is_compared(operator: Operator, recorded: dict[int, Columns]) -> None:
+    page = show(operator, "/runs/1/2,3/reference=2;by=step")
+    expect(page.get_by_role("table", name="Deviations", exact=True)).to_be_visible()
+    text = operator.download("Curves of q (CSV)").read_text(encoding="utf-8")
+    assert "aligned by step 1 of q_ref" in text.splitlines()[0]
+    rows = list(csv.DictReader(io.StringIO("\n".join(line for line in text.splitlines() if line[0] != "#"))))
+    assert len(rows) == len(recorded[2]["t"])
+    steps = {run: first_step(recorded[run]) for run in (1, 2, 3)}
+    for k, row in enumerate(rows):
+        own = recorded[2]["q"][k]
+        assert float(row["q_run_2"]) == own
+        for run in (1, 3):
+            place = k - steps[2] + steps[run]
+            there = 0 <= place < len(recorded[run]["q"])
+            found, apart = float(row[f"q_run_{run}"]), float(row[f"d_q_run_{run}"])
+            if there:
+                assert found == recorded[run]["q"][place]
+                assert apart == pytest.approx(found - own, abs=1e-6)
+            else:
+                assert math.isnan(found)
+                assert math.isnan(apart)
+    table = operator.download("Table (CSV)").read_text(encoding="utf-8")
+    lines = list(csv.DictReader(io.StringIO("\n".join(line for line in table.splitlines() if line[0] != "#"))))
+    peak = [line for line in lines if line["name"] == "peak_voltage_V"]
+    told = ask(page, "./api/run-comparison?run=1&run=2&run=3&reference=2")["metrics"]
+    values = next(one["values"] for one in told if one["name"] == "peak_voltage_V")
+    assert [float(line["value"]) for line in peak] == [one["value"] for one in values]
+    assert [float(line["difference"]) for line in peak] == [one["difference"] for one in values]
+    assert {line["what"] for line in lines} == {"metric", "setting"}
+
+
+def test_a_comparison_is_read_and_steered_by_everybody(operator: Operator) -> None:
+    page = show(operator, "/runs/1/2,3,4/by=step;band=0.02;odd")
+    expect(page.get_by_role("alert").filter(has_text="odd")).to_contain_text(
+        "he address has odd, which says nothing here"
+    )
+    expect(page.get_by_role("table", name="Deviations", exact=True)).to_be_visible()
+    for size in ({"width": 390, "height": 844}, {"width": 1440, "height": 900}):
+        page.set_viewport_size(size)  # type: ignore[arg-type]
+        wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        assert wide <= 0
+    assert violations(page) == []

@@ -1,0 +1,205 @@
+"""Control is asked for and handed over with reasons: what the operators read is what the service and its log tell."""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from backend.access.hand_over import GONE_S
+from tests.e2e.browser import DESKTOP, Watched
+from tests.e2e.layout import survey
+from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.service import Service
+
+MOVES = {
+    "header": "header button",
+    "main": "main button, main input, main a",
+    "ways": "nav a",
+}
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
+class Somebody:
+    """An operator with a name, at a page of their own browser."""
+
+    def __init__(self, browser: Browser, service: Service, name: str) -> None:
+        self.name = name
+        self.service = service
+        self.watched = Watched(browser.new_context(viewport=DESKTOP).new_page())
+        self.page = self.watched.page
+        signing_in = {"token": (service.data / "token").read_text().strip(), "name": name}
+        assert self.page.request.post(f"{service.url}/api/session", data=signing_in).ok
+        self.page.goto(f"{service.url}/#/studies")  # what is tried is above every page; charts cost a processor
+        expect(self.page.get_by_role("banner")).to_be_visible()
+        skip = self.page.get_by_role("button", name="Skip tour", exact=True)
+        told = self.page.request.get(f"{service.url}/api/preferences").json()
+        if not told["toured"]:
+            skip.click()
+
+    @property
+    def notice(self) -> Locator:
+        return self.page.get_by_role("region", name="Control asked for")
+
+    def menu(self, item: str) -> None:
+        """Choose what the control menu offers."""
+        self.page.get_by_role("button", name="Control: ").click()
+        self.page.get_by_role("menuitem", name=item).click()
+        expect(self.page.get_by_role("menu")).to_have_count(0)
+
+    def press(self, button: str) -> None:
+        self.page.get_by_role("button", name=button, exact=True).click()
+
+    def give(self, reason: str) -> None:
+        self.page.get_by_role("dialog").get_by_role("textbox").fill(reason)
+
+    def expect_control(self, whose: str) -> None:
+        expect(self.page.get_by_role("button", name=f"Control: {whose}", exact=True)).to_be_visible()
+
+    def told(self, path: str) -> Any:
+        answer = self.page.request.get(f"{self.service.url}{path}")
+        assert answer.ok, answer.text()
+        return answer.json()
+
+    @property
+    def holder(self) -> str | None:
+        holder = self.told("/api/state")["holder"]
+        return None if holder is None else str(holder["name"])
+
+    def log(self, count: int) -> list[tuple[str, str]]:
+        """The newest notes of the log, oldest first: who, and what."""
+        entries = self.told(f"/api/log?kind=note&limit={count}")["entries"]
+        return [(one["who"], one["text"]) for one in reversed(entries)]
+
+
+@contextmanager
+def people(browser: Browser, service: Service, *names: str) -> Iterator[list[Somebody]]:
+    there = [Somebody(browser, service, name) for name in names]
+    try:
+        yield there
+        assert [one.watched.complaints for one in there] == [[] for _ in there]
+    finally:
+        for one in there:
+            if one.holder == one.name:
+                one.menu("Give up control")
+                one.expect_control("nobody")
+            one.page.context.close()
+
+
+def placed(page: Page) -> dict[str, Any]:
+    return {name: [str(one) for one in boxes] for name, boxes in survey(page, MOVES).items()}
+
+
+def test_who_asks_is_answered_and_both_read_what_the_log_keeps(browser: Browser, service: Service) -> None:
+    with people(browser, service, "Ana", "Vera") as (ana, vera):
+        ana.menu("Take control")
+        ana.expect_control("you")
+        vera.expect_control("Ana")
+        before = placed(ana.page)
+
+        vera.menu("Ask Ana for control")
+        vera.give("my λ sweep")
+        vera.press("Ask")
+        expect(ana.notice).to_contain_text("Vera asks for control: “my λ sweep”")
+        expect(vera.notice).to_contain_text("You have asked Ana for control.")
+        assert placed(ana.page) == before  # nothing has moved under her pointer
+        (wish,) = ana.told("/api/state")["wishes"]
+        assert (wish["name"], wish["by"], wish["reason"], wish["standing"]) == ("Vera", "Ana", "my λ sweep", "asked")
+
+        ana.press("Answer …")
+        expect(ana.page.get_by_role("button", name="Keep control")).to_be_disabled()  # not without a reason
+        ana.give("ten minutes more")
+        ana.press("Keep control")
+        expect(vera.notice).to_contain_text("Ana keeps control: “ten minutes more”")
+        expect(ana.notice).to_have_count(0)
+        assert ana.holder == "Ana"
+        vera.press("OK")
+        expect(vera.notice).to_have_count(0)
+
+        vera.menu("Ask Ana for control")
+        vera.give("now it is my turn")
+        vera.press("Ask")
+        ana.press("Answer …")
+        ana.give("mind the wall")
+        ana.press("Hand over")
+        vera.expect_control("you")  # without being asked again
+        ana.expect_control("Vera")
+        expect(vera.notice).to_contain_text("Ana has handed control over to you: “mind the wall”")
+        expect(ana.notice).to_contain_text("You have handed control over to Vera.")
+        expect(ana.page.get_by_role("alert", name="Control lost")).to_have_count(0)
+        assert vera.holder == "Vera"
+        log = vera.log(6)
+        assert log == [
+            ("Ana", "control taken"),
+            ("Vera", "asked Ana for control: my λ sweep"),
+            ("Ana", "keeps control, asked by Vera: ten minutes more"),
+            ("Vera", "asked Ana for control: now it is my turn"),
+            ("Ana", "hands control over to Vera: mind the wall"),
+            ("Vera", "control handed over by Ana: now it is my turn"),
+        ]
+        ana.page.get_by_role("navigation", name="Main").get_by_role("link", name="Log").click()
+        for who, text in log:
+            expect(ana.page.get_by_role("row").filter(has_text=text).filter(has_text=who).first).to_be_visible()
+
+        # who has handed over commands nothing more, and may stop
+        assert ana.page.request.delete(f"{service.url}/api/control").status == 409
+        ana.press("STOP")
+        expect(ana.page.get_by_role("status", name="Stop result")).to_contain_text("Zero volts in")
+        vera.page.get_by_role("navigation", name="Main").get_by_role("link", name="Operate").click()
+        vera.press("Reset")
+        expect(vera.page.get_by_role("status", name="Mode", exact=True)).to_have_text("off", timeout=MOTION_TIMEOUT_MS)
+
+
+def test_control_is_offered_to_somebody_who_says_yes_or_no(browser: Browser, service: Service) -> None:
+    with people(browser, service, "Ana", "Vera") as (ana, vera):
+        ana.menu("Take control")
+        for reason in ("lunch", "lunch, really"):
+            ana.menu("Hand over")
+            choice = ana.page.get_by_role("combobox", name="To")
+            assert choice.locator("option").all_inner_texts() == ["Vera"]
+            ana.give(reason)
+            ana.press("Offer control")
+            expect(vera.notice).to_contain_text(f"Ana offers you control: “{reason}”")
+            expect(ana.notice).to_contain_text("You have offered control to Vera, and hold it until it is taken.")
+            assert ana.holder == "Ana"
+            if reason == "lunch":
+                vera.press("Decline")
+                expect(ana.notice).to_contain_text("Vera did not take control.")
+                assert ana.holder == "Ana"
+        vera.press("Take control")
+        vera.expect_control("you")
+        assert vera.holder == "Vera"
+        assert vera.log(4) == [
+            ("Ana", "offered control to Vera: lunch"),
+            ("Vera", "did not take control from Ana"),
+            ("Ana", "offered control to Vera: lunch, really"),
+            ("Vera", "control handed over by Ana: lunch, really"),
+        ]
+
+
+def test_a_request_ends_with_the_page_of_who_asked_and_with_control(browser: Browser, service: Service) -> None:
+    with people(browser, service, "Ana", "Vera", "Oda") as (ana, vera, oda):
+        ana.menu("Take control")
+        for one in (vera, oda):
+            one.menu("Ask Ana for control")
+            one.give(f"I am {one.name}")
+            one.press("Ask")
+            expect(one.notice).to_contain_text("You have asked Ana for control.")
+        expect(ana.notice).to_contain_text(re.compile(r"asks for control.*\+1"))
+        oda.page.goto("about:blank")
+        expect(ana.notice).to_contain_text("Vera asks for control: “I am Vera”")
+        expect(ana.notice).not_to_contain_text("+1", timeout=MOTION_TIMEOUT_MS + GONE_S * 1000)
+        # the ends of the tests before are told for a while yet
+        standings = {one["reason"]: one["standing"] for one in ana.told("/api/state")["wishes"]}
+        assert standings.items() >= {"I am Vera": "asked", "I am Oda": "left"}.items()
+        ana.menu("Give up control")
+        expect(vera.notice).to_contain_text("Ana does not hold control any more.")
+        assert vera.holder is None
+        oda.page.goto(f"{service.url}/#/studies")
+        expect(oda.page.get_by_role("banner")).to_be_visible()

@@ -1,0 +1,197 @@
+"""The chart workspace under a person's hands: what is read in it is what service and recording have."""
+
+import math
+import re
+from functools import partial
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+
+DEGREES = 180.0 / math.pi
+AT_S = 2.5
+PIECE_S = 15.0
+POINTS = 2000
+"""As many as the page asks for of a whole run."""
+
+READINGS = """names => Object.fromEntries(names.map(name => [name, Number(
+    document.querySelector(`[data-role="value-${name}"]`).textContent.replace("\\u2212", "-"))]))"""
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture
+def laid_out(operator: Operator) -> Operator:
+    """A joint in run, watched with a layout of the operator's own."""
+    operator.sign_in()
+    operator.be_in_run()
+    page = operator.page
+    page.get_by_role("combobox", name="Layout", exact=True).select_option("Standard")
+    page.get_by_role("button", name="Edit layout", exact=True).click()
+    for old in page.get_by_role("combobox", name="Layout", exact=True).locator("optgroup[label=Own] option").all():
+        page.get_by_role("combobox", name="Layout", exact=True).select_option(old.inner_text())
+        page.get_by_role("button", name="Remove layout", exact=True).click()
+    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor.get_by_role("combobox", name="Add panel", exact=True).select_option("q - q_ref")
+    editor.get_by_role("combobox", name="Add panel", exact=True).select_option("S")
+    editor.get_by_role("combobox", name="Axis of Joint stiffness 2", exact=True).select_option("q")
+    for title in ("Tendon force", "Motor voltage", "Outside force"):
+        editor.get_by_role("button", name=f"Remove {title}", exact=True).click()
+    name = editor.get_by_role("textbox", name="Name of the layout", exact=True)
+    name.fill("Mine")
+    with page.expect_response(kept("layout", "Mine")):
+        name.press("Enter")
+    return operator
+
+
+def panels(page: Page) -> list[str]:
+    return [str(one.get_attribute("aria-label")) for one in page.locator("figure[data-panel]").all()]
+
+
+def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_out: Operator) -> None:
+    page = laid_out.page
+    wanted = ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
+    expect(page.get_by_role("figure", name="Joint stiffness 2", exact=True)).to_be_visible()
+    assert panels(page) == wanted
+    laid_out.enter("q_ref value [deg]", 12.0)
+    laid_out.wait(lambda: abs(laid_out.reading("Joint position", "q") - 12.0) < 0.3)
+
+    told = laid_out._state()["references"]
+    read = page.evaluate(READINGS, ["q", "q_ref", "q - q_ref", "S", "S_ref"])
+    assert read["q_ref"] == pytest.approx(told["q_ref"] * DEGREES, abs=0.005001)
+    assert read["S_ref"] == pytest.approx(told["S_ref"], abs=0.0005001)
+    assert read["q - q_ref"] == pytest.approx(read["q"] - read["q_ref"], abs=0.0106)
+    over = page.get_by_role("figure", name="Joint stiffness 2", exact=True).locator("[data-role=over]")
+    laid_out.wait(lambda: abs(float(over.inner_text().replace("\u2212", "-")) - 12.0) < 0.3)
+
+    page.reload()
+    expect(page.get_by_role("figure", name="q - q_ref", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    assert panels(page) == wanted
+    expect(page.get_by_role("combobox", name="Layout", exact=True)).to_have_value("Mine")
+
+
+def test_what_cannot_be_drawn_is_refused_in_words_and_changes_nothing(laid_out: Operator) -> None:
+    page = laid_out.page
+    before = page.request.get(f"{laid_out.service.url}/api/preferences").json()
+    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    editor.get_by_role("combobox", name="Add a signal to Joint position", exact=True).select_option("u_A")
+    expect(editor.get_by_role("alert")).to_have_text(
+        "u_A is in V, “Joint position” shows rad: one panel has one unit. Add a panel for it."
+    )
+    assert page.request.get(f"{laid_out.service.url}/api/preferences").json() == before
+
+
+def test_panels_move_and_grow_by_keys_alone(laid_out: Operator) -> None:
+    page = laid_out.page
+    editor = page.get_by_role("region", name="Layout editor", exact=True)
+    down = editor.get_by_role("button", name="Move Joint position down", exact=True)
+    down.focus()
+    page.keyboard.press("Enter")
+    expect(down).to_be_focused()
+    expect(page.locator("figure[data-panel]").first).to_have_attribute("aria-label", "Joint stiffness")
+    figure = page.get_by_role("figure", name="Joint position", exact=True)
+    height = figure.evaluate("one => one.clientHeight / one.parentElement.clientHeight")
+    editor.get_by_role("button", name="Make Joint position higher", exact=True).focus()
+    for _ in range(2):
+        page.keyboard.press("Enter")
+    expect(editor.get_by_role("status", name="Height of Joint position", exact=True)).to_have_text("× 2.0")
+    laid_out.wait(lambda: figure.evaluate("one => one.clientHeight / one.parentElement.clientHeight") > height)
+
+
+def recorded(operator: Operator, run: int, **asked: Any) -> dict[str, Any]:
+    answer = operator.page.request.get(f"{operator.service.url}/api/runs/{run}/samples", params=asked)
+    assert answer.ok, answer.text()
+    found: dict[str, Any] = answer.json()
+    return found
+
+
+def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Operator) -> None:
+    page, run = laid_out.page, finished_run(laid_out)
+    length = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["duration_s"]
+    page.goto(f"{laid_out.service.url}/#/runs/{run}@{AT_S}")
+    chart = page.get_by_role("figure", name="q - q_ref", exact=True)
+    expect(chart).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    chart.press("Home")  # all of it in sight, however long it became
+    assert panels(page) == ["Joint position", "Joint stiffness", "q - q_ref", "Joint stiffness 2"]
+    expect(page.get_by_role("status", name="Resolution", exact=True)).not_to_have_text("loading")
+
+    raw = every_sample(laid_out, run, length, "q", "q_ref", "q - q_ref", "S", "lam_q", "lam_S")
+    for q, q_ref, error in zip(raw["q"], raw["q_ref"], raw["q - q_ref"], strict=True):
+        assert (error is None) == (q_ref is None)
+        assert error is None or error == pytest.approx(q - q_ref, abs=1e-6)
+
+    page.mouse.move(5, 5)
+    at = page.get_by_role("slider", name="Replay position").get_attribute("aria-valuenow")
+    assert float(str(at)) == pytest.approx(AT_S)
+    whole = recorded(laid_out, run, signals="q,q - q_ref", points=POINTS, to=length)
+    bucket = min(range(len(whole["t"])), key=lambda place: abs(whole["t"][place] - AT_S))
+    for name, digits in (("q", 2), ("q - q_ref", 3)):
+        ends = [whole["signals"][name][end][bucket] for end in ("minimum", "maximum")]
+        laid_out.wait(partial(reads, page, name, sum(ends) / 2 * DEGREES, digits))
+
+    page.get_by_role("button", name="Save picture", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name="SVG, vectors", exact=True).click()
+    drawing = ElementTree.fromstring(download.value.path().read_text(encoding="utf-8"))
+    foot = [one.text or "" for one in drawing.iter(f"{SVG}text") if one.get("data-role") == "foot"]
+    settings = page.request.get(f"{laid_out.service.url}/api/runs/{run}").json()["settings"]
+    assert next(one["value"] for one in settings if one["name"] == "bank") == 0
+    lam_q, lam_S = raw["lam_q"][-1], raw["lam_S"][-1]
+    assert foot[0] == f"run {run} · SIM (simulator) · λ_q {lam_q:.4g} s · λ_S {lam_S:.4g} s · gains from geometry"
+    assert foot[1].startswith("0:00.000 to ")
+    for name, factor in (("q", DEGREES), ("q - q_ref", DEGREES), ("S", 1.0)):
+        values = [factor * one for one in raw[name] if one is not None]
+        drawn = drawn_values(drawing, name)
+        assert min(drawn) == pytest.approx(min(values), abs=0.005 * (max(values) - min(values)) + 1e-3)
+        assert max(drawn) == pytest.approx(max(values), abs=0.005 * (max(values) - min(values)) + 1e-3)
+    told = next(one.text or "" for one in drawing.iter(f"{SVG}text") if one.get("data-signal") == "q - q_ref")
+    errors = [DEGREES * one for one in raw["q - q_ref"] if one is not None]
+    read = [float(one.replace("\u2212", "-")) for one in re.findall(r"[\u2212\d.]+(?= …|$)", told)]
+    assert read == pytest.approx([min(errors), max(errors)], abs=0.00051)
+
+
+def every_sample(operator: Operator, run: int, length: float, *names: str) -> dict[str, list[float]]:
+    """Columns of the whole recording, asked for in pieces that come as they are."""
+    raw: dict[str, list[float]] = {name: [] for name in names}
+    for piece in range(math.ceil(length / PIECE_S)):
+        asked = {"from": piece * PIECE_S, "to": (piece + 1) * PIECE_S, "points": 20_000}
+        found = recorded(operator, run, signals=",".join(names), **asked)
+        assert found["raw"]
+        for name in names:
+            raw[name] += found["signals"][name]["minimum"]
+    return raw
+
+
+def finished_run(operator: Operator) -> int:
+    """A session of some seconds with a step in it, stored to its end."""
+    page = operator.page
+    operator.press("Pretension")
+    operator.expect_mode("pretension")
+    operator.press("Run")
+    operator.expect_mode("run")
+    operator.wait(lambda: operator._state()["recording_run"] is not None)
+    run = int(operator._state()["recording_run"])
+    operator.wait_for_samples(500)
+    target = 10.0 if abs(operator.reading("Joint position", "q_ref")) < 5.0 else 0.0
+    operator.enter("q_ref value [deg]", target)
+    operator.wait(lambda: abs(operator.reading("Joint position", "q") - target) < 0.3)
+    operator.wait_for_samples(1500)
+    operator.press("Pretension")
+    operator.wait(lambda: page.request.get(f"{operator.service.url}/api/runs/{run}").json()["end_state"] != "running")
+    return run
+
+
+def reads(page: Page, name: str, value: float, digits: int) -> bool:
+    found = float(page.evaluate(READINGS, [name])[name])
+    return abs(found - value) <= 0.51 * 10.0**-digits
+
+
+def drawn_values(drawing: ElementTree.Element, name: str) -> list[float]:
+    """What the curve of a signal in a drawing stands for, by the ends of its axis."""
+    curve = next(one for one in drawing.iter(f"{SVG}path") if one.get("data-curve") == name)
+    low, high = (float(part) for part in str(curve.get("data-y")).split())
+    _, top, _, height = (float(part) for part in str(curve.get("data-box")).split())
+    points = re.findall(r"[ML][\d.-]+ ([\d.-]+)", str(curve.get("d")))
+    return [high - (float(y) - top) / height * (high - low) for y in points]

@@ -1,0 +1,173 @@
+"""Differences of runs, their places and times, are what a plain look at every sample finds."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from backend.archive.comparison import compare
+from backend.archive.comparison_file import curves_file, table_file
+from backend.archive.differences import Curve, differences
+from backend.messages.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
+from backend.messages.live import MarkKind
+from backend.recording.reader import UnknownSignalError
+from backend.refusal import RefusalError
+from backend.storage import Database, events, open_database, runs
+from backend.storage.runs import EndState
+from tests.recording.compared_runs import recorded_run
+
+LENGTH = 1500
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
+    return open_database(Path(tmp_path_factory.mktemp("differences")))
+
+
+def signals(seed: int, step_at: int, length: int = LENGTH) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+    """A walk in q, and q_ref with one step."""
+    random = np.random.default_rng(seed)
+    q_ref = np.where(np.arange(length) < step_at, 0.0, 0.3)
+    return {"q": np.cumsum(random.normal(0.0, 0.01, length)), "q_ref": q_ref}
+
+
+@given(seed=SEEDS, steps=st.tuples(*[st.integers(10, 1400)] * 2), gap=st.integers(0, 1400), band=st.floats(0.0, 0.4))
+@settings(max_examples=40, deadline=None)
+def test_figures_are_those_of_a_plain_look(
+    database: Database, seed: int, steps: tuple[int, int], gap: int, band: float
+) -> None:
+    lost = range(gap, gap + 40)
+    one, other = signals(seed, steps[0]), signals(seed + 1, steps[1], LENGTH - 200)
+    steps = steps[0], min(steps[1], 1200)
+    other["q_ref"] = np.where(np.arange(LENGTH - 200) < steps[1], 0.0, 0.3)
+    reference, run = recorded_run(database, one), recorded_run(database, other, lost, first=7)
+    begin = 40 if gap == 0 else 0  # its own time counts from its first sample
+    asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP, step=StepSignal.Q_REF, band=band, points=20000)
+    if set(lost) & set(range(steps[1] - 2, steps[1] + 2)):
+        return
+    [found] = differences(database, asked).runs
+    shift = steps[0] - steps[1]
+    a, b = (np.asarray(values["q"], np.float32).astype(float) for values in (one, other))
+    apart = {
+        k: float(b[k - shift] - a[k]) for k in range(LENGTH) if begin <= k - shift < len(b) and (k - shift) not in lost
+    }
+    for k in range(LENGTH):
+        assert found.minimum[k] == found.maximum[k] == apart.get(k)
+    outside = [k for k, value in apart.items() if abs(value) > band]
+    assert found.compared_s == pytest.approx(len(apart) * 1e-3)
+    assert found.missing_s == pytest.approx((LENGTH - len(apart)) * 1e-3)
+    assert found.outside_s == pytest.approx(len(outside) * 1e-3)
+    assert found.left_at_s == (pytest.approx(outside[0] * 1e-3) if outside else None)
+    longest = current = 0
+    for k in range(LENGTH):
+        current = current + 1 if k in set(outside) else 0
+        longest = max(longest, current)
+    assert found.longest_s == pytest.approx(longest * 1e-3)
+    if apart:
+        worst = max(apart, key=lambda k: (abs(apart[k]), -k))
+        assert found.largest == apart[worst]
+        assert found.largest_at_s == pytest.approx(worst * 1e-3)
+
+
+def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Database) -> None:
+    one, other = signals(1, 100), signals(2, 100)
+    both = [recorded_run(database, one), recorded_run(database, other)]
+    apart = [np.asarray(values["q"], np.float32).astype(float) for values in (other, one)]
+    exact = apart[0] - apart[1]
+    for from_s, to_s in ((0.0, 9.0), (0.1234, 1.0)):
+        found = differences(database, DifferencesAsked(run=both, from_s=from_s, to_s=to_s, points=50))
+        width = round(found.width_s / 1e-3)
+        first, last = round(from_s * 1e3), min(round(to_s * 1e3), LENGTH)
+        assert not found.raw
+        assert len(found.t) <= 52
+        for t, low, high in zip(found.t, found.runs[0].minimum, found.runs[0].maximum, strict=True):
+            begin = round(t * 1e3)
+            assert begin % width == 0
+            inside = exact[max(begin, first) : min(begin + width, last)]
+            assert (low, high) == (inside.min(), inside.max())
+
+
+def test_between_samples_a_curve_is_straight_and_over_a_gap_there_is_none() -> None:
+    curve = Curve(np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.array([0.0, 2.0, np.nan, 1.0, 3.0]), 1.0)
+    found = curve.at(np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 5.0, 5.5, 6.0, 6.5]))
+    np.testing.assert_allclose(found, [np.nan, 0.0, 0.5, 2.0, np.nan, np.nan, 1.0, 2.0, 3.0, np.nan])
+
+
+def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database) -> None:
+    plain = recorded_run(database, signals(1, 100))
+    with_step = recorded_run(database, signals(2, 300))
+    without = recorded_run(database, signals(3, 10**6))
+    asked = DifferencesAsked(run=[plain, without, with_step], by=AlignBy.STEP)
+    with database.reading() as session:
+        told = compare(session, asked)
+    assert told.runs[1].aligned_at_s is told.runs[1].offset_s is None
+    assert [told.runs[n].aligned_at_s for n in (0, 2)] == pytest.approx([0.1, 0.3])
+    assert [told.runs[n].offset_s for n in (0, 2)] == pytest.approx([0.0, -0.2])
+    why = f"run {without} has no step of q_ref, not 1"
+    assert [run.not_aligned for run in told.runs] == ["", why, ""]
+    found = differences(database, asked)
+    assert [(one.run, one.reason) for one in found.runs] == [(without, why), (with_step, "")]
+    assert (found.runs[0].largest, found.runs[0].compared_s) == (None, 0.0)
+    assert set(found.runs[0].minimum) == {None}
+    by_it = asked.model_copy(update={"reference": without})
+    with database.reading() as session:
+        told = compare(session, by_it)
+    assert [run.offset_s for run in told.runs] == [None, 0.0, None]
+    assert told.runs[0].not_aligned == f"the reference cannot be aligned: {why}"
+    second = asked.model_copy(update={"number": 2})
+    with database.reading() as session:
+        assert compare(session, second).runs[0].not_aligned == f"run {plain} has 1 step of q_ref, not 2"
+    with pytest.raises(UnknownSignalError):
+        differences(database, asked.model_copy(update={"signal": "nonsense"}))
+    with pytest.raises(RefusalError, match="none of those that are compared"):
+        differences(database, asked.model_copy(update={"reference": 10**6}))
+
+
+def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
+    found = []
+    for seed, ticks in ((1, (150, 400)), (2, (130, 900))):
+        found.append(recorded_run(database, signals(seed, 10), first=100))
+        with database.session() as session:
+            for tick in ticks:
+                events.add(session, MarkKind.TUNING, "λ", run_id=found[-1], tick=tick)
+            runs.end(session, found[-1], EndState.COMPLETED)
+    with database.reading() as session:
+        asked = ComparisonAsked(run=found, by=AlignBy.EVENT, event=MarkKind.TUNING, number=2)
+        told = compare(session, asked).runs
+        third = compare(session, asked.model_copy(update={"number": 3})).runs
+    assert [run.aligned_at_s for run in told] == pytest.approx([0.3, 0.8])
+    assert [run.offset_s for run in told] == pytest.approx([0.0, -0.5])
+    assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning, not 3"
+
+
+def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) -> None:
+    one, other = signals(4, 100), signals(5, 250, 900)
+    reference, run = recorded_run(database, one), recorded_run(database, other)
+    asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP)
+    lines = b"".join(curves_file(database, asked)).decode().splitlines()
+    head = [line for line in lines if line.startswith("#")]
+    assert "aligned by step 1 of q_ref" in head[0]
+    assert any(line.startswith(f"# q_run_{run} [rad] q: joint position") and "-0.15 s" in line for line in head)
+    rows = list(csv.DictReader(lines[len(head) :]))
+    assert list(rows[0]) == ["t", f"q_run_{reference}", f"q_run_{run}", f"d_q_run_{run}"]
+    assert len(rows) == LENGTH
+    a, b = (np.asarray(values["q"], np.float32).astype(float) for values in (one, other))
+    for k, row in enumerate(rows):
+        assert float(row["t"]) == pytest.approx(k * 1e-3)
+        assert np.float32(row[f"q_run_{reference}"]) == a[k]
+        there = 0 <= k + 150 < 900
+        value, apart = np.float32(row[f"q_run_{run}"]), float(row[f"d_q_run_{run}"])
+        assert (value, apart) == (b[k + 150], b[k + 150] - a[k]) if there else math.isnan(value) and math.isnan(apart)
+
+
+def test_the_table_tells_what_differs(database: Database) -> None:
+    found = [recorded_run(database, signals(seed, 10)) for seed in (1, 2)]
+    lines = b"".join(table_file(database, ComparisonAsked(run=found))).decode().splitlines()
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    assert rows == []  # sessions have no result, and both are set to nothing
+    assert f"# run {found[1]}: Session" in "\n".join(lines)
