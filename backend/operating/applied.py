@@ -127,7 +127,10 @@ class Applied:
         return applied_parameters.proposal(self._base, now, found)
 
     def _view(self, estimate: int | None) -> ParametersView:
-        found = applied_parameters.versions(self._database, self._base)
+        try:
+            found = applied_parameters.versions(self._database, self._base)
+        except ParameterError as error:
+            raise RefusalError(Because.NOT_NOW, f"a version that was applied is not taken any more: {error}") from None
         before = [*found[1:], found[-1]]
         return ParametersView(
             name=self._base.name,

@@ -247,12 +247,7 @@ class PresentState:
         plant = self.plant
         says, geometry = self._supervisor.driven, self.parameters.geometry
         return PlantView(
-            kind=plant.kind,
-            simulated=plant.simulated,
-            name=plant.name,
-            says=says,
-            r_m=geometry.r_m,
-            r_j=geometry.r_j,
+            kind=plant.kind, simulated=plant.simulated, name=plant.name, says=says, r_m=geometry.r_m, r_j=geometry.r_j
         )
 
     def _limits(self) -> LimitsView:
