@@ -1,8 +1,9 @@
 """``python -m tests.lanes [PYTEST ARGUMENT ...]``: all tests, each in one of the lanes; told how long each lane took.
 
-The pages are tried in a browser and, beside it, the live tests that a busy core does not disturb. Then, one at a time,
-come those that count on the machine for themselves. They wait for clocks and motions half of the time: what only
-computes runs in that time, as idle work, which the kernel takes off a core in the moment something else wants it.
+The pages are tried in a browser, then what is live, one lane after the other: a browser and a service that share two
+slow cores with a second pair of them wait for each other for longer than a person would. They wait for clocks and
+motions half of the time: what only computes runs in that time, as idle work, which the kernel takes off a core in the
+moment something else wants it.
 `tests/conftest.py` says which is which. At the end the tests that were run are counted against those there are: a test
 that no lane runs is a failure.
 """
@@ -14,7 +15,6 @@ import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -25,20 +25,15 @@ from rich.table import Table
 
 ROOT = Path(__file__).parents[1]
 LANES = {
+    "page": ("-m", "page", "-p", "no:xdist", "-p", "no:schemathesis"),
+    "live": ("-m", "live and not page", "-p", "no:xdist"),
     "pure": ("-m", "not live", "-n", "auto", "--dist", "worksteal", "-p", "no:schemathesis"),
-    "live": ("-m", "live and not page and not alone", "-p", "no:xdist"),
-    "page": ("-m", "page and not alone", "-p", "no:xdist", "-p", "no:schemathesis"),
-    "alone": ("-m", "alone", "-p", "no:xdist"),
 }
 """Worksteal leaves the tests of a file beside each other, in the process that has what they share. Schemathesis, which
 takes a process seconds to load, makes requests to a live service only."""
 
-IDLE = {"pure"}
-GIVES_WAY = {"live": 5}
-"""By how much nicer than a browser: a page whose clock stands still for seconds has lost control, and rightly so."""
-BESIDE = (("live", "page"), ("alone", "pure"))
-"""What runs at the same time, one group after the other. The first lane of a group is seen as it goes; what another
-says is shown when it has ended."""
+IN_TURN, BESIDE = ("page", "live"), "pure"
+"""What runs one after the other, and what runs beside all of it and is shown at the end."""
 
 NO_TESTS = int(pytest.ExitCode.NO_TESTS_COLLECTED)
 
@@ -64,10 +59,8 @@ def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended
         command = [sys.executable, "-m", "pytest", "-p", "tests.lanes_record", f"--record={folder}", *LANES[name]]
         begun = time.monotonic()
         with subprocess.Popen([*command, *arguments], cwd=ROOT, stdout=said, stderr=said) as process:
-            if name in IDLE:
+            if name == BESIDE:
                 os.sched_setscheduler(process.pid, os.SCHED_IDLE, os.sched_param(0))
-            if name in GIVES_WAY:
-                os.setpriority(os.PRIO_PROCESS, process.pid, os.getpriority(os.PRIO_PROCESS, 0) + GIVES_WAY[name])
         there, outcomes = (_lines(Path(folder) / kept) for kept in ("there", "outcomes"))
         return Ended(
             name,
@@ -78,19 +71,18 @@ def run(name: str, arguments: list[str], said: IO[bytes] | None = None) -> Ended
         )
 
 
-def run_beside(names: tuple[str, ...], arguments: list[str], console: Console) -> list[Ended]:
-    """Run lanes at the same time."""
-    first, *others = names
-    with ExitStack() as files, ThreadPoolExecutor(len(names)) as threads:
-        said = [files.enter_context(tempfile.TemporaryFile()) for _ in others]
-        console.rule(f"lane: {first}" + "".join(f", beside it: {name}" for name in others))
-        going = [threads.submit(run, name, arguments, kept) for name, kept in zip(others, said, strict=True)]
-        ended = [run(first, arguments)]
-        for lane, name, kept in zip(going, others, said, strict=True):
-            ended.append(lane.result())
+def run_all(arguments: list[str], console: Console) -> list[Ended]:
+    """Run the lanes one after the other, and beside them all what only computes."""
+    with tempfile.TemporaryFile() as said, ThreadPoolExecutor(1) as threads:
+        computing = threads.submit(run, BESIDE, arguments, said)
+        ended = []
+        for name in IN_TURN:
             console.rule(f"lane: {name}")
-            kept.seek(0)
-            sys.stdout.write(kept.read().decode("utf-8", "replace"))
+            ended.append(run(name, arguments))
+        console.rule(f"lane: {BESIDE}, beside the others")
+        ended.append(computing.result())
+        said.seek(0)
+        sys.stdout.write(said.read().decode("utf-8", "replace"))
     return ended
 
 
@@ -103,9 +95,7 @@ def not_run_once(lanes: list[Ended]) -> list[str]:
 
 def main() -> int:
     console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
-    lanes: list[Ended] = []
-    for names in BESIDE:
-        lanes += run_beside(names, sys.argv[1:], console)
+    lanes = run_all(sys.argv[1:], console)
     table = Table("lane", "tests", "failed", "time [s]", title=f"Python {sys.version.split()[0]}")
     for lane in lanes:
         table.add_row(lane.name, str(len(lane.outcomes)), str(lane.failed), f"{lane.seconds:.0f}")

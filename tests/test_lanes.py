@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tests.conftest import BESIDE as BESIDE_OTHERS
-from tests.conftest import TESTS
-from tests.lanes import BESIDE, LANES, Ended, not_run_once, run_beside
+from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once, run_all
 
 ROOT = Path(__file__).parents[1]
 
@@ -37,21 +35,15 @@ def test_lanes_divide_what_there_is_and_count_it() -> None:
 
 
 def test_each_lane_has_its_turn_once() -> None:
-    assert sorted(name for group in BESIDE for name in group) == sorted(LANES)
+    assert sorted([*IN_TURN, BESIDE]) == sorted(LANES)
 
 
 def test_what_runs_beside_is_shown_when_it_has_ended(capfd: pytest.CaptureFixture[str]) -> None:
-    ended = run_beside(("pure", "alone"), ["tests/wire", "tests/loop/test_pacer.py", "-q"], Console(width=80))
-    assert [lane.name for lane in ended] == ["pure", "alone"]
-    assert [lane.code for lane in ended] == [0, 0]
+    ended = run_all(["tests/wire", "tests/loop/test_pacer.py", "-q"], Console(width=80))
+    assert [lane.name for lane in ended] == ["page", "live", "pure"]
+    assert [lane.code for lane in ended] == [0, 0, 0]
     shown = capfd.readouterr().out
-    assert f"{len(ended[1].outcomes)} passed" in shown.partition("lane: alone")[2]
-
-
-def test_what_is_said_to_run_beside_other_work_is_there() -> None:
-    paths = [TESTS / folder / f"test_{name}.py" for folder, names in BESIDE_OTHERS.items() for name in names.split()]
-    assert paths
-    assert [path for path in paths if not path.is_file()] == []
+    assert f"{len(ended[2].outcomes)} passed" in shown.partition("lane: pure")[2]
 
 
 def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:

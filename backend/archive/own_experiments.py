@@ -1,17 +1,21 @@
 """Experiments by name: those that come with Sinew, and own ones, which are kept in versions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
+from backend.archive.recorded_experiment import recorded_experiment
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.composing import ready_made, text
 from backend.experiments.composing.refused import ExperimentError, line_of
+from backend.experiments.composing.told import Played, played_parts
 from backend.experiments.plans.catalogue import Entry, entry_of, experiments
 from backend.experiments.plans.catalogue import experiment as ready
 from backend.experiments.plans.composed_plan import ComposedPlan
 from backend.experiments.playing.playable import banks_in, playable
 from backend.experiments.settings import SettingError
-from backend.messages.own_experiment import CheckedExperiment, OwnExperiment
+from backend.messages.experiment import DryRunView
+from backend.messages.own_experiment import CheckedExperiment, OwnExperiment, PartPlayed, WrittenExperiment
 from backend.storage import Database
 from backend.storage import experiments as stored
 from backend.storage.experiments import StoredExperiment
@@ -27,9 +31,18 @@ class Checked:
     duration_s: float
     segments: int
     changes_of_tuning: int
+    document: dict[str, Any]
+    parts: list[Played]
 
-    def view(self, figures: Mapping[str, float | None], not_predicted: str = "") -> CheckedExperiment:
-        """Return it as the page shows it, with ``figures`` of a dry run by name, or why there was none."""
+    def view(
+        self,
+        figures: Mapping[str, float | None],
+        not_predicted: str = "",
+        *,
+        busy: bool = False,
+        dry_run: DryRunView | None = None,
+    ) -> CheckedExperiment:
+        """Return it as the page shows it, with its figures on the simulator, or why it was not played there."""
         written = self.entry.written
         return CheckedExperiment(
             name=self.entry.name,
@@ -43,6 +56,10 @@ class Checked:
             min_tension_N=figures.get("min_tension_N"),
             max_tension_N=figures.get("max_tension_N"),
             not_predicted=not_predicted,
+            busy=busy,
+            document=self.document,
+            parts=[PartPlayed(**{**asdict(part), "path": list(part.path)}) for part in self.parts],
+            dry_run=dry_run,
         )
 
 
@@ -63,9 +80,19 @@ class OwnExperiments:
         with self._database.reading() as session:
             return [view_of(kept) for kept in stored.newest(session)]
 
-    def text_of(self, name: str) -> str:
-        """Return the text of an experiment: ready-made, "name" or "name@2". Raises UnknownRecordError."""
-        return ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
+    def versions(self, name: str) -> list[OwnExperiment]:
+        """Return all versions of an own experiment, the newest first; none where there is no such name."""
+        with self._database.reading() as session:
+            return [view_of(kept) for kept in stored.versions(session, name)]
+
+    def written(self, name: str) -> WrittenExperiment:
+        """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
+        written = ready_made.text_of(name) if name in ready_made.NAMES else self._stored(name).text
+        return WrittenExperiment(text=written, document=text.document_of(written)[0])
+
+    def as_run(self, run_id: int) -> WrittenExperiment:
+        """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
+        return recorded_experiment(self._database, run_id)
 
     def entry(self, name: str) -> Entry:
         """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
@@ -98,7 +125,14 @@ class OwnExperiments:
         plan = entry.usual
         assert isinstance(plan, ComposedPlan)
         program = playable(banks_in(self._database), parameters, plan, tuning)
-        return Checked(entry, program.duration_s, len(program.segments), len(program.tunings))
+        return Checked(
+            entry,
+            program.duration_s,
+            len(program.segments),
+            len(program.tunings),
+            text.document_of(written)[0],
+            played_parts(plan.laid),
+        )
 
     def _stored(self, name: str) -> StoredExperiment:
         base, at, number = name.partition("@")

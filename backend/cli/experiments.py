@@ -60,7 +60,7 @@ def text(name: Name, data: DataFolder = None) -> None:
     from backend.archive.own_experiments import OwnExperiments
 
     with database_of(settings_with(data=data)) as database:
-        print(OwnExperiments(database).text_of(name), end="")
+        print(OwnExperiments(database).written(name).text, end="")
 
 
 @app.command()

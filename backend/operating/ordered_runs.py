@@ -23,7 +23,7 @@ from backend.experiments.settings import SettingError
 from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
 from backend.messages.identification import IdentificationRequest, Prediction
-from backend.messages.own_experiment import CheckedExperiment, OwnExperiment
+from backend.messages.own_experiment import CheckedExperiment, ExperimentToCheck, OwnExperiment
 from backend.operating import run_kinds
 from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
@@ -113,19 +113,21 @@ class OrderedRuns:
         return ExperimentRequest(name=name, settings={**values_of(plan), **asdict(wanted)})
 
     async def check_experiment(
-        self, written: str, person: Person, left: Callable[[], Awaitable[bool]]
+        self, asked: ExperimentToCheck, person: Person, left: Callable[[], Awaitable[bool]]
     ) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
 
         Raises ExperimentError.
         """
-        checked = await asyncio.to_thread(self._experiments.checked, written, *self._here())
-        order = Order(checked.entry.usual, self._loop_settings(), person.name)
+        checked = await asyncio.to_thread(self._experiments.checked, asked.text, *self._here())
+        if not asked.play:
+            return checked.view({}, "it was looked over only")
         try:
-            played = await self._play_dry(order, person, left)
+            played = await self._play_dry(Order(checked.entry.usual, self._loop_settings(), person.name), person, left)
         except (RefusalError, RefusedValueError) as error:
-            return checked.view({}, str(error))
-        return checked.view({item.name: item.value for item in played.metrics})
+            busy = isinstance(error, RefusalError) and error.because is Because.TOO_MANY
+            return checked.view({}, str(error), busy=busy)
+        return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 
     async def keep_experiment(self, written: str, who: str) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
@@ -180,11 +182,9 @@ class OrderedRuns:
 
     def _require_free(self) -> None:
         self._actuator.require_unoccupied()
-        task = self._actuator.present.task
-        if task is not None:
-            raise RefusalError(
-                Because.NOT_NOW, f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
-            )
+        if (task := self._actuator.present.task) is not None:
+            remedy = "wait for its end or stop it"
+            raise RefusalError(Because.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
         if self._actuator.present.trial() is not None:
             raise RefusalError(Because.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 

@@ -54,6 +54,12 @@ def newest(session: Session) -> list[StoredExperiment]:
     return [to_record(StoredExperiment, row) for row in rows]
 
 
+def versions(session: Session, name: str) -> list[StoredExperiment]:
+    """Return all versions of one, the newest first."""
+    of_name = _of_station(session).where(ExperimentRow.name == name).order_by(ExperimentRow.version.desc())
+    return [to_record(StoredExperiment, row) for row in session.scalars(of_name)]
+
+
 def _newest(session: Session, name: str) -> ExperimentRow | None:
     of_name = _of_station(session).where(ExperimentRow.name == name)
     return session.scalar(of_name.order_by(ExperimentRow.version.desc()).limit(1))

@@ -35,7 +35,12 @@ def live(client: httpx.Client) -> ClientConnection:
     """Open the live stream as the person whose token ``client`` sends."""
     url = f"ws://{client.base_url.netloc.decode()}/api/live"
     return connect(
-        url, additional_headers={"Authorization": client.headers["Authorization"]}, compression=None, close_timeout=0.1
+        url,
+        additional_headers={"Authorization": client.headers["Authorization"]},
+        compression=None,
+        open_timeout=PATIENCE_S,
+        ping_interval=None,
+        close_timeout=0.1,
     )
 
 

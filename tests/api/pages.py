@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import httpx
-from websockets.asyncio.client import connect
 
 from backend.access.control import HEADER
+from tests.api.conftest import PATIENCE_S
+from tests.api.patient import connect
 from tests.e2e.service import Service
 
 
@@ -17,7 +18,7 @@ class Page:
     """One page; ``take`` gives it control and its key."""
 
     def __init__(self, service: Service, name: str, role: str = "token") -> None:
-        self.browser = httpx.Client(base_url=service.url, timeout=60.0)
+        self.browser = httpx.Client(base_url=service.url, timeout=PATIENCE_S)
         token = (service.data / role).read_text().strip()
         self.browser.post("/api/session", json={"token": token, "name": name}).raise_for_status()
         self.socket_url = service.url.replace("http", "ws") + "/api/live"
@@ -39,10 +40,10 @@ class Page:
     def ping(self) -> dict[str, object]:
         async def once() -> dict[str, object]:
             cookies = "; ".join(f"{name}={value}" for name, value in self.browser.cookies.items())
-            async with connect(self.socket_url, additional_headers={"Cookie": cookies}, max_size=None) as socket:
+            async with connect(self.socket_url, additional_headers={"Cookie": cookies}) as socket:
                 await socket.send(json.dumps({"type": "ping", "id": 1, "control": self.key}))
                 while True:
-                    message = await asyncio.wait_for(socket.recv(), 20.0)
+                    message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
                     if isinstance(message, str) and '"pong"' in message:
                         return dict(json.loads(message))
 

@@ -10,20 +10,20 @@ from pathlib import Path
 
 import httpx
 import pytest
-from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from backend.access.attempts import ATTEMPTS
 from backend.web_server.cookies import COOKIE
 from backend.web_server.session_ends import OVER
-from tests.api.conftest import until
+from tests.api.conftest import PATIENCE_S, until
+from tests.api.patient import connect
 from tests.e2e.service import Service, running_service
 
 CLOCK = "import os, time\nreal, moved = time.time, float(os.environ['MOVED_S'])\ntime.time = lambda: real() + moved\n"
 
 
 def signed_in(service: Service, name: str, file: str = "token") -> httpx.Client:
-    browser = httpx.Client(base_url=service.url, timeout=30.0)
+    browser = httpx.Client(base_url=service.url, timeout=PATIENCE_S)
     token = (service.data / file).read_text().strip()
     browser.post("/api/session", json={"token": token, "name": name}).raise_for_status()
     return browser
@@ -50,10 +50,10 @@ def modes(data: Path) -> dict[str, int]:
 async def watch(service: Service, headers: dict[str, str], ended: httpx.Client) -> int | None:
     """Open the live stream, sign out elsewhere, return the code with which the stream is closed."""
     url = service.url.replace("http", "ws") + "/api/live"
-    async with connect(url, additional_headers=headers, max_size=None, close_timeout=0.1) as socket:
+    async with connect(url, additional_headers=headers, close_timeout=0.1) as socket:
         await socket.recv()
         await asyncio.to_thread(ended.delete, "/api/session")
-        async with asyncio.timeout(20.0):
+        async with asyncio.timeout(PATIENCE_S):
             with suppress(ConnectionClosed):
                 while True:
                     await socket.recv()
@@ -148,13 +148,11 @@ def test_who_is_connected_is_told_apart(service: Service, operator: httpx.Client
     async def together() -> list[str]:
         url = service.url.replace("http", "ws") + "/api/live"
         first = signed_in(service, "Eva")
-        async with connect(
-            url, additional_headers=carried(cookie_of(first), service), max_size=None, close_timeout=0.1
-        ) as socket:
+        async with connect(url, additional_headers=carried(cookie_of(first), service), close_timeout=0.1) as socket:
             await socket.recv()
             second = await asyncio.to_thread(signed_in, service, "Eva")
             async with connect(
-                url, additional_headers=carried(cookie_of(second), service), max_size=None, close_timeout=0.1
+                url, additional_headers=carried(cookie_of(second), service), close_timeout=0.1
             ) as beside:
                 await beside.recv()
                 state = await asyncio.to_thread(operator.get, "/api/state")

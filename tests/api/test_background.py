@@ -17,7 +17,7 @@ from backend import main
 from backend.loop.heartbeat import Heart
 from backend.settings import Settings
 from backend.supervision import KeptTask
-from tests.api.conftest import ended, until, wait_for
+from tests.api.conftest import PATIENCE_S, ended, until, wait_for
 
 T = TypeVar("T")
 TIMEOUT_S = 60.0
@@ -101,7 +101,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         serving.start()
         until(lambda: ready or not serving.is_alive())
         address, loop, token = ready[0]
-        with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=60.0) as client:
+        with httpx.Client(base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S) as client:
             yield Running(loop, client, made)
         (server,) = made.of(uvicorn.Server)
         server.should_exit = True

@@ -10,7 +10,7 @@ from websockets.exceptions import ConnectionClosedError
 from websockets.sync.connection import Connection
 
 from backend.api.app import create_app
-from tests.api.conftest import live, problem
+from tests.api.conftest import PATIENCE_S, live, problem
 from tests.api.serving import served
 from tests.e2e.service import Service
 
@@ -123,7 +123,7 @@ def test_what_is_no_ping_ends_the_stream(operator: httpx.Client, said: str) -> N
 
 def read_on(watching: Connection) -> None:
     for _ in range(500):
-        watching.recv(timeout=10.0)
+        watching.recv(timeout=PATIENCE_S)
 
 
 def test_nothing_of_all_this_left_a_traceback(service: Service, operator: httpx.Client) -> None:
@@ -152,7 +152,7 @@ def failing() -> Iterator[str]:
 
 
 def test_a_failure_carries_the_policy_too(failing: str) -> None:
-    answer = httpx.get(f"{failing}/fails", timeout=30.0)  # a first answer loads what it is made with
+    answer = httpx.get(f"{failing}/fails", timeout=PATIENCE_S)  # a first answer loads what it is made with
     assert answer.status_code == 500
     assert problem(answer)["code"] == "internal_error"
     assert answer.headers["content-security-policy"].startswith("default-src 'self'")

@@ -11,7 +11,7 @@ from backend.operating.safety_chain import behind_loop
 from plant.card import Card, CardState
 from plant.choice import PlantChoice, PlantKind
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
 

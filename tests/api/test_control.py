@@ -213,7 +213,6 @@ def test_a_stale_page_is_refused_after_take_over_and_may_still_stop(service: Ser
         assert vera.command("POST", "/api/reset").is_success
 
 
-@pytest.mark.alone  # a page has to be heard every 2 s until it is to be lost, and is told to the second
 def test_losing_the_page_that_holds_control_ends_in_a_soft_stop(service: Service, off: httpx.Client) -> None:
     with pages(service, "Ana") as (ana,):
         ana.take(take_over=True)

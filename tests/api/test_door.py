@@ -12,7 +12,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 
-from tests.api.conftest import client_with, live, until
+from tests.api.conftest import PATIENCE_S, client_with, live, until
 from tests.api.sockets import is_closed, many
 from tests.e2e.service import Service, running_service
 
@@ -71,7 +71,7 @@ def test_who_is_signed_in_is_not_sent_away(crowded: Service, address: tuple[str,
                 until(lambda guest=guest: is_closed(guest))  # type: ignore[misc] # the default binds the loop's name
             assert not is_closed(newest)
         for _ in range(100):
-            watching.recv(timeout=10.0)
+            watching.recv(timeout=PATIENCE_S)
 
 
 def test_viewers_leave_room_for_an_operator(crowded: Service) -> None:
@@ -81,11 +81,11 @@ def test_viewers_leave_room_for_an_operator(crowded: Service) -> None:
             watching.extend(live(viewer) for _ in range(DESCRIPTORS))
         assert viewer.get("/api/state").status_code == 200
         with live(operator) as mine:
-            mine.recv(timeout=10.0)
+            mine.recv(timeout=PATIENCE_S)
         for one in watching:
             one.close()
         with live(viewer) as again:
-            again.recv(timeout=10.0)
+            again.recv(timeout=PATIENCE_S)
 
 
 def test_a_low_limit_of_descriptors_is_told(crowded: Service) -> None:

@@ -9,10 +9,11 @@ import msgspec
 import pytest
 import viser
 from viser.infra import _messages
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
+from tests.api.patient import connect
 from tests.api.processes import descendants, listening
 from tests.e2e.service import Service
 
@@ -28,9 +29,7 @@ async def looking(
     headers = {"Authorization": client.headers["Authorization"], "Origin": service.url}
     address = service.url.replace("http", "ws") + path
     # What waits to be read has no bound: behind messages that a test does not read a pong would wait for ever.
-    async with connect(
-        address, additional_headers=headers, subprotocols=[protocol], max_size=None, max_queue=None
-    ) as socket:
+    async with connect(address, additional_headers=headers, subprotocols=[protocol], max_queue=None) as socket:
         yield socket
 
 

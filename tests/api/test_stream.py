@@ -8,11 +8,13 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import InvalidStatus
 
 from backend import wire
 from backend.sample import STORED_NAMES
+from tests.api.conftest import PATIENCE_S
+from tests.api.patient import connect
 from tests.e2e.service import Service
 
 MESSAGES = 400
@@ -27,13 +29,13 @@ def bearer(operator: httpx.Client) -> dict[str, str]:
 
 
 async def receive(socket: ClientConnection) -> dict[str, Any] | wire.Frame:
-    message = await asyncio.wait_for(socket.recv(), 20.0)
+    message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
     return wire.unpack(message) if isinstance(message, bytes) else json.loads(message)
 
 
 def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: httpx.Client) -> None:
     async def session() -> None:
-        async with connect(address(service), additional_headers=bearer(running), max_size=None) as socket:
+        async with connect(address(service), additional_headers=bearer(running)) as socket:
             layout = await receive(socket)
             assert isinstance(layout, dict)
             assert layout["type"] == "layout"
@@ -63,7 +65,7 @@ def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: 
 
 def test_a_command_is_marked_for_everybody_and_pings_are_answered(service: Service, running: httpx.Client) -> None:
     async def session() -> None:
-        async with connect(address(service), additional_headers=bearer(running), max_size=None) as socket:
+        async with connect(address(service), additional_headers=bearer(running)) as socket:
             await socket.send('{"type":"ping","id":42}')
             body = {"q_ref": 0.123, "S_ref": 10.0}
             await asyncio.to_thread(running.put, "/api/references", json=body)
@@ -95,13 +97,13 @@ def test_nobody_listens_unsigned_or_from_another_origin(service: Service, operat
 
 def test_a_message_that_is_no_ping_ends_the_websocket(service: Service, operator: httpx.Client) -> None:
     async def session() -> None:
-        async with connect(address(service), additional_headers=bearer(operator), max_size=None) as socket:
+        async with connect(address(service), additional_headers=bearer(operator)) as socket:
             await socket.send('{"type":"command","id":1}')
             for _ in range(MESSAGES):
                 if socket.close_code is not None:
                     break
                 try:
-                    await asyncio.wait_for(socket.recv(), 20.0)
+                    await asyncio.wait_for(socket.recv(), PATIENCE_S)
                 except Exception:
                     break
             assert socket.close_code == 1008

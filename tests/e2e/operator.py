@@ -12,7 +12,7 @@ from playwright.sync_api import Locator, Page, Response, expect
 from tests.e2e.forms import REPORT_TIMEOUT_MS
 from tests.e2e.service import Service
 
-MOTION_TIMEOUT_MS = 30_000
+MOTION_TIMEOUT_MS = 120_000
 """Long enough for anything the loop does by itself, also on a machine that is busy with other things."""
 
 LOOK_MS = 50
@@ -36,6 +36,7 @@ class Operator:
 
     def __init__(self, page: Page, service: Service) -> None:
         self.page = page
+        self.page.set_default_timeout(MOTION_TIMEOUT_MS)  # a button too, or a download, may keep one waiting
         self.service = service
 
     def sign_in(self) -> None:

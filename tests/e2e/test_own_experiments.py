@@ -52,6 +52,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     operator.go("Experiments")
     own = page.get_by_role("region", name="Own experiments", exact=True)
     text, said = own.get_by_role("textbox"), own.get_by_role("status", name="Refusal")
+    own.get_by_text("Text", exact=True).click()
     own.get_by_role("combobox", name="Begin with").select_option("step_battery")
     expect(text).to_have_value(text_of("step_battery"))
     own.get_by_role("button", name="Check", exact=True).click()

@@ -93,8 +93,8 @@ def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path
     second = first.replace("default: 0.9", "default: 0.7")
     for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
         assert own.keep(written, "A. Operator", lab, TuningChoice()).version == version
-    assert own.text_of("mine@1") == own.text_of("mine") == first
-    assert own.text_of("mine@2") == second
+    assert own.written("mine@1").text == own.written("mine").text == first
+    assert own.written("mine@2").text == second
     assert [entry.name for entry in own.all()][-1] == "mine@3"
     assert [(one.name, one.version, one.title) for one in own.views()] == [("mine", 3, "Step battery")]
     database.close()

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0
 
 
 class Message(NamedTuple):
@@ -52,6 +52,14 @@ class Watching:
 
 @contextmanager
 def watching(address: str, protocol: str = "foxglove.sdk.v1", topics: int = 2) -> Iterator[Watching]:
-    with connect(address, subprotocols=[protocol], max_size=None, compression=None, close_timeout=0.1) as socket:  # type: ignore[list-item]  # a plain word
+    with connect(
+        address,
+        subprotocols=[protocol],  # type: ignore[list-item]  # a plain word
+        max_size=None,
+        compression=None,
+        open_timeout=PATIENCE_S,
+        ping_interval=None,  # the command gives way to all else: an answer may take its time
+        close_timeout=0.1,
+    ) as socket:
         assert socket.subprotocol == protocol
         yield Watching(socket, topics)

@@ -161,42 +161,32 @@ def listening_ports(pid: int) -> set[int]:
     return {int(row[1].split(":")[1], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
 
 
-def test_a_service_that_dies_is_told_and_heard_again(tmp_path: Path) -> None:
+def test_a_replaced_token_ends_what_it_opened_and_a_service_that_dies_is_told_and_heard_again(tmp_path: Path) -> None:
     with (
         running_service(tmp_path / "first", params="ideal") as first,
         foxglove_beside(first.data) as (address, says, _),
-        watching(address) as client,
     ):
-        next(client.messages("/sample"))
-        os.kill(first.pid, signal.SIGKILL)
-        told = next(said for said in client.heard() if isinstance(said, dict))
-        assert (told["op"], told["level"]) == ("status", 2)
-        assert "nothing new is shown until it answers" in told["message"]
-        assert "tried again" in says.readline()
-        with running_service(first.data, params="ideal"):
-            gone = next(said for said in client.heard() if isinstance(said, dict) and said["op"] != "status")
-            assert gone == {"op": "removeStatus", "statusIds": [told["id"]]}
-            assert json.loads(next(client.messages("/sample")).content)["t"] < PATIENCE_S
-
-
-def test_a_replaced_token_ends_what_it_opened(tmp_path: Path) -> None:
-    with (
-        running_service(tmp_path / "rotated", params="ideal") as running,
-        foxglove_beside(running.data) as (address, says, _),
-        watching(address) as client,
-    ):
-        subprocess.run(
-            [sys.executable, "-m", "backend", "token", "rotate", "--role", "viewer", "--data", str(running.data)],
-            check=True,
-        )
-        with pytest.raises(ConnectionClosedError, match="1008"):
-            for _ in client.heard():
-                pass
-        lines = (line for line in says if "ws://" in line)
-        again = address_in(next(lines))
+        with watching(address) as client:
+            subprocess.run(
+                [sys.executable, "-m", "backend", "token", "rotate", "--role", "viewer", "--data", str(first.data)],
+                check=True,
+            )
+            with pytest.raises(ConnectionClosedError, match="1008"):
+                for _ in client.heard():
+                    pass
+        again = address_in(next(line for line in says if "ws://" in line))
         assert again != address
-        with watching(again) as anew:
-            next(anew.messages("/sample"))
+        with watching(again) as client:
+            next(client.messages("/sample"))
+            os.kill(first.pid, signal.SIGKILL)
+            told = next(said for said in client.heard() if isinstance(said, dict))
+            assert (told["op"], told["level"]) == ("status", 2)
+            assert "nothing new is shown until it answers" in told["message"]
+            assert "tried again" in says.readline()
+            with running_service(first.data, params="ideal"):
+                gone = next(said for said in client.heard() if isinstance(said, dict) and said["op"] != "status")
+                assert gone == {"op": "removeStatus", "statusIds": [told["id"]]}
+                assert json.loads(next(client.messages("/sample")).content)["t"] < PATIENCE_S
 
 
 def test_without_a_service_or_a_port_it_says_what_to_do(service: Service, tmp_path: Path, address: str) -> None:

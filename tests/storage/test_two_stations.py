@@ -24,11 +24,11 @@ pytestmark = pytest.mark.live
 NAMES = ("rig-a", "rig-b")
 POSITIONS = {"rig-a": 0.1, "rig-b": -0.2}
 """Where the joint of each station is sent [rad]: nothing of one may turn up in a recording of the other."""
-COUNT = 3
+COUNT = 2
 LONG = '[{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}]'
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def url(postgres: str) -> str:
     return new_database(postgres, "two_stations")
 
@@ -38,12 +38,17 @@ def started(stack: ExitStack, folder: Path, name: str, url: str) -> Service:
     return stack.enter_context(running_service(folder / name, more=("--station", name), environment=environment))
 
 
-@pytest.fixture
-def services(url: str, tmp_path: Path) -> Iterator[dict[str, Service]]:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("stations")
+
+
+@pytest.fixture(scope="module")
+def services(url: str, folder: Path) -> Iterator[dict[str, Service]]:
     """Both, started at the same time on a database that has no tables yet."""
     with ExitStack() as stack:
         with ThreadPoolExecutor(2) as threads:
-            waiting = [threads.submit(started, stack, tmp_path, name, url) for name in NAMES]
+            waiting = [threads.submit(started, stack, folder, name, url) for name in NAMES]
             both = {name: one.result() for name, one in zip(NAMES, waiting, strict=True)}
         yield both
 
@@ -147,18 +152,20 @@ def client_of_a_third(url: str, tmp_path: Path) -> str:
 
 
 def test_a_service_that_is_killed_and_started_again_leaves_the_other_alone(
-    services: dict[str, Service], url: str, tmp_path: Path
+    services: dict[str, Service], url: str, folder: Path
 ) -> None:
     with ExitStack() as stack:
         a, b = (stack.enter_context(client_with(services[name], "token")) for name in NAMES)
         for client in (a, b):
+            client.post("/api/stop").raise_for_status()
+            client.post("/api/reset").raise_for_status()
             queue(client, LONG)
             client.post("/api/experiments/queue/run").raise_for_status()
             wait_for(client, "mode", "experiment")
         of_a, of_b = (newest_of(client) for client in (a, b))
         os.kill(services["rig-b"].pid, signal.SIGKILL)
         until(lambda: not is_there(services["rig-b"].pid))
-        again = started(stack, tmp_path, "rig-b", url)
+        again = started(stack, folder, "rig-b", url)
         b = stack.enter_context(client_with(again, "token"))
         assert until(lambda: listed(b, where="end = service_died"))[0]["id"] == of_b
         assert a.get(f"/api/runs/{of_a}").raise_for_status().json()["end_state"] == "running"

@@ -6,9 +6,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Request
 
 from backend.api.auth import Operator, SignedIn
-from backend.api.service import ServiceInUse
+from backend.api.service import RowId, ServiceInUse
 from backend.documents.experiment import schema
-from backend.messages.own_experiment import CheckedExperiment, ExperimentText, OwnExperiment, OwnExperimentList
+from backend.messages.own_experiment import (
+    CheckedExperiment,
+    ExperimentText,
+    ExperimentToCheck,
+    OwnExperiment,
+    OwnExperimentList,
+    WrittenExperiment,
+)
 
 router = APIRouter(prefix="/api/experiments", tags=["experiments"])
 ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own, or a version of an own one: name@2")]
@@ -34,13 +41,25 @@ async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: O
 
 @router.post("/check")
 async def check_experiment(
-    request: Request, body: ExperimentText, service: ServiceInUse, person: SignedIn
+    request: Request, body: ExperimentToCheck, service: ServiceInUse, person: SignedIn
 ) -> CheckedExperiment:
-    """Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept."""
-    return await service.ordered_runs.check_experiment(body.text, person, request.is_disconnected)
+    """Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept."""
+    return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 
 @router.get("/texts/{name}")
-async def get_experiment_text(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> ExperimentText:
+async def get_experiment_text(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> WrittenExperiment:
     """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
-    return ExperimentText(text=await asyncio.to_thread(service.experiments.text_of, name))
+    return await asyncio.to_thread(service.experiments.written, name)
+
+
+@router.get("/own/{name}/versions")
+async def list_versions(name: ExperimentName, service: ServiceInUse, _person: SignedIn) -> OwnExperimentList:
+    """List the versions of an own experiment, the newest first: who kept each, and when."""
+    return OwnExperimentList(experiments=await asyncio.to_thread(service.experiments.versions, name))
+
+
+@router.get("/as-run/{run_id}")
+async def get_experiment_as_run(run_id: RowId, service: ServiceInUse, _person: SignedIn) -> WrittenExperiment:
+    """Return the references of a run, as they were commanded, as an experiment to begin an own one with."""
+    return await asyncio.to_thread(service.experiments.as_run, run_id)

@@ -142,7 +142,8 @@ export type SettingValues = Record<string, boolean | number | string>;
 /** Looks an experiment over as a start would; nothing is kept. */
 export function useCheckExperiment() {
   return useMutation({
-    mutationFn: (text: string) => answered(api.POST("/api/experiments/check", { body: { text } })),
+    mutationFn: (text: string) =>
+      answered(api.POST("/api/experiments/check", { body: { text, play: true } })),
   });
 }
 
@@ -151,7 +152,12 @@ export function useKeepExperiment() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: (text: string) => answered(api.POST("/api/experiments/own", { body: { text } })),
-    onSuccess: () => queries.invalidateQueries({ queryKey: ["experiment-kinds"] }),
+    onSuccess: () =>
+      Promise.all(
+        ["experiment-kinds", "experiment-versions", "experiment-texts"].map((key) =>
+          queries.invalidateQueries({ queryKey: [key] }),
+        ),
+      ),
   });
 }
 

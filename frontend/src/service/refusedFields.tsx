@@ -89,10 +89,14 @@ export function useRefusedInput<Input extends HTMLElement>(
   return { ref, said: refused ? text : null };
 }
 
-/** Why something within this place is refused, for what speaks for several fields; null where nothing is. */
-export function useRefusedWithin(place: string): string | null {
+/**
+ * Why something within this place is refused, for what speaks for several fields; null where nothing is, and where it is
+ * within one of those that speak for themselves.
+ */
+export function useRefusedWithin(place: string, others: readonly string[] = []): string | null {
   const { place: blamed, text } = useContext(Context);
-  return blamed?.startsWith(`${place}.`) ? text : null;
+  const within = (outer: string) => blamed?.startsWith(`${outer}.`) ?? false;
+  return within(place) && !others.some(within) ? text : null;
 }
 
 /** Whether this refusal is told at a field already. */

@@ -1267,7 +1267,7 @@ export interface paths {
         put?: never;
         /**
          * Check Experiment
-         * @description Look an experiment over as a start would, and play it dry for its peaks; nothing moves, nothing is kept.
+         * @description Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept.
          */
         post: operations["check_experiment"];
         delete?: never;
@@ -1288,6 +1288,46 @@ export interface paths {
          * @description Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with.
          */
         get: operations["get_experiment_text"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/experiments/own/{name}/versions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Versions
+         * @description List the versions of an own experiment, the newest first: who kept each, and when.
+         */
+        get: operations["list_versions"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/experiments/as-run/{run_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Experiment As Run
+         * @description Return the references of a run, as they were commanded, as an experiment to begin an own one with.
+         */
+        get: operations["get_experiment_as_run"];
         put?: never;
         post?: never;
         delete?: never;
@@ -2784,6 +2824,25 @@ export interface components {
              * @description why there are no peaks, where there are none
              */
             not_predicted: string;
+            /**
+             * Busy
+             * @description there was no place to play it dry: ask again
+             */
+            busy: boolean;
+            /**
+             * Document
+             * @description what its text says as plain data
+             */
+            document: {
+                [key: string]: unknown;
+            };
+            /**
+             * Parts
+             * @description in the order in which they first play
+             */
+            parts: components["schemas"]["PartPlayed"][];
+            /** @description how it went on the simulator, None where it was not played */
+            dry_run: components["schemas"]["DryRunView"] | null;
         };
         /**
          * Checklist
@@ -3347,6 +3406,20 @@ export interface components {
         ExperimentText: {
             /** Text */
             text: string;
+        };
+        /**
+         * ExperimentToCheck
+         * @description An experiment that is looked over.
+         */
+        ExperimentToCheck: {
+            /** Text */
+            text: string;
+            /**
+             * Play
+             * @description play it on the simulator too, which takes its time
+             * @default true
+             */
+            play: boolean;
         };
         /**
          * ExperimentView
@@ -4452,7 +4525,7 @@ export interface components {
         Outcome: "passed" | "failed" | "incomplete" | "neutral";
         /**
          * OwnExperiment
-         * @description The newest version of an own experiment.
+         * @description A version of an own experiment.
          */
         OwnExperiment: {
             /** Name */
@@ -4474,7 +4547,7 @@ export interface components {
         };
         /**
          * OwnExperimentList
-         * @description Own experiments, by name.
+         * @description Own experiments by name, or the versions of one, the newest first.
          */
         OwnExperimentList: {
             /** Experiments */
@@ -4565,6 +4638,57 @@ export interface components {
             /** Versions */
             versions: components["schemas"]["ParameterVersion"][];
             proposal: components["schemas"]["ParameterProposal"] | null;
+        };
+        /**
+         * PartPlayed
+         * @description A part of an experiment as it plays; without a reference before it where the experiment begins.
+         */
+        PartPlayed: {
+            /**
+             * Path
+             * @description where it stands in the document
+             */
+            path: (number | string)[];
+            /**
+             * Start S
+             * @description when it begins for the first time [s]
+             */
+            start_s: number;
+            /**
+             * End S
+             * @description when it ends for the last time [s]
+             */
+            end_s: number;
+            /**
+             * Pieces
+             * @description pieces that the loop plays of it, all repetitions counted
+             */
+            pieces: number;
+            /**
+             * Piece S
+             * @description length of its first piece [s]
+             */
+            piece_s: number;
+            /**
+             * Q From
+             * @description joint reference before its first piece [rad]
+             */
+            q_from: number | null;
+            /**
+             * S From
+             * @description stiffness reference before its first piece [N·m/rad]
+             */
+            S_from: number | null;
+            /**
+             * Q To
+             * @description joint reference of its first piece [rad]
+             */
+            q_to: number;
+            /**
+             * S To
+             * @description stiffness reference of its first piece [N·m/rad]
+             */
+            S_to: number;
         };
         /**
          * PartView
@@ -7009,6 +7133,18 @@ export interface components {
              * @description what others know the control by that was taken by this; null before
              */
             epoch: number | null;
+        };
+        /**
+         * WrittenExperiment
+         * @description An experiment as it was written, and what its text says as plain data.
+         */
+        WrittenExperiment: {
+            /** Text */
+            text: string;
+            /** Document */
+            document: {
+                [key: string]: unknown;
+            };
         };
     };
     responses: never;
@@ -15316,7 +15452,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["ExperimentText"];
+                "application/json": components["schemas"]["ExperimentToCheck"];
             };
         };
         responses: {
@@ -15439,7 +15575,233 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ExperimentText"];
+                    "application/json": components["schemas"]["WrittenExperiment"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    list_versions: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description ready-made, own, or a version of an own one: name@2 */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["OwnExperimentList"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_experiment_as_run: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                run_id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["WrittenExperiment"];
                 };
             };
             /** @description the body cannot be parsed */

@@ -64,7 +64,9 @@ function Played({ name, title, result }: PlayedProps) {
       <Outcome of={result} />
       <OrderWords name={name} settings={result.settings} />
       <Figures criteria={result.criteria} metrics={result.metrics} of="dry run" />
-      {result.samples && <Curves samples={result.samples} duration_s={result.duration_s} />}
+      {result.samples && (
+        <DryRunCurves samples={result.samples} duration_s={result.duration_s} name="sinew-dry-run" />
+      )}
     </div>
   );
 }
@@ -72,9 +74,11 @@ function Played({ name, title, result }: PlayedProps) {
 interface CurvesProps {
   readonly samples: NonNullable<DryRun["samples"]>;
   readonly duration_s: number;
+  /** Of the pictures and files that are saved. */
+  readonly name: string;
 }
 
-function Curves({ samples, duration_s }: CurvesProps) {
+export function DryRunCurves({ samples, duration_s, name }: CurvesProps) {
   const source = useMemo(() => {
     const recorded = new RecordedSource(duration_s);
     recorded.setOverview(excerptOf(samples));
@@ -94,7 +98,7 @@ function Curves({ samples, duration_s }: CurvesProps) {
         stale={false}
         fixed
         origin={DRY_RUN}
-        name="sinew-dry-run"
+        name={name}
       />
     </div>
   );

@@ -18,7 +18,7 @@ import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 
 export default function ExperimentsPage() {
-  const { id } = useParams();
+  const { id, asRun } = useParams();
   const [, go] = useLocation();
   const [chosen, choose] = useState<string | null>(null);
   const dryRun = useDryRun();
@@ -67,7 +67,11 @@ export default function ExperimentsPage() {
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />
-          <OwnExperiments kinds={kinds.data ?? []} onKept={choose} />
+          <OwnExperiments
+            asRun={asRun === undefined ? null : Number(asRun)}
+            kinds={kinds.data ?? []}
+            onKept={choose}
+          />
         </div>
       </div>
     </div>

@@ -1,40 +1,51 @@
-/** Own experiments as texts: begun with one there is or a file, looked over, kept as a version, taken elsewhere. */
+/** Own experiments, as a sequence or as a text: begun with one there is or a file, looked over, kept, taken elsewhere. */
 
-import { Button, FileButton, NativeSelect, Textarea } from "@mantine/core";
+import { Button, FileButton, NativeSelect, SegmentedControl, Textarea } from "@mantine/core";
 import { useQueryClient } from "@tanstack/react-query";
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useEffectEvent, useRef, useState } from "react";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
-import { duration } from "../../samples/format";
-import { counted } from "../../samples/words";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
-import { experimentTextQuery } from "../../service/queries";
-import { lastRefusal } from "../../service/refusedFields";
+import { experimentAsRunQuery, experimentTextQuery } from "../../service/queries";
+import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { RequestError } from "../../wire/client";
 import type { ExperimentKind } from "../../wire/types";
 import page from "../Page.module.css";
+import { CriteriaEditor } from "./CriteriaEditor";
+import { asDocument, type Document, documentIn, EMPTY, writeDocument } from "./document";
+import { inWords, Preview } from "./Preview";
+import { SequenceEditor } from "./SequenceEditor";
+import { useComposedPreview } from "./useComposedPreview";
+import { Versions } from "./Versions";
 
 const SEQUENCE = "sequence";
+const NEW = "an empty sequence";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 
 interface OwnExperimentsProps {
   readonly kinds: readonly ExperimentKind[];
+  /** The run whose references are to be made an experiment of. */
+  readonly asRun: number | null;
   /** Told the name of what was kept: it can be run now. */
   onKept(name: string): void;
 }
 
-export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
-  const [text, setText] = useState("");
+export function OwnExperiments({ kinds, asRun, onKept }: OwnExperimentsProps) {
+  const [{ text, document }, set] = useState<Written>({ text: "", document: null });
+  const [shown, show] = useState<"sequence" | "text">("sequence");
   const [problem, setProblem] = useState<string | null>(null);
   const texts = useQueryClient();
   const check = useCheckExperiment();
   const keep = useKeepExperiment();
   const written = kinds.filter(({ name }) => name !== SEQUENCE);
-  const named = /^name:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
+  const named = /^\s*"?name"?:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
 
-  function change(next: string): void {
-    setText(next);
+  const preview = useComposedPreview(shown === "sequence" ? text : "");
+  const composed = document ?? (preview.current ? asDocument(preview.checked?.document) : null);
+
+  function change(next: string, read: Document | null = documentIn(next)): void {
+    set({ text: next, document: read });
     setProblem(null);
     check.reset();
     keep.reset();
@@ -42,12 +53,27 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
 
   async function begin(name: string): Promise<void> {
     if (name === "") return;
+    if (name === NEW) change(writeDocument(EMPTY), EMPTY);
+    else await open(() => texts.fetchQuery(experimentTextQuery(name)));
+  }
+
+  async function open(fetch: () => Promise<{ text: string; document: unknown }>): Promise<void> {
     try {
-      change(await texts.fetchQuery(experimentTextQuery(name)));
+      const begun = await fetch();
+      change(begun.text, asDocument(begun.document));
     } catch (error) {
       setProblem(error instanceof Error ? error.message : String(error));
     }
   }
+
+  const card = useRef<HTMLDivElement>(null);
+  const openRun = useEffectEvent((run: number) => {
+    card.current?.scrollIntoView({ block: "start" });
+    void open(() => texts.fetchQuery(experimentAsRunQuery(run)));
+  });
+  useEffect(() => {
+    if (asRun !== null) openRun(asRun);
+  }, [asRun]);
 
   async function read(file: File | null): Promise<void> {
     if (file === null) return;
@@ -62,14 +88,29 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
   }, [failure]);
   const told = check.data && !keep.data ? inWords(check.data) : keep.data ? keptInWords(keep.data) : "";
   return (
-    <Card title="Own experiments" aside={<span className={page.dim}>YAML or JSON, kept in versions</span>}>
-      <div className={page.fields}>
+    <Card
+      title="Own experiments"
+      aside={
+        <SegmentedControl
+          size="xs"
+          aria-label="Shown as"
+          data={[
+            { value: "sequence", label: "Sequence" },
+            { value: "text", label: "Text" },
+          ]}
+          value={shown}
+          onChange={(value) => show(value as typeof shown)}
+        />
+      }
+    >
+      <div className={page.fields} ref={card}>
         <div className={page.actions}>
           <NativeSelect
             aria-label="Begin with"
             size="sm"
             data={[
               { value: "", label: "Begin with …" },
+              { value: NEW, label: "An empty sequence" },
               ...written.map(({ name, title }) => ({ value: name, label: title })),
             ]}
             value=""
@@ -94,30 +135,66 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
             Save file
           </Button>
         </div>
-        <Textarea
-          aria-label="Text of the experiment"
-          placeholder="Begin with an experiment there is, give it another name, and change it."
-          value={text}
-          onChange={(event) => change(event.currentTarget.value)}
-          autosize
-          minRows={6}
-          maxRows={24}
-          spellCheck={false}
-          ref={box}
-          wrap="off"
-          styles={{ input: { fontFamily: "var(--mantine-font-family-monospace)", fontSize: 12 } }}
-        />
+        {shown === "sequence" && text === "" && (
+          <p className={page.empty}>Begin with an experiment there is, a run, or an empty sequence.</p>
+        )}
+        {shown === "sequence" && text !== "" && composed === null && (
+          <p className={page.empty}>
+            {preview.error === null ? "Its text is being read …" : "It is no sequence yet: mend its text."}
+          </p>
+        )}
+        {shown === "sequence" && composed !== null && (
+          <RefusedFields error={keep.error} foreseen={preview.error} about={text}>
+            <SequenceEditor
+              document={composed}
+              played={preview.current ? (preview.checked?.parts ?? []) : []}
+              onChange={(next) => change(writeDocument(next), next)}
+            />
+            <CriteriaEditor
+              criteria={composed.criteria ?? []}
+              metrics={preview.checked?.dry_run?.metrics ?? []}
+              onChange={(criteria) => {
+                const next = { ...composed, criteria };
+                change(writeDocument(next), next);
+              }}
+            />
+          </RefusedFields>
+        )}
+        {shown === "sequence" && text !== "" && (
+          <Preview
+            checked={preview.checked}
+            current={preview.current}
+            problem={preview.error?.message ?? null}
+          />
+        )}
+        {shown === "text" && (
+          <Textarea
+            aria-label="Text of the experiment"
+            placeholder="Begin with an experiment there is, give it another name, and change it."
+            value={text}
+            onChange={(event) => change(event.currentTarget.value)}
+            autosize
+            minRows={6}
+            maxRows={24}
+            spellCheck={false}
+            ref={box}
+            wrap="off"
+            styles={{ input: { fontFamily: "var(--mantine-font-family-monospace)", fontSize: 12 } }}
+          />
+        )}
         <div className={page.decide}>
           <div className={page.actions}>
-            <Button
-              size="sm"
-              variant="default"
-              disabled={text === ""}
-              loading={check.isPending}
-              onClick={() => check.mutate(text)}
-            >
-              Check
-            </Button>
+            {shown === "text" && (
+              <Button
+                size="sm"
+                variant="default"
+                disabled={text === ""}
+                loading={check.isPending}
+                onClick={() => check.mutate(text)}
+              >
+                Check
+              </Button>
+            )}
             <OperatorsOnly>
               <Button
                 size="sm"
@@ -131,8 +208,14 @@ export function OwnExperiments({ kinds, onKept }: OwnExperimentsProps) {
               </Button>
             </OperatorsOnly>
           </div>
-          <Refusal error={failure} about={text} text={problem} hint={told} />
+          <Refusal
+            error={failure ?? (shown === "sequence" ? preview.error : null)}
+            about={text}
+            text={problem}
+            hint={told}
+          />
         </div>
+        <Versions name={named} document={composed} onOpen={(name) => void begin(name)} />
       </div>
     </Card>
   );
@@ -147,33 +230,10 @@ function markLine(box: HTMLTextAreaElement, line: number): void {
   box.scrollTop = (box.scrollHeight / lines.length) * Math.max(0, line - 4);
 }
 
-interface Checked {
-  readonly title: string;
-  readonly duration_s: number;
-  readonly segments: number;
-  readonly changes_of_tuning: number;
-  readonly criteria: number;
-  readonly peak_voltage_V: number | null;
-  readonly min_tension_N: number | null;
-  readonly max_tension_N: number | null;
-  readonly not_predicted: string;
-}
-
-function inWords(checked: Checked): string {
-  const parts = [duration(checked.duration_s), counted(checked.segments, "piece")];
-  if (checked.changes_of_tuning > 0)
-    parts.push(`${counted(checked.changes_of_tuning, "change")} of the tuning`);
-  parts.push(checked.criteria === 1 ? "1 criterion" : `${checked.criteria} criteria`);
-  return `${checked.title} can be run: ${parts.join(", ")}. ${peaksInWords(checked)}`;
-}
-
-function peaksInWords(checked: Checked): string {
-  const { peak_voltage_V: volts, min_tension_N: least, max_tension_N: most } = checked;
-  if (volts === null || least === null || most === null) {
-    return `Its peaks are not known: ${checked.not_predicted || "a dry run did not complete"}.`;
-  }
-  const [u, low, high] = [volts, least, most].map((figure) => figure.toPrecision(3));
-  return `On the simulator: ${u} V at most, tensions ${low} to ${high} N.`;
+interface Written {
+  readonly text: string;
+  /** Null for a text that only the service can read, until it has. */
+  readonly document: Document | null;
 }
 
 function keptInWords(kept: { readonly name: string; readonly version: number }): string {

@@ -10,6 +10,7 @@ import { capital } from "../../samples/words";
 import { runQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import page from "../Page.module.css";
+import { experimentOf } from "./address";
 import { ComparedRuns } from "./ComparedRuns";
 import { CompareWith } from "./CompareWith";
 import { type Compared, USUAL } from "./compared";
@@ -96,6 +97,10 @@ function Facts({ run }: { run: Run }) {
             <dd>{run.station}</dd>
           </>
         )}
+        <dt>References</dt>
+        <dd>
+          <Link href={experimentOf(run.id)}>Make an experiment of this</Link>
+        </dd>
         <dt>Tags</dt>
         <dd>
           <Tags run={run} />

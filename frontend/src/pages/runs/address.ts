@@ -4,6 +4,14 @@
 export const RUNS =
   /^\/runs(?:\/(?:(?<chart>metrics)|(?<id>\d+)(?:@(?<at>\d+(?:\.\d+)?))?(?:\/(?<others>[^/]+)(?:\/(?<how>[^/]+))?)?))?$/;
 
+/** All experiments, one that was run, one to be made of a run's references. */
+export const EXPERIMENTS = /^\/experiments(?:\/(?:(?<id>\d+)|as-run\/(?<asRun>\d+)))?$/;
+
+/** Where the references of a run are made an experiment. */
+export function experimentOf(run: number): string {
+  return `/experiments/as-run/${run}`;
+}
+
 /** A run by itself, at a second of its recording where one is given, or beside others, compared as `how` says. */
 export function addressOf(
   run: number,

@@ -1,0 +1,73 @@
+// @vitest-environment jsdom
+import { MantineProvider } from "@mantine/core";
+import { cleanup, fireEvent, render, screen } from "@testing-library/react";
+import { useState } from "react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import { RefusedFields } from "../../service/refusedFields";
+import { type Document, EMPTY } from "./document";
+import { SequenceEditor } from "./SequenceEditor";
+
+let document: Document = EMPTY;
+
+function Composer() {
+  const [shown, show] = useState(EMPTY);
+  document = shown;
+  return (
+    <RefusedFields error={null} foreseen={null}>
+      <SequenceEditor document={shown} played={[]} onChange={show} />
+    </RefusedFields>
+  );
+}
+
+function opened() {
+  render(
+    <MantineProvider env="test">
+      <LiveProvider store={new LiveStore(0)}>
+        <Composer />
+      </LiveProvider>
+    </MantineProvider>,
+  );
+}
+
+const button = (name: string) => screen.getByRole("button", { name });
+const kinds = () => document.phases[0]?.parts.map((part) => part.do);
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+});
+afterEach(cleanup);
+
+it("moves a part by its button, which keeps the focus where the part is then", () => {
+  opened();
+  fireEvent.click(button("Move down part 1.1"));
+  expect(kinds()).toEqual(["ramp", "step", "hold"]);
+  expect(globalThis.document.activeElement).toBe(button("Move down part 1.2"));
+  expect(screen.getByRole("status", { name: "Moved" }).textContent).toBe("Part 1.1 is part 1.2 now.");
+});
+
+it("takes a part that is dropped into a loop", () => {
+  opened();
+  fireEvent.click(button("Repeat part 1.2"));
+  const row = screen.getByRole("listitem", { name: "Part 1.3" });
+  const dataTransfer = { setData() {}, effectAllowed: "" };
+  fireEvent.dragStart(row.querySelector("[draggable]") as Element, { dataTransfer });
+  fireEvent.drop(button("Add part 1.2.2").closest("li") as Element, { dataTransfer });
+  expect(document.phases[0]?.parts[1]).toEqual({
+    do: "repeat",
+    times: 2,
+    parts: EMPTY.phases[0]?.parts.slice(1),
+  });
+});
+
+it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
+  opened();
+  const box = () => screen.getByRole("textbox", { name: "q_ref [deg] of part 1.2" });
+  fireEvent.change(box(), { target: { value: "60" } });
+  expect(document.phases[0]?.parts[1]?.q_ref).toBeCloseTo(Math.PI / 3, 12);
+  fireEvent.change(box(), { target: { value: "2 * pi / 9" } });
+  expect(document.phases[0]?.parts[1]?.q_ref).toBe("2 * pi / 9");
+  fireEvent.change(box(), { target: { value: "" } });
+  expect(document.phases[0]?.parts[1]).toEqual({ do: "ramp", duration_s: 2 });
+});

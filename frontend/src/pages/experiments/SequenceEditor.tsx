@@ -1,0 +1,126 @@
+/** The sequence of an experiment, part by part: by drag, by keyboard, in loops as deep as they go. */
+
+import { TextInput } from "@mantine/core";
+import { useEffect, useMemo, useRef, useState } from "react";
+import { useRefusedInput } from "../../service/refusedFields";
+import type { PartPlayed } from "../../wire/types";
+import page from "../Page.module.css";
+import {
+  beside,
+  type Document,
+  inserted,
+  moved,
+  numberOf,
+  type Part,
+  type Place,
+  removed,
+  replaced,
+} from "./document";
+import { type Composing, PartList } from "./PartList";
+import styles from "./SequenceEditor.module.css";
+
+interface SequenceEditorProps {
+  readonly document: Document;
+  /** What the service has laid out of it; none while that is of another text. */
+  readonly played: readonly PartPlayed[];
+  onChange(document: Document): void;
+}
+
+export function SequenceEditor({ document, played, onChange }: SequenceEditorProps) {
+  const box = useRef<HTMLDivElement>(null);
+  const dragged = useRef<Place | null>(null);
+  const [focus, setFocus] = useState<{ readonly place: Place; readonly button: string } | null>(null);
+  const [told, tell] = useState("");
+  useEffect(() => {
+    if (focus === null) return;
+    const row = box.current?.querySelector(`[data-place="${focus.place.join(".")}"]`);
+    row?.querySelector<HTMLElement>(`[data-button="${focus.button}"]`)?.focus();
+    setFocus(null);
+  }, [focus]);
+  const byPlace = useMemo(() => new Map(played.map((part) => [part.path.join("."), part])), [played]);
+
+  function move(from: Place, to: Place, button: string | null): void {
+    const [next, where] = moved(document, from, to);
+    onChange(next);
+    tell(`Part ${numberOf(from)} is part ${numberOf(where)} now.`);
+    if (button !== null) setFocus({ place: where, button });
+  }
+
+  const composing: Composing = {
+    played: byPlace,
+    replace: (place, part) => onChange(replaced(document, place, part)),
+    insert: (place, part) => onChange(inserted(document, place, part)),
+    remove: (place) => onChange(removed(document, place)),
+    canShift: (place, by) => beside(document, place, by) !== null,
+    shift: (place, by) => {
+      const to = beside(document, place, by);
+      if (to !== null) move(place, to, by > 0 ? "down" : "up");
+    },
+    drag: (from, event) => {
+      dragged.current = from;
+      event.stopPropagation();
+      event.dataTransfer.effectAllowed = "move";
+      event.dataTransfer.setData("text/plain", numberOf(from));
+    },
+    drop: (before) => {
+      if (dragged.current !== null) move(dragged.current, before, null);
+      dragged.current = null;
+    },
+  };
+
+  return (
+    <div className={page.fields} ref={box}>
+      <div className={page.actions}>
+        <Text
+          label="Name"
+          place="name"
+          value={document.name}
+          onChange={(name) => onChange({ ...document, name })}
+        />
+        <Text
+          label="Title"
+          place="title"
+          value={document.title}
+          onChange={(title) => onChange({ ...document, title })}
+        />
+      </div>
+      {document.phases.map((phase, index) => (
+        <fieldset key={phase.name} className={styles.phase}>
+          <legend>
+            {index + 1} {phase.title}
+          </legend>
+          <PartList
+            place={["phases", index, "parts"]}
+            parts={phase.parts as readonly Part[]}
+            composing={composing}
+          />
+        </fieldset>
+      ))}
+      <output className={styles.unseen} aria-label="Moved">
+        {told}
+      </output>
+    </div>
+  );
+}
+
+interface TextProps {
+  readonly label: string;
+  readonly place: string;
+  readonly value: string;
+  onChange(value: string): void;
+}
+
+function Text({ label, place, value, onChange }: TextProps) {
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place);
+  return (
+    <TextInput
+      ref={ref}
+      size="xs"
+      label={label}
+      value={value}
+      error={said}
+      inputWrapperOrder={["label", "input", "description", "error"]}
+      onChange={(event) => onChange(event.currentTarget.value)}
+    />
+  );
+}
