@@ -43,7 +43,7 @@ async def keep_experiment(body: ExperimentText, service: ServiceInUse, person: O
 async def check_experiment(
     request: Request, body: ExperimentToCheck, service: ServiceInUse, person: SignedIn
 ) -> CheckedExperiment:
-    """Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept."""
+    """Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 

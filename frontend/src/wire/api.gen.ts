@@ -1267,7 +1267,7 @@ export interface paths {
         put?: never;
         /**
          * Check Experiment
-         * @description Look an experiment over as a start would, played dry for its peaks where asked; nothing moves, nothing is kept.
+         * @description Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept.
          */
         post: operations["check_experiment"];
         delete?: never;

@@ -7,7 +7,7 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
-import { experimentAsRunQuery, experimentTextQuery } from "../../service/queries";
+import { experimentAsRunQuery, experimentTextQuery } from "../../service/ownExperiments";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { RequestError } from "../../wire/client";
 import type { ExperimentKind } from "../../wire/types";

@@ -4,7 +4,7 @@ import { Button, Table } from "@mantine/core";
 import { useQueries, useQuery } from "@tanstack/react-query";
 import { dateTime } from "../../samples/format";
 import { useAngles } from "../../service/angles";
-import { experimentTextQuery, experimentVersionsQuery } from "../../service/queries";
+import { experimentTextQuery, experimentVersionsQuery } from "../../service/ownExperiments";
 import page from "../Page.module.css";
 import { differences } from "./differences";
 import { asDocument, type Document } from "./document";
