@@ -39,6 +39,7 @@ from backend.faults import Fault
 from backend.libraries import SCIENCE
 from backend.messages.live import MarkKind, StateMessage
 from backend.operating.actuator import Actuator
+from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
 from backend.operating.dry_runs import DryRuns
 from backend.operating.foundation import SEED, Foundation
@@ -64,6 +65,7 @@ from backend.scene.proxy import router as scene_router
 from backend.settings import Settings
 from backend.storage.events import EventKind
 from backend.supervision import KeptThread, Part, Supervision
+from plant.parameters import PlantParameters
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def assemble(
     present = PresentState(supervisor, parameters, tuning, problems)
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
     safe_stop = SafeStop(supervisor, present, supervision)
-    sessions = SessionRuns(database, settings.plant_choice.name, parameters)
+    sessions = SessionRuns(database, settings.plant_choice.name)
     actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     control = Control(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
@@ -191,7 +193,14 @@ def assemble(
         database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports
     )
     stack.push_async_callback(studies.close)
+
+    def use(changed: PlantParameters) -> None:
+        station.parameters = changed
+        for heard in (history.use, bring_up.use, studies.use, *(mirror.use for mirror in mirrors.values())):
+            heard(changed)
+
     service = Service(
+        applied=Applied(actuator, supervisor, database, kept, foundation.base, use),
         actuator=actuator,
         control=control,
         hand_over=hand_over,
@@ -202,7 +211,9 @@ def assemble(
         live=live,
         runs=stored_runs,
         run_library=RunLibrary(database),
-        identifications=StoredIdentifications(database, stored_runs.progress),
+        identifications=StoredIdentifications(
+            database, stored_runs.progress, processes.computing, lambda: present.tuning
+        ),
         evaluations=evaluations,
         banks=banks,
         preferences=StoredPreferences(database),

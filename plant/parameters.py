@@ -75,6 +75,16 @@ class PlantParameters:
         """Return ``identified_curve`` ready for the compiled functions."""
         return self.identified_curve(side).spring()
 
+    def with_identified(self, sections: dict[str, dict[str, dict[str, Any]]]) -> "PlantParameters":
+        """Return the same plant of which the controller knows this, as ``document`` says it; as it is for nothing.
+
+        Raises ParameterError.
+        """
+        if not sections:
+            return self
+        kept = {name: entries for name, entries in self.document().items() if not name.startswith("identified")}
+        return parameters_of(self.name, kept | sections)
+
     def dynamics(self) -> Dynamics:
         """Constants of the simulated plant, asymmetry included. Source: method section 1."""
         factor = self.asymmetry

@@ -16,6 +16,7 @@ from backend.experiments.banks.bank_consistency import BankError
 from backend.experiments.composing.refused import ExperimentError
 from backend.experiments.playing.play import NotReadyError
 from backend.experiments.results.again import NotEvaluableError
+from backend.experiments.results.unseen_prediction import NotComparableError
 from backend.experiments.settings import SettingError
 from backend.exports.errors import ExportError
 from backend.identification.errors import IdentificationError
@@ -79,6 +80,7 @@ _BECAUSE: dict[type[Exception], Because] = {
     UnknownSignalError: Because.BAD_VALUE,
     ChannelError: Because.BAD_VALUE,
     ExportError: Because.BAD_VALUE,
+    NotComparableError: Because.BAD_VALUE,
     NotRemovableError: Because.NOT_NOW,
     LoopDiedError: Because.UNAVAILABLE,
     NotEvaluableError: Because.NOT_NOW,

@@ -26,6 +26,7 @@ from backend.archive.stored_identifications import StoredIdentifications
 from backend.archive.stored_runs import StoredRuns
 from backend.archive.timeline import StoredTimeline
 from backend.operating.actuator import Actuator
+from backend.operating.applied import Applied
 from backend.operating.bring_up import BringUp
 from backend.operating.live_stream import LiveStream
 from backend.operating.ordered_runs import OrderedRuns
@@ -40,6 +41,7 @@ class Service:
     """What the routes act on."""
 
     actuator: Actuator
+    applied: Applied
     control: Control
     hand_over: HandOver
     ordered_runs: OrderedRuns

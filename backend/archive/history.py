@@ -27,9 +27,13 @@ class History:
         largest_bytes: int = READ_AT_ONCE_BYTES,
     ) -> None:
         self._database = database
-        self._parameters = parameters.document()
+        self.use(parameters)
         self._bank_in_use = bank_in_use
         self._samples = SampleDigests(largest_bytes)
+
+    def use(self, parameters: PlantParameters) -> None:
+        """Compare runs with these parameters from now on."""
+        self._parameters = parameters.document()
 
     async def lineage(self, run_id: int) -> Lineage:
         """Return what a run came from and what came of it. Raises UnknownRecordError."""

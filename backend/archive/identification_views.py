@@ -82,6 +82,8 @@ def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
         gain_geometry=_needed(quality.gain_geometry, estimate, "gain_geometry"),
         K=model.first_order.K,
         T=model.first_order.T,
+        K_std=model.first_order.K_std,
+        T_std=model.first_order.T_std,
         grade=quality.grade,
         usable=quality.usable,
         verdict=quality.verdict,

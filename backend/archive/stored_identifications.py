@@ -6,11 +6,16 @@ from collections.abc import Callable
 
 from backend import __version__
 from backend.archive import identification_views
+from backend.archive.stored_banks import TuningInForce
 from backend.documents.edge import UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
+from backend.experiments.results.over_stiffness import trend_of
 from backend.experiments.results.spring_identification import from_table
+from backend.experiments.results.unseen_prediction import unseen_of
+from backend.messages.compared_models import Trend, UnseenView
 from backend.messages.curves import IdentificationCurves
 from backend.messages.identification import IdentificationView, SpringTableView
+from backend.offload import Offload
 from backend.storage import Database, identifications, results, runs
 from backend.storage.identifications import Identification
 from backend.storage.records import UnknownRecordError
@@ -26,11 +31,32 @@ IDENTIFICATIONS = (
 
 
 class StoredIdentifications:
-    """Reads and writes the database in threads. ``progress`` tells how far a run is, from 0 to 1."""
+    """Reads and writes the database in threads; what takes long is computed in the process for such work.
 
-    def __init__(self, database: Database, progress: Callable[[Run], float]) -> None:
+    ``progress`` tells how far a run is, from 0 to 1.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        progress: Callable[[Run], float],
+        offload: Offload,
+        tuning: Callable[[], TuningInForce],
+    ) -> None:
         self._database = database
         self._progress = progress
+        self._offload = offload
+        self._tuning = tuning
+
+    async def unseen(self, run_id: int, of: int) -> UnseenView:
+        """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
+        return UnseenView.model_validate(await self._offload.run(unseen_of, self._database, run_id, of))
+
+    async def trend(self) -> Trend:
+        """Return identified gains and lags over S beside what is predicted."""
+        tuning = self._tuning()
+        computed = self._offload.run(trend_of, self._database, tuning.parameters, tuning.lambdas.lam_motor)
+        return Trend.model_validate(await computed)
 
     async def identifications(self) -> list[IdentificationView]:
         """Return all identification runs, newest first."""

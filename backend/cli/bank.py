@@ -10,7 +10,7 @@ import typer
 
 from backend.cli.ordering import current_user, values_of
 from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
-from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
+from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 
 if TYPE_CHECKING:
     from backend.experiments.banks.bank_difference import EntryDifference, LoopFigures
@@ -74,10 +74,11 @@ def build(
     from backend.experiments.banks.bank_building import build_bank
     from backend.storage import identifications as identifications_
     from backend.storage.bank_entry import fits_in
-    from plant.parameters import load_parameters
 
-    with database_of(settings_with(data=data, station=station)) as database:
-        parameters = load_parameters(params or _parameters_name(database, identifications))
+    settings = settings_with(data=data, station=station)
+    with database_of(settings) as database:
+        named = params or _parameters_name(database, identifications)
+        parameters = parameters_in_force(settings.model_copy(update={"params": named}), database)
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
             _print(bank, identifications_.runs_of(session), fits_in(session, bank), as_json=as_json)
@@ -108,7 +109,6 @@ def diff(
     from backend.experiments.plans.loop_settings import LoopSettings
     from backend.experiments.settings import from_values
     from backend.storage import banks, identifications
-    from plant.parameters import load_parameters
 
     if (after is None) == (not again):
         fail("give either a second bank or --with identifications", status=2)
@@ -120,7 +120,8 @@ def diff(
             new = with_entries(old, [entry_of(identifications.of_run(session, run_id)) for run_id in again or ()])
         else:
             new = banks.get(session, after).entries
-    changes = difference(load_parameters(settings.params), lambdas, old, new)
+        parameters = parameters_in_force(settings, database)
+    changes = difference(parameters, lambdas, old, new)
     if as_json:
         print_json([asdict(change) for change in changes])
     else:
@@ -155,12 +156,11 @@ def import_file(
 ) -> None:
     """Store an exported bank as the next version of its name, after checking it."""
     from backend.experiments.banks.bank_files import import_bank, read_file
-    from plant.parameters import load_parameters
 
     settings = settings_with(data=data, params=params, station=station)
     document = read_file(file.read_text(encoding="utf-8", errors="replace"))
     with database_of(settings) as database:
-        bank = import_bank(database, load_parameters(settings.params), document, current_user(), name)
+        bank = import_bank(database, parameters_in_force(settings, database), document, current_user(), name)
         _print(bank, {}, {}, as_json=as_json)
 
 

@@ -9,7 +9,7 @@ import typer
 from backend.cli.experiment import entry_of, text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, out, print_json, print_table
-from backend.cli.place import DataFolder, ParameterSet, database_of, settings_with
+from backend.cli.place import DataFolder, ParameterSet, database_of, parameters_in_force, settings_with
 from backend.settings import Settings
 
 if TYPE_CHECKING:
@@ -67,11 +67,11 @@ def text(name: Name, data: DataFolder = None) -> None:
 def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Look an experiment over as a start would: nothing moves, nothing is kept."""
     from backend.archive.own_experiments import OwnExperiments
-    from plant.parameters import load_parameters
 
     settings = settings_with(params=params, data=data)
-    tuning, parameters = _tuning(settings), load_parameters(settings.params)
+    tuning = _tuning(settings)
     with database_of(settings) as database:
+        parameters = parameters_in_force(settings, database)
         looked_over = OwnExperiments(database).checked(text_in(file), parameters, tuning)
         peaks = _peaks(database, looked_over, parameters, tuning)
     checked = looked_over.view(peaks)
@@ -90,13 +90,12 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
 def keep(file: File, params: ParameterSet = None, data: DataFolder = None, as_json: AsJson = False) -> None:
     """Keep an experiment as the next version of its name; one that could not be run is refused."""
     from backend.archive.own_experiments import OwnExperiments
-    from plant.parameters import load_parameters
 
     settings = settings_with(params=params, data=data)
     tuning = _tuning(settings)
     with database_of(settings) as database:
         own = OwnExperiments(database)
-        kept = own.keep(text_in(file), current_user(), load_parameters(settings.params), tuning)
+        kept = own.keep(text_in(file), current_user(), parameters_in_force(settings, database), tuning)
     if as_json:
         print_json({"name": kept.name, "version": kept.version})
     else:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from backend.cli.output import angles, errors, fail, meter, out, print_json
-from backend.cli.place import database_of
+from backend.cli.place import database_of, parameters_in_force
 from backend.cli.run_tables import show_run
 from backend.settings import Settings
 
@@ -86,11 +86,10 @@ def in_force(settings: Settings) -> Standing:
     from backend.experiments.banks import kept_choice
     from backend.experiments.settings import SettingError
     from backend.refusal import OutOfRangeError
-    from plant.parameters import load_parameters
 
-    parameters = load_parameters(settings.params)
     _figures().restore()
     with database_of(settings) as database:
+        parameters = parameters_in_force(settings, database)
         try:
             kept = kept_choice.newest(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
@@ -151,13 +150,13 @@ def _bench(settings: Settings, first: "Order") -> "Iterator[_Play]":
     from backend.experiments.playing.headless_station import headless_station
     from backend.experiments.playing.runner import run_experiment
     from backend.reports.source import load_source
-    from plant.parameters import load_parameters
 
-    parameters = load_parameters(settings.params)
     with (
         database_of(settings) as database,
         playing_in(settings.data),
-        headless_station(database, parameters, first.loop_settings, settings.plant_choice) as station,
+        headless_station(
+            database, parameters_in_force(settings, database), first.loop_settings, settings.plant_choice
+        ) as station,
     ):
 
         def play(order: "Order", folder: Path | None, *, hidden: bool, own_folder: bool = False) -> _Played:

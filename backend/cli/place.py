@@ -11,6 +11,7 @@ from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
     from backend.storage import Database
+    from plant.parameters import PlantParameters
 
 _INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
 
@@ -61,6 +62,14 @@ def database_of(settings: Settings) -> "Iterator[Database]":
         yield database
     finally:
         database.close()
+
+
+def parameters_in_force(settings: Settings, database: "Database") -> "PlantParameters":
+    """Return the parameter set with what was applied to it in this folder. Raises ParameterError."""
+    from backend.experiments.applied_parameters import in_force
+    from plant.parameters import load_parameters
+
+    return in_force(database, load_parameters(settings.params))
 
 
 def has_database(settings: Settings) -> bool:

@@ -6,7 +6,7 @@ import typer
 
 from backend.cli.ordering import current_user
 from backend.cli.output import AsJson, angles, fail, out, print_json, print_table
-from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
+from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 from backend.reading import in_words, read, reading_of
 
 if TYPE_CHECKING:
@@ -135,11 +135,10 @@ def lineage(
     import sys
 
     from backend.archive.history import History
-    from plant.parameters import load_parameters
 
     settings = settings_with(params=params, data=data, station=station)
     with database_of(settings) as database:
-        found = History(database, load_parameters(settings.params), lambda: None, sys.maxsize).lineage_of(run)
+        found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage_of(run)
     if as_json:
         print_json(found.model_dump(mode="json"))
         return

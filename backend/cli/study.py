@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from backend.cli.experiment import text_in
 from backend.cli.ordering import current_user, in_force
 from backend.cli.output import AsJson, angles, errors, fail, out, print_json, print_table
-from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, settings_with
+from backend.cli.place import DataFolder, ParameterSet, StationName, database_of, parameters_in_force, settings_with
 from backend.reading import digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ def run(
         fail("--again needs --resume: a study that is begun has nothing that failed", status=2)
     from backend.archive.studies import Studies
     from backend.studies.runner import run_study
-    from plant.parameters import load_parameters
 
     settings = settings_with(params=params, data=data, station=station)
     tuning: dict[str, Any] = {} if file is None else in_force(settings).parts
@@ -59,7 +58,7 @@ def run(
         kept = Studies(database)
         if resume is None:
             assert file is not None
-            resume = kept.begin(text_in(file), current_user(), load_parameters(settings.params), tuning).id
+            resume = kept.begin(text_in(file), current_user(), parameters_in_force(settings, database), tuning).id
         else:
             kept.resume(resume)
         if not as_json:

@@ -1,21 +1,18 @@
 """The estimators behind one call: from a record and a structure to a model with its quality."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from backend.identification.errors import IdentificationError, NotConvergedError
-from backend.identification.fit import Fit, Method, fit, refit
+from backend.identification.fit import Fit, Method, fit
 from backend.identification.frequency import check_frequency_response
 from backend.identification.friction import dry_friction
-from backend.identification.linearisation import Evaluation, Problem
+from backend.identification.linearisation import Evaluation
 from backend.identification.record import Record, Signal, coarse_resolution
 from backend.identification.reduction import reduce_to_first_order
 from backend.identification.result import Estimate, Model, Residuals
 from backend.identification.structures import Structure, structure
+from backend.identification.unseen import beside, held_out
 from backend.identification.validation import Evidence, information_criteria, judge
-
-_TRAINING_PART = 2.0 / 3.0
 
 
 def estimate(
@@ -55,7 +52,7 @@ def _estimate(
         BIC=BIC,
         FPE=FPE,
     )
-    fit_percent, fit_all_percent = _held_out_fit(found), _simulated_fit(found.problem, found.parameters)
+    fit_percent, fit_all_percent = _held_out_fit(found), beside(found.problem, found.parameters).fit_percent
     std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
     friction = dry_friction(record, Evaluation(found.problem.unweighted, found.parameters).error, model.dead_time)
     y_resolution = y_resolution or coarse_resolution(record.y)
@@ -83,20 +80,10 @@ def _estimate(
     )
 
 
-def _simulated_fit(problem: Problem, parameters: Signal) -> float:
-    """Fit of the simulation with the nuisance terms of this record."""
-    y = problem.record.y[problem.first :]
-    error = Evaluation(problem.unweighted, parameters).cost
-    return 100.0 * (1.0 - error / float(np.linalg.norm(y - np.mean(y))))
-
-
 def _held_out_fit(found: Fit) -> float:
     """Fit on the last third of the record by a model of the first two thirds; NaN where one of them holds nothing."""
-    record = found.problem.record
-    split = int(_TRAINING_PART * record.u.size)
     try:
-        trained = refit(found, record.part(0, split)).parameters
-        return _simulated_fit(replace(found.problem, record=record.part(split, record.u.size)), trained)
+        return held_out(found).fit_percent
     except (IdentificationError, np.linalg.LinAlgError):
         return float("nan")
 

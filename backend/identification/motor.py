@@ -17,6 +17,7 @@ from backend.identification.errors import NotConvergedError, RecordError
 from backend.identification.record import Signal
 from backend.identification.result import Grade, Verdict, worst
 from backend.identification.uncertainty import sandwich
+from backend.identification.unseen import Beside
 from backend.identification.validation import (
     CAUTION_MISFIT_PERCENT,
     CAUTION_STD_PERCENT,
@@ -203,6 +204,12 @@ def _position(run: VoltageStep, parameters: Signal) -> Signal:
     K_m, T_m, u_c = parameters
     t = np.arange(run.u.size - run.first) * run.period_s
     return turn_from_rest(t, steady_speed(run.voltage, K_m, u_c), T_m)
+
+
+def step_beside(run: VoltageStep, K_m: float, T_m: float, u_c: float) -> Beside:
+    """Set a motor beside a step that it was not fitted to; where the motor stood before is no part of the model."""
+    measured, turn = run.theta[run.first :], _position(run, np.array([K_m, T_m, u_c]))
+    return Beside(run.first, measured, turn + np.mean(measured - turn))
 
 
 def _motion(runs: Sequence[VoltageStep]) -> float:

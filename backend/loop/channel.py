@@ -4,7 +4,7 @@ Unknown fields, wrong types, nan and infinities are refused, on both ends; a pac
 """
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Union, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
@@ -24,7 +24,8 @@ PART_SEGMENTS = 24
 class Setup:
     """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up.
 
-    ``drives_off``: hands may be at the rig, so the drives stay off until somebody has them switched on.
+    ``drives_off``: hands may be at the rig, so the drives stay off until somebody has them switched on. ``identified``
+    is put over the parameters: sections of what the controller knows, as a parameter file has them.
     """
 
     plant: PlantChoice
@@ -33,6 +34,7 @@ class Setup:
     tuning: SetTuning
     brought_up: BroughtUp = NOT_BROUGHT_UP
     drives_off: bool = False
+    identified: dict[str, dict[str, dict[str, Any]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

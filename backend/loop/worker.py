@@ -167,7 +167,7 @@ def _receive_setup(channel: Channel) -> Setup:
 
 def _work(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
-    parameters = load_parameters(setup.parameters)
+    parameters = load_parameters(setup.parameters).with_identified(setup.identified)
     plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
     rehearse(parameters, setup.tuning)
     # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.

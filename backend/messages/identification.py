@@ -137,6 +137,8 @@ class ModelView(Schema):
     gain_geometry: float = Field(description="static gain known from geometry")
     K: float = Field(description="static gain of the first-order reduction")
     T: float = quantity("s", "time constant of the first-order reduction: sum of lags")
+    K_std: float | None = Field(description="standard error of K; null where it could not be had")
+    T_std: float | None = quantity("s", "standard error of T; null where it could not be had")
     grade: Grade
     usable: bool
     verdict: str

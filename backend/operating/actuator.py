@@ -132,16 +132,19 @@ class Actuator:
         self.present.forget_stop()
         return await self._state_once(lambda: self.present.fault is Fault.NONE)
 
-    async def take_up(self, brought_up: BroughtUp, who: str) -> None:
-        """Start the loop anew with what a bring-up has found. Raises RefusalError unless it is off."""
+    async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
+        """Start the loop anew with what was ``found``, once ``take`` has. Raises RefusalError unless it is off."""
         async with self._turn:
             if self.present.mode is not Mode.OFF:
-                raise RefusalError(
-                    Because.NOT_NOW, f"what was measured takes effect in off; the mode is {self.present.mode}"
-                )
-            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-            await self._start_anew(MarkKind.NOTE, "loop started with what the bring-up has measured", who)
-        self.changed()
+                raise RefusalError(Because.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}")
+            take()
+            try:
+                await self._start_anew(MarkKind.NOTE, f"loop started with {found}", who)
+            except LoopDiedError as died:
+                self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
+                raise LoopDiedError(f"{found} takes effect at the next start of the loop: {died}") from died
+            finally:
+                self.changed()
 
     async def _start_anew(self, kind: MarkKind, text: str, who: str) -> None:
         before = self._supervisor.setup.brought_up
@@ -287,8 +290,7 @@ class Actuator:
         self.present.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
-        mark = mark_of(event, self.present.tick)
-        if mark is not None:
+        if (mark := mark_of(event, self.present.tick)) is not None:
             self._journal.note(*mark)
         if isinstance(event, Stopped):
             for waiter in self._stop_waiters:

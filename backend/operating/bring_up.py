@@ -71,6 +71,10 @@ class BringUp:
         """What of it could not be kept, or is not in force yet."""
         return self._findings.problem
 
+    def use(self, parameters: PlantParameters) -> None:
+        """Work by these parameters from now on."""
+        self._parameters = parameters
+
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
         why_not = self._findings.why_not()

@@ -57,7 +57,7 @@ class Findings:
         if not (finding.calibrations and finding.passed):
             return
         try:
-            await self._actuator.take_up(brought_up, who)
+            await self._actuator.take_up(lambda: None, "what the bring-up has measured", who)
         except (RefusalError, LoopDiedError) as error:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
 

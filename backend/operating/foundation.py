@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from backend.archive.soundness import Soundness
 from backend.bring_up.hands import KeptHands
 from backend.bring_up.standing import brought_up_of
+from backend.documents.edge import UnreadableDocumentError
+from backend.experiments import applied_parameters
 from backend.loop.channel import Setup
 from backend.loop.launching import Launched
 from backend.loop.supervisor import Supervisor
@@ -17,7 +19,7 @@ from backend.settings import Settings
 from backend.storage import Database, open_database, runs
 from backend.storage.stations import HeldStation
 from backend.supervision import Supervision
-from plant.parameters import PlantParameters, load_parameters
+from plant.parameters import ParameterError, PlantParameters, load_parameters
 
 SEED = 0
 
@@ -26,8 +28,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Foundation:
-    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty."""
+    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty.
 
+    ``base`` are the parameters of the file, ``parameters`` those in force.
+    """
+
+    base: PlantParameters
     parameters: PlantParameters
     database: Database
     soundness: Soundness
@@ -46,7 +52,7 @@ def lay_foundation(
 
     Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
     """
-    parameters = load_parameters(settings.params)
+    base = load_parameters(settings.params)
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
     stack.callback(HeldStation(database.engine, settings.station).let_go)
@@ -57,12 +63,37 @@ def lay_foundation(
     figures.restore()
     stack.callback(figures.keep)
     kept = KeptTuning(database)
+    version, version_said = in_force(database, base)
+    parameters, applied = version.parameters, version.applied
     tuning, said = kept.restore(parameters)
+    said = "; ".join(part for part in (version_said, said) if part)
     brought_up = brought_up_of(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
-    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, hands.left is not None)
+    identified = {} if applied is None else applied_parameters.sections_of(applied)
+    drives_off = hands.left is not None
+    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
     supervisor = Supervisor(setup, supervision, launched)
-    return Foundation(parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+    return Foundation(base, parameters, database, soundness, figures, kept, tuning, said, hands, supervisor)
+
+
+def in_force(database: Database, base: PlantParameters) -> tuple[applied_parameters.Version, str]:
+    """Return the version of the parameters in force, and a sentence on it for the journal; empty for an untouched file.
+
+    It is the file where what was applied is for another one, or cannot be had.
+    """
+    try:
+        version = applied_parameters.versions(database, base)[0]
+        last = applied_parameters.last_applied_by(database)
+    except (UnreadableDocumentError, ParameterError) as error:
+        _log.exception("what was applied to the parameters cannot be had any more")
+        return applied_parameters.Version(0, base), f"the parameters are those of the file: {error}"
+    if version.number:
+        return (
+            version,
+            f"parameters in force again as {version.who} left them: version {version.number} over {base.name}",
+        )
+    other = f"the parameters are those of the file {base.name}: what {last} applied last was over other ones"
+    return version, other if last else ""
 
 
 def _close_interrupted(database: Database) -> None:

@@ -42,6 +42,30 @@ class KeptTuning:
             _log.exception("what was in force before the present tuning cannot be had any more")
             return None
 
+    def carried_over(self, now: TuningInUse, parameters: PlantParameters) -> TuningInUse:
+        """Return what to go on with on other ``parameters``: what they were left with, else λ as it is, else defaults.
+
+        A bank stays with the parameters that its models were made with. Raises TuningError where nothing is safe.
+        """
+        left = self._left_with(parameters)
+        for choice in [*([left] if left else []), Chosen(replace(now.choice, bank=0), None)]:
+            try:
+                return initial(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
+            except (OutOfRangeError, TuningError) as error:
+                _log.warning("a tuning is not carried over to other parameters: %s", error)
+        return by_default(parameters)[0]
+
+    def _left_with(self, parameters: PlantParameters) -> Chosen | None:
+        try:
+            with self._database.reading() as session:
+                choice = kept_choice.left_with(session, parameters)
+                if choice is None:
+                    return None
+                return Chosen(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+        except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
+            _log.exception("what was in force with these parameters cannot be had any more")
+            return None
+
     def restore(self, parameters: PlantParameters) -> tuple[TuningInUse, str]:
         """Return what to start with, and a sentence on it for the journal; mostly empty on a new data folder.
 

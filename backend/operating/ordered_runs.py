@@ -155,9 +155,9 @@ class OrderedRuns:
         Raises RefusalError, SettingError, OutOfRangeError.
         """
         plans = plans_of(request)
-        parameters = self._station.parameters
         async with self._actuator.starting:
             self._require_free()
+            parameters = self._station.parameters
             loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
             start = start_from(self._station.loop.ring.newest())
             told = await asyncio.to_thread(forecast, plans, parameters, start, loop.lam_motor)

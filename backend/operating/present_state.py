@@ -73,7 +73,6 @@ class PresentState:
         tuning: TuningInUse,
         problems: Callable[[], list[str]],
     ) -> None:
-        self.tuning = tuning
         self.own_tuning: TuningInUse | None = None
         self.tuning_problem = ""
         self.on_the_way: Sequence[Chosen] = ()
@@ -89,16 +88,20 @@ class PresentState:
         self.occupied: Callable[[], str] = str
         self.wall: Obstacle | None = None
         self._unready = ""
-        self.bounds = bounds_for(parameters)
-        self.parameters = parameters
-        self._tensions = _tensions(parameters, self.bounds)
-        self._wall_bounds = wall_bounds(parameters)
+        self.use(parameters, tuning)
         self._supervisor = supervisor
         self._problems = problems
         self._observation = Observation(lambda: supervisor.ring)
         self._pretension_done = False
         self._stop: Stopped | None = None
         self._plant_problem = ""
+
+    def use(self, parameters: PlantParameters, tuning: TuningInUse) -> None:
+        """Take over the parameters in force, and the tuning that goes with them."""
+        self.parameters, self.tuning = parameters, tuning
+        self.bounds = bounds_for(parameters)
+        self._tensions = _tensions(parameters, self.bounds)
+        self._wall_bounds = wall_bounds(parameters)
 
     @property
     def plant(self) -> PlantChoice:
@@ -244,12 +247,7 @@ class PresentState:
         plant = self.plant
         says, geometry = self._supervisor.driven, self.parameters.geometry
         return PlantView(
-            kind=plant.kind,
-            simulated=plant.simulated,
-            name=plant.name,
-            says=says,
-            r_m=geometry.r_m,
-            r_j=geometry.r_j,
+            kind=plant.kind, simulated=plant.simulated, name=plant.name, says=says, r_m=geometry.r_m, r_j=geometry.r_j
         )
 
     def _limits(self) -> LimitsView:

@@ -9,7 +9,6 @@ from backend.operating.tuning_in_use import TuningInUse
 from backend.storage import runs
 from backend.storage.database import Database
 from backend.storage.runs import EndState, NewRun, RunKind
-from plant.parameters import PlantParameters
 
 RECORDED = (Mode.RUN, Mode.COMPLIANCE)
 
@@ -17,18 +16,17 @@ RECORDED = (Mode.RUN, Mode.COMPLIANCE)
 class SessionRuns:
     """Stores a run before the loop is told to move, so that no sample is without its run."""
 
-    def __init__(self, database: Database, plant: str, parameters: PlantParameters) -> None:
+    def __init__(self, database: Database, plant: str) -> None:
         self._database = database
         self._plant = plant
-        self._parameters = parameters
 
     async def begin(self, mode: Mode, tuning: TuningInUse, who: str) -> int:
         """Store a session run as running and return its number."""
         new = NewRun(
             kind=RunKind.SESSION,
             plant=self._plant,
-            parameters_name=self._parameters.name,
-            parameters=self._parameters.document(),
+            parameters_name=tuning.parameters.name,
+            parameters=tuning.parameters.document(),
             who=who,
             software=__version__,
             settings=SETTINGS.write(RunSettings(mode=str(mode), loop=KeptLoop(**tuning.choice.document()))),

@@ -50,6 +50,10 @@ class StudiesUnderWay:
         self._waiting: dict[int, asyncio.Task[None]] = {}
         self._present: dict[int, asyncio.Task[None]] = {}
 
+    def use(self, parameters: PlantParameters) -> None:
+        """Begin studies around these parameters from now on."""
+        self._parameters = parameters
+
     async def all(self) -> StudyList:
         """Return the newest studies, newest first."""
         return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])

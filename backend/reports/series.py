@@ -12,6 +12,7 @@ from backend.reports.build import told
 from backend.reports.composed import lines_of
 from backend.reports.document import Block, Column, Fact, Figure, Paragraph, Report, Section, Table, shown
 from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, to_element
+from backend.reports.identified import identifications_section
 from backend.reports.judgement import measured, verdict
 from backend.reports.provenance import chosen, shown_unit
 from backend.reports.series_figures import is_partial, metric_panels, overlay
@@ -50,6 +51,7 @@ def series_report(sources: Sequence[Source]) -> Report:
         facts=_facts(sources),
         sections=(
             Section("Runs", (_runs_table(sources),)),
+            *identifications_section(sources),
             Section("What differs", tuple(_differing(sources, angles))),
             Section("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             Section("Figures", tuple(_figures(sources, angles))),

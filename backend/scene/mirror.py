@@ -39,10 +39,14 @@ class SceneMirror:
     ) -> None:
         self._newest, self._wall = newest, wall
         self._geometry = parameters.geometry
-        self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self.use(parameters)
         self._scene: tuple[PortlessServer, Stage] | None = None
         self._up = threading.Event()
         self._ending = threading.Event()
+
+    def use(self, parameters: PlantParameters) -> None:
+        """Take tendon forces from these springs from now on."""
+        self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
 
     @property
     def server(self) -> PortlessServer:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from backend.controllers import decoupler, i_pd, motors
 from backend.controllers.decoupler import Decoupler
+from backend.tuning.models import PointModel
 from plant.dynamics import PlantState, derivative
 from plant.interface import NO_LOAD
 from plant.parameters import PlantParameters
@@ -46,6 +47,28 @@ def decoupled_model(parameters: PlantParameters, gains: motors.Gains, S: float) 
         check_unused=False,
     )
     return system
+
+
+def one_motor_point(parameters: PlantParameters, gains: motors.Gains, S: float) -> PointModel:
+    """Return what geometry, springs and motor loops say of theta_A_ref to q and to S at S [N·m/rad], motor B held.
+
+    Static gain, and the sum of lags: minus the slope of the phase at zero frequency, of the linear plant without
+    friction.
+    """
+    import control
+
+    d = decoupler.decoupler_for(parameters)
+    system = control.interconnect(
+        [linear_plant(parameters, d, S), _motor_loop(gains.A, "A"), _motor_loop(gains.B, "B"), _outputs(d, S)],
+        inputs=["theta_A_ref"],
+        outputs=["q_out", "S_out"],
+        check_unused=False,
+    )
+    A, B, C = (np.asarray(part) for part in (system.A, system.B, system.C))
+    once = np.linalg.solve(A, B)
+    K, slope = -(C @ once)[:, 0], -(C @ np.linalg.solve(A, once))[:, 0]
+    T = -slope / K
+    return PointModel(S, float(K[0]), float(T[0]), float(K[1]), float(T[1]))
 
 
 def linear_plant(parameters: PlantParameters, d: Decoupler, S: float) -> "control.StateSpace":

@@ -121,7 +121,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     loop.listen(recorder.hear)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     present, journal = PresentState(supervisor, parameters, tuning, list), Journal(database)
-    sessions = SessionRuns(database, "simulator", parameters)
+    sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
     actuator = Actuator(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
     here = Here(lambda _cause: None)
@@ -145,7 +145,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             ordered_runs,
             SavedTunings(database),
             runs,
-            StoredIdentifications(database, runs.progress),
+            StoredIdentifications(database, runs.progress, here, lambda: present.tuning),
             kept,
             database,
         )

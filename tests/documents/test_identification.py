@@ -15,10 +15,15 @@ from backend.documents.actuator import ArxEstimate, FailedCandidate
 from backend.documents.edge import Edge, UnreadableDocumentError
 from backend.experiments.results.identification_curves import curves_of
 from backend.identification.residuals import judged
+from backend.offload import Offload
+from backend.operating.tuning_in_use import by_default
 from backend.storage import Database, identifications, open_database
 from backend.storage.bank_entry import method_of
+from plant.parameters import load_parameters
 from tests.documents import earlier_identifications as earlier
 from tests.documents.earlier_identifications import put_identification
+
+TUNING = by_default(load_parameters("ideal"))[0]
 
 
 @pytest.fixture
@@ -32,7 +37,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 def stored(database: Database) -> StoredIdentifications:
-    return StoredIdentifications(database, lambda _run: 1.0)
+    return StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,10 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.documents.run_settings import SETTINGS, KeptLoop
 from backend.experiments.banks.tuning_choice import TuningChoice
 from backend.experiments.plans.loop_settings import LoopSettings
+from backend.offload import Offload
+from backend.operating.tuning_in_use import by_default
 from backend.storage import Database, open_database, runs
+from plant.parameters import load_parameters
 from tests.documents.earlier import put_run
 
 LOOP = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "bank": 0, "interpolate": False, "seed": 7}
@@ -27,6 +30,7 @@ PROGRAM: dict[str, Any] = {
 }
 SESSION: dict[str, Any] = {"mode": "run", "loop": {name: LOOP[name] for name in LOOP if name != "seed"}}
 EARLY_SESSION: dict[str, Any] = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "interpolate": False, "bank": None}
+TUNING = by_default(load_parameters("ideal"))[0]
 
 
 @pytest.fixture
@@ -78,7 +82,9 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
     listed = asyncio.run(stored.runs(Asked(limit=10))).runs
     assert [(run.id, len(run.settings)) for run in listed] == [(3, 0), (2, 3), (1, 1)]
     assert said in listed[0].evaluation_problem
-    found = asyncio.run(StoredIdentifications(database, lambda _run: 1.0).identifications())
+    found = asyncio.run(
+        StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING).identifications()
+    )
     assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
     assert said in found[0].message
 

@@ -61,6 +61,16 @@ def earlier(session: Session, choice: TuningChoice, parameters: PlantParameters)
     return next((one for one in kept if one != choice), None)
 
 
+def left_with(session: Session, parameters: PlantParameters) -> TuningChoice | None:
+    """Return what was in force last with these numbers of the plant; None where nothing was.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
+    mine = digest(parameters)
+    read = (_read(one) for one in settings.history(session, NAME))
+    return next((TuningChoice.of(one.known()) for one in read if one.parameters == mine), None)
+
+
 def _read(kept: StoredSetting) -> KeptTuning:
     return KEPT.read(kept.value, f"the data folder, left by {kept.who}")
 

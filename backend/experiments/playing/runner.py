@@ -38,7 +38,7 @@ _LOG = logging.getLogger(__name__)
 _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-control": "control"}
 
 
-@dataclass(frozen=True)
+@dataclass
 class Station:
     """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
 

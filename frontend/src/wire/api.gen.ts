@@ -790,10 +790,10 @@ export interface paths {
         get: operations["list_identifications"];
         put?: never;
         /**
-         * Start Identification
+         * Identify
          * @description Start an identification run; its progress is in the state, its result under the returned id.
          */
-        post: operations["start_identification"];
+        post: operations["identify"];
         delete?: never;
         options?: never;
         head?: never;
@@ -810,10 +810,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Predict Identification
+         * Predict
          * @description Tell what joint motion a run would cause, before it starts.
          */
-        post: operations["predict_identification"];
+        post: operations["predict"];
         delete?: never;
         options?: never;
         head?: never;
@@ -880,6 +880,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/identifications/{id}/unseen": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Unseen
+         * @description Set a model beside the record of the run `of`, or the part of its own that it was not fitted to.
+         */
+        get: operations["get_unseen"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/identification-trend": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Identification Trend
+         * @description Return gains and lags over S beside what geometry predicts.
+         */
+        get: operations["get_identification_trend"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/spring-tables": {
         parameters: {
             query?: never;
@@ -894,10 +934,10 @@ export interface paths {
         get: operations["list_spring_tables"];
         put?: never;
         /**
-         * Add Spring Table
+         * Add Table
          * @description Identify a spring from a table measured elsewhere.
          */
-        post: operations["add_spring_table"];
+        post: operations["add_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -938,6 +978,50 @@ export interface paths {
         get: operations["get_spring_table_curves"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/parameters": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get Parameters
+         * @description Return the parameters in force by versions, and what applying an estimate would change.
+         */
+        get: operations["get_parameters"];
+        put?: never;
+        /**
+         * Apply Parameters
+         * @description Put identified motors or springs in force; in off only.
+         */
+        post: operations["apply_parameters"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/parameters/undo": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Undo Parameters
+         * @description Put the former parameters in force again, as a new version; in off only.
+         */
+        post: operations["undo_parameters"];
         delete?: never;
         options?: never;
         head?: never;
@@ -2180,6 +2264,26 @@ export interface components {
             estimator: "default" | "arx";
         };
         /**
+         * Against
+         * @description A figure of a model beside what geometry, springs and motor loops predict for the same run.
+         */
+        Against: {
+            /** Identified */
+            identified: number;
+            /**
+             * Std
+             * @description standard error; null where it was not kept or could not be had
+             */
+            std: number | null;
+            /** Predicted */
+            predicted: number;
+            /**
+             * Off Percent
+             * @description 100 (identified / predicted - 1) [%]
+             */
+            off_percent: number;
+        };
+        /**
          * AlignBy
          * @description What of each run is brought to one moment.
          * @enum {string}
@@ -2197,6 +2301,14 @@ export interface components {
          * @enum {string}
          */
         Answer: "hand_over" | "decline";
+        /**
+         * ApplyRequest
+         * @description The stored identification to apply, of motors or springs, by the number of its estimate.
+         */
+        ApplyRequest: {
+            /** Estimate */
+            estimate: number;
+        };
         /**
          * BackupView
          * @description A copy of the database in the data folder.
@@ -2565,6 +2677,15 @@ export interface components {
             silent_s: number | null;
             /** Says */
             says: string;
+        };
+        /**
+         * ChannelAgainst
+         * @description Gain and sum of lags of G_q or G_S.
+         */
+        ChannelAgainst: {
+            K: components["schemas"]["Against"];
+            T: components["schemas"]["Against"];
+            grade: components["schemas"]["Grade"];
         };
         /**
          * ChannelCurves
@@ -4199,6 +4320,16 @@ export interface components {
              * @description time constant of the first-order reduction: sum of lags [s]
              */
             T: number;
+            /**
+             * K Std
+             * @description standard error of K; null where it could not be had
+             */
+            K_std: number | null;
+            /**
+             * T Std
+             * @description standard error of T; null where it could not be had [s]
+             */
+            T_std: number | null;
             grade: components["schemas"]["Grade"];
             /** Usable */
             usable: boolean;
@@ -4423,6 +4554,92 @@ export interface components {
             experiments: components["schemas"]["OwnExperiment"][];
         };
         /**
+         * ParameterChange
+         * @description An entry that a version changes, of one side; null where it has no such entry before or after.
+         */
+        ParameterChange: {
+            /** Name */
+            name: string;
+            /** Side */
+            side: string;
+            /** Unit */
+            unit: string;
+            /** Before */
+            before: number | null;
+            /** After */
+            after: number | null;
+            /**
+             * Percent
+             * @description change in per cent of what it was; null where it was 0 or nothing
+             */
+            percent: number | null;
+        };
+        /**
+         * ParameterProposal
+         * @description What applying an identification would change, or why it cannot be applied.
+         */
+        ParameterProposal: {
+            /** Estimate */
+            estimate: number;
+            /**
+             * Problem
+             * @description why it cannot be applied; empty where it can
+             */
+            problem: string;
+            /** Digest */
+            digest: string;
+            /** Changes */
+            changes: components["schemas"]["ParameterChange"][];
+        };
+        /**
+         * ParameterVersion
+         * @description A version; number 0 is the parameter file as it is.
+         */
+        ParameterVersion: {
+            /** Number */
+            number: number;
+            /**
+             * Digest
+             * @description of all numbers with their sources, as lineage shows it
+             */
+            digest: string;
+            /** Who */
+            who: string;
+            /** At */
+            at: string | null;
+            /**
+             * Estimate
+             * @description stored identification that its values came from last
+             */
+            estimate: number | null;
+            /**
+             * Run
+             * @description run of that identification; null for a table
+             */
+            run: number | null;
+            /**
+             * Undone
+             * @description whether it put a former version back
+             */
+            undone: boolean;
+            /**
+             * Changes
+             * @description against the version before
+             */
+            changes: components["schemas"]["ParameterChange"][];
+        };
+        /**
+         * ParametersView
+         * @description The set in force, newest version first, and what was asked about an identification.
+         */
+        ParametersView: {
+            /** Name */
+            name: string;
+            /** Versions */
+            versions: components["schemas"]["ParameterVersion"][];
+            proposal: components["schemas"]["ParameterProposal"] | null;
+        };
+        /**
          * PartPlayed
          * @description A part of an experiment as it plays; without a reference before it where the experiment begins.
          */
@@ -4639,6 +4856,31 @@ export interface components {
             type: "pong";
             /** Id */
             id: number;
+        };
+        /**
+         * Predicted
+         * @description What is predicted over S with what is in force now.
+         */
+        Predicted: {
+            /**
+             * S
+             * @description stiffness [N·m/rad]
+             */
+            S: number[];
+            /** K Q */
+            K_q: number[];
+            /**
+             * T Q
+             * @description sum of lags of G_q [s]
+             */
+            T_q: number[];
+            /** K S */
+            K_S: number[];
+            /**
+             * T S
+             * @description sum of lags of G_S [s]
+             */
+            T_S: number[];
         };
         /**
          * Prediction
@@ -5957,6 +6199,26 @@ export interface components {
             milliseconds: number;
         };
         /**
+         * Stretch
+         * @description Samples in a row, evenly thinned to be drawn.
+         */
+        Stretch: {
+            /**
+             * Label
+             * @description what sets it apart, as the voltage of a step; empty where there is one
+             */
+            label: string;
+            /**
+             * T
+             * @description time from the first sample of the run, or from a motor's step [s]
+             */
+            t: number[];
+            /** Measured */
+            measured: number[];
+            /** Predicted */
+            predicted: number[];
+        };
+        /**
          * StudyAxis
          * @description What was gone through, and its values in SI.
          */
@@ -6392,6 +6654,35 @@ export interface components {
             sweep?: components["schemas"]["SweepView"] | null;
         };
         /**
+         * Trend
+         * @description Identified gains and lags in order of S, beside what geometry, springs and motor loops predict.
+         */
+        Trend: {
+            /** Rows */
+            rows: components["schemas"]["TrendRow"][];
+            predicted: components["schemas"]["Predicted"];
+            /**
+             * Left Out
+             * @description identifications that are not among the rows, each with the reason
+             */
+            left_out: string[];
+        };
+        /**
+         * TrendRow
+         * @description One actuator identification; predicted with the parameters and λ of the motor loops of its own run.
+         */
+        TrendRow: {
+            /** Run */
+            run: number;
+            /**
+             * S
+             * @description stiffness at which it was made [N·m/rad]
+             */
+            S: number;
+            G_q: components["schemas"]["ChannelAgainst"];
+            G_S: components["schemas"]["ChannelAgainst"];
+        };
+        /**
          * TrialRequest
          * @description A tuning to try: the service itself puts the earlier one back.
          */
@@ -6651,6 +6942,76 @@ export interface components {
              * @description what that entry is called, by its tension; empty without a bank
              */
             entry_name: string;
+        };
+        /**
+         * UndoRequest
+         * @description The version to undo: the newest, as whoever undoes it sees it.
+         */
+        UndoRequest: {
+            /** Version */
+            version: number;
+        };
+        /**
+         * UnseenOutput
+         * @description One output, as measured and as the model says; in the unit of the signal.
+         */
+        UnseenOutput: {
+            /**
+             * Name
+             * @description G_q or G_S of an actuator, A or B of motors
+             */
+            name: string;
+            /** Signal */
+            signal: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Fit Percent
+             * @description 100 (1 - |y - y_hat| / |y - mean y|) over all samples [%]
+             */
+            fit_percent: number | null;
+            /**
+             * Rms
+             * @description RMS of measured minus predicted, in the unit of the signal
+             */
+            rms: number | null;
+            /**
+             * Samples
+             * @description samples that fit and residual are of
+             */
+            samples: number;
+            /**
+             * Problem
+             * @description why there is nothing; empty where there is
+             */
+            problem: string;
+            /** Stretches */
+            stretches: components["schemas"]["Stretch"][];
+        };
+        /**
+         * UnseenView
+         * @description A model beside the part of a record that it was not fitted to.
+         */
+        UnseenView: {
+            /**
+             * Run
+             * @description identification run whose model it is
+             */
+            run: number;
+            /**
+             * Of
+             * @description run whose record it is
+             */
+            of: number;
+            /**
+             * Own
+             * @description whether that is its own run: what is predicted was then left out of the fit
+             */
+            own: boolean;
+            /** Kind */
+            kind: string;
+            /** Outputs */
+            outputs: components["schemas"]["UnseenOutput"][];
         };
         /**
          * UsedSetting
@@ -12019,7 +12380,7 @@ export interface operations {
             };
         };
     };
-    start_identification: {
+    identify: {
         parameters: {
             query?: never;
             header?: {
@@ -12136,7 +12497,7 @@ export interface operations {
             };
         };
     };
-    predict_identification: {
+    predict: {
         parameters: {
             query?: never;
             header?: never;
@@ -12586,6 +12947,231 @@ export interface operations {
             };
         };
     };
+    get_unseen: {
+        parameters: {
+            query: {
+                of: number;
+            };
+            header?: never;
+            path: {
+                /** @description identifier in the database */
+                id: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["UnseenView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_identification_trend: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Trend"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
     list_spring_tables: {
         parameters: {
             query?: never;
@@ -12696,7 +13282,7 @@ export interface operations {
             };
         };
     };
-    add_spring_table: {
+    add_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -12942,6 +13528,352 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["IdentificationCurves"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    get_parameters: {
+        parameters: {
+            query?: {
+                estimate?: number | null;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    apply_parameters: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ApplyRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    undo_parameters: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["UndoRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ParametersView"];
                 };
             };
             /** @description the body cannot be parsed */

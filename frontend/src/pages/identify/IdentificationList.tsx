@@ -6,12 +6,15 @@ import { Link } from "wouter";
 import { Absent, Shown } from "../../components/Absent";
 import { Card } from "../../components/Card";
 import { RunState } from "../../components/RunState";
+import { SeriesReports } from "../../components/SeriesReports";
 import { SignalName } from "../../components/SignalName";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { heading } from "../../samples/words";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
+import { sessionOf } from "./candidates";
+import styles from "./Identify.module.css";
 
 interface IdentificationListProps {
   readonly identifications: readonly Identification[] | undefined;
@@ -22,6 +25,7 @@ interface IdentificationListProps {
 
 export function IdentificationList({ identifications, selected, chosen, onChoose }: IdentificationListProps) {
   const may = useMayCommand();
+  const session = sessionOf(identifications ?? []);
   return (
     <Card title="Identification runs">
       {identifications?.length === 0 && (
@@ -101,6 +105,12 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
             </Table.Tbody>
           </Table>
         </div>
+      )}
+      {session.length > 1 && (
+        <section className={styles.report} aria-label="Report of the session">
+          <span className={page.dim}>The {session.length} identifications of this day in one report:</span>
+          <SeriesReports runs={session} />
+        </section>
       )}
     </Card>
   );

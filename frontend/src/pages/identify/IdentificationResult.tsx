@@ -11,6 +11,7 @@ import { identificationQuery, isRunning } from "../../service/queries";
 import type { Identification } from "../../wire/types";
 import page from "../Page.module.css";
 import { ActuatorResult } from "./ActuatorResult";
+import { ApplyParameters } from "./ApplyParameters";
 import { MotorResult } from "./MotorResult";
 import { SpringRunResult } from "./SpringResult";
 
@@ -66,6 +67,7 @@ function Models({ identification }: { identification: Identification }) {
       {kind === "actuator" && <ActuatorResult identification={identification} />}
       {kind === "motor" && <MotorResult identification={identification} />}
       {kind === "spring" && <SpringRunResult identification={identification} />}
+      {kind !== "actuator" && <ApplyParameters estimate={estimate} />}
     </>
   );
 }

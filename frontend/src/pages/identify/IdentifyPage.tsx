@@ -11,9 +11,12 @@ import { BankBuilder } from "./BankBuilder";
 import { IdentificationForm } from "./IdentificationForm";
 import { IdentificationList } from "./IdentificationList";
 import { IdentificationResult } from "./IdentificationResult";
+import { ParametersCard } from "./ParametersCard";
 import { PredictionView, type Told } from "./PredictionView";
 import { SpringTableResult } from "./SpringResult";
 import { SpringTableList } from "./SpringTableList";
+import { TrendCard } from "./TrendCard";
+import { UnseenCard } from "./UnseenCard";
 
 export default function IdentifyPage() {
   const { id } = useParams();
@@ -26,6 +29,9 @@ export default function IdentifyPage() {
   const table = tables.data?.find((item) => item.id === tableId);
   const newest = identifications.data?.[0]?.id;
   const selected = id === undefined ? newest : Number(id);
+  const shown = identifications.data?.find(
+    (one) => one.id === selected && one.estimate !== null && one.kind !== "spring",
+  );
 
   function choose(number: number): void {
     const next = new Set(chosen);
@@ -68,6 +74,11 @@ export default function IdentifyPage() {
             chosen={chosen}
             onChoose={choose}
           />
+          {shown && (
+            <UnseenCard key={`unseen ${shown.run}`} identification={shown} all={identifications.data ?? []} />
+          )}
+          <TrendCard identifications={identifications.data ?? []} />
+          <ParametersCard />
           <SpringTableList tables={tables.data ?? []} selected={tableId} onSelect={setTable} />
           <OperatorsOnly>
             <BankBuilder chosen={chosen} onBuilt={() => setChosen(new Set())} />

@@ -11,6 +11,7 @@ import { curvesQuery, springTableCurvesQuery } from "../../service/queries";
 import { HUES } from "../../theme/signals";
 import type { Identification, Spring, SpringCurves, SpringTable } from "../../wire/types";
 import page from "../Page.module.css";
+import { ApplyParameters } from "./ApplyParameters";
 import styles from "./Identify.module.css";
 
 const MILLI = 1000;
@@ -43,6 +44,7 @@ export function SpringTableResult({ table }: { table: SpringTable }) {
       </p>
       <Verdict good={table.usable}>{table.message}</Verdict>
       <SpringView title={table.file} hue={HUES.F_A} spring={table.spring} curves={curves.data?.springs[0]} />
+      <ApplyParameters estimate={table.id} />
     </Card>
   );
 }

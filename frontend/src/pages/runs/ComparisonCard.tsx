@@ -4,6 +4,7 @@ import { Button, Group, Table } from "@mantine/core";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
+import { SeriesReports } from "../../components/SeriesReports";
 import { Unit } from "../../components/Unit";
 import { dateTime, measured, significant } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
@@ -83,28 +84,21 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
 
 /** One report of all these runs, in their order, and the comparison as text. */
 function Files({ asked, signal }: { asked: ComparisonAsked; signal: string }) {
-  const address = (format: "html" | "pdf") =>
-    `./api/run-comparison/report.${format}?${asked.run.map((run) => `run=${run}`).join("&")}`;
   const files = [
     { label: "Table (CSV)", href: comparisonFile("table", asked, signal) },
     { label: `Curves of ${signal} (CSV)`, href: comparisonFile("curves", asked, signal) },
-    { label: "Report (PDF)", href: address("pdf") },
   ];
   return (
     <Group gap="xs">
-      <Button component="a" href={address("html")} target="_blank" rel="noreferrer" {...LOOK}>
-        Report (HTML)
-      </Button>
+      <SeriesReports runs={asked.run} />
       {files.map(({ label, href }) => (
-        <Button key={label} component="a" href={href} download {...LOOK}>
+        <Button key={label} component="a" href={href} download variant="default" size="xs">
           {label}
         </Button>
       ))}
     </Group>
   );
 }
-
-const LOOK = { variant: "default", size: "xs" } as const;
 
 interface ValueProps {
   readonly metric: ComparedMetric;

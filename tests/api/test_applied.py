@@ -1,0 +1,278 @@
+"""Applying an identification: refused unless all is at rest; loop, tuning and state go by it, and undo goes back."""
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import plant
+from backend.experiments import applied_parameters
+from backend.experiments.banks.tuning_choice import TuningChoice
+from backend.loop.access import LoopDiedError
+from backend.loop.channel import Setup
+from backend.loop.mode import Mode
+from backend.loop.supervisor import Supervisor
+from backend.messages.tuning import TrialRequest
+from backend.operating import foundation
+from backend.operating.applied import Applied
+from backend.operating.tuning_in_use import TuningInUse, initial
+from backend.refusal import RefusalError
+from backend.sample import INDEX
+from backend.storage import Database, banks, open_database
+from backend.storage.banks import BankEntry
+from plant.choice import SIMULATOR
+from plant.parameters import PlantParameters, load_parameters
+from tests.api.stepped_service import Parts, Stepped, stepped
+from tests.experiments.test_applied_parameters import K, motors, spring, stored
+
+IDEAL = load_parameters("ideal")
+MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
+    """What each loop was started anew with; the stepped one goes on as it is."""
+    setups: list[Setup] = []
+
+    async def restart(supervisor: Supervisor) -> None:
+        setups.append(supervisor.setup)
+
+    monkeypatch.setattr(Supervisor, "restart", restart)
+    return setups
+
+
+def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> Applied:
+    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, base, heard.append)
+
+
+def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
+    database: Database, restarted: list[Setup]
+) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+    with database.session() as session:
+        bank = banks.add(session, "bench", [BankEntry(10.55, MODEL)], "Ana")
+    heard: list[PlantParameters] = []
+
+    async def work(parts: Parts) -> None:
+        present = parts.present
+        present.tuning = initial(IDEAL, TuningChoice(lam_q=0.8, lam_S=0.6), bank)
+        parts.kept.put(present.tuning, "Ana")
+        applied = applied_with(parts, heard)
+        proposal = (await applied.view(found.id)).proposal
+        assert proposal is not None
+
+        view = await applied.apply(found.id, "Ana")
+
+        newest, file = view.versions
+        assert (newest.number, newest.who, newest.estimate, newest.digest) == (1, "Ana", found.id, proposal.digest)
+        assert newest.changes == proposal.changes
+        assert [(one.name, one.side, one.before, one.after) for one in newest.changes] == [
+            ("K_m", "A", 2.86, 2.3),
+            ("T_m", "A", 0.22, 0.21),
+            ("K_m", "B", 2.86, 2.4),
+            ("T_m", "B", 0.22, 0.23),
+        ]
+        assert file.changes == []
+        then = present.parameters
+        assert (then.identified_of("A").K_m, then.identified_of("B").K_m) == (2.3, 2.4)
+        assert heard == [then]
+        assert present.tuning.parameters == then
+        assert (present.tuning.choice.lam_q, present.tuning.choice.lam_S, present.tuning.bank) == (0.8, 0.6, None)
+        (setup,) = restarted
+        assert IDEAL.with_identified(setup.identified) == then
+        assert setup.tuning == present.tuning.command()
+
+        undone = await applied.undo(1, "Ben")
+        assert [one.number for one in undone.versions] == [2, 1, 0]
+        assert undone.versions[0].digest == undone.versions[2].digest
+        assert present.parameters == IDEAL
+        assert present.tuning.bank == bank  # which was in force with these numbers
+        assert restarted[-1].identified == {}
+
+    stepped(database, IDEAL, work)
+
+
+def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarted: list[Setup]) -> None:
+    found = stored(database, spring())
+
+    async def work(parts: Parts) -> None:
+        applied = applied_with(parts, [])
+        await parts.actuator.set_mode(Mode.PRETENSION, "Ana")
+        before = parts.present.tuning
+        with pytest.raises(RefusalError, match=r"parameters are applied in off only; the mode is pretension"):
+            await applied.apply(found.id, "Ana")
+        assert len((await applied.view()).versions) == 1
+        assert (parts.present.parameters, parts.present.tuning) == (IDEAL, before)
+        assert restarted == []
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, restarted: list[Setup]) -> None:
+    beyond = stored(database, motors((2.3, 0.21), (2400.0, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        applied = applied_with(parts, [])
+        proposal = (await applied.view(beyond.id)).proposal
+        assert proposal is not None
+        assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
+        with pytest.raises(RefusalError, match=r"identified_B.K_m = 2400"):
+            await applied.apply(beyond.id, "Ana")
+        assert restarted == []
+
+    stepped(database, IDEAL, work)
+
+
+def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
+    database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked before and again in turn: what is begun while it waits for its turn counts, too."""
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        present, applied = parts.present, applied_with(parts, [])
+
+        async def refused(why: str) -> None:
+            with pytest.raises(RefusalError, match=why):
+                await applied.apply(found.id, "Ana")
+            assert [one.number for one in (await applied.view()).versions] == [0]
+            assert (present.parameters, restarted) == (IDEAL, [])
+
+        homing = "Homing of the bring-up is under way"
+        with monkeypatch.context() as during:
+            during.setattr(parts.actuator, "occupied", lambda: homing)
+            await refused(homing)
+        with monkeypatch.context() as during:
+            during.setattr(present, "own_tuning", present.tuning)
+            await refused("a run is under way: parameters change when it is over")
+        before = present.tuning
+        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
+        await refused("a tuning is on trial: keep it or revert it first")
+        await parts.actuator.retuning.end_trial(keep=False, who="Ana")
+
+        carried_over = parts.kept.carried_over
+
+        def meanwhile(now: TuningInUse, parameters: PlantParameters) -> TuningInUse:
+            present.tuning = initial(IDEAL, TuningChoice(lam_q=0.9), None)
+            return carried_over(now, parameters)
+
+        with monkeypatch.context() as during:
+            during.setattr(parts.kept, "carried_over", meanwhile)
+            await refused("the tuning was changed meanwhile")
+        present.tuning = before
+        parts.supervisor.dead = True
+        with pytest.raises(RefusalError, match="the control loop is not running: reset starts it again"):
+            await applied.apply(found.id, "Ana")
+        assert restarted == []
+
+    stepped(database, IDEAL, work)
+
+
+def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database, restarted: list[Setup]) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        applied = applied_with(parts, [])
+        both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
+        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        assert "says what is in force already: nothing would change" in str(refusal)
+        assert [one.number for one in (await applied.view()).versions] == [1, 0]
+        both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
+        (refusal,) = (one for one in both if isinstance(one, RefusalError))
+        assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
+        assert parts.present.parameters == IDEAL
+        assert len(restarted) == 2
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is_the_way_back(
+    database: Database, restarted: list[Setup], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        heard: list[PlantParameters] = []
+        applied = applied_with(parts, heard)
+
+        async def dies(supervisor: Stepped) -> None:
+            supervisor.dead = True
+            raise LoopDiedError("the control loop is not running: killed by SIGKILL")
+
+        with monkeypatch.context() as during:
+            during.setattr(Supervisor, "restart", dies)
+            with pytest.raises(LoopDiedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
+                await applied.apply(found.id, "Ana")
+        then = parts.present.parameters
+        newest = (await applied.view()).versions[0]
+        assert (newest.number, newest.digest) == (1, applied_parameters.Version(1, then).digest)
+        assert heard == [then]
+        assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
+        assert parts.supervisor.setup.tuning == parts.present.tuning.command()
+
+        await applied.undo(1, "Ana")
+        assert parts.present.parameters == IDEAL
+        assert [setup.identified for setup in restarted] == [{}]
+
+    stepped(database, IDEAL, work)
+
+
+def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
+    database: Database, restarted: list[Setup], tmp_path: Path
+) -> None:
+    """The loop reads it at each start: it would go by other numbers than the service."""
+    file = tmp_path / "mine.toml"
+    said = (Path(plant.__file__).parent / "parameters" / "ideal.toml").read_text(encoding="utf-8")
+    file.write_text(said, encoding="utf-8")
+    mine, found = load_parameters(file), stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+
+    async def work(parts: Parts) -> None:
+        parts.supervisor.setup = replace(parts.supervisor.setup, parameters=str(file))
+        applied = applied_with(parts, [], mine)
+        await applied.apply(found.id, "Ana")
+        file.write_text(said.replace("value = 2.86", "value = 2.87"), encoding="utf-8")
+        assert load_parameters(file) != mine
+        with pytest.raises(RefusalError, match="the parameter file has changed: start the service anew first"):
+            await applied.undo(1, "Ana")
+        assert len(restarted) == 1
+
+    stepped(database, mine, work)
+    version, said_of_it = foundation.in_force(database, mine)
+    assert (version.number, said_of_it) == (1, "parameters in force again as Ana left them: version 1 over mine")
+    version, said_of_it = foundation.in_force(database, load_parameters(file))
+    assert version.number == 0
+    assert said_of_it.startswith("the parameters are those of the file mine: what Ana applied last was over other ones")
+
+
+@pytest.mark.live
+def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(database: Database) -> None:
+    """At rest with slack tendons θ_A = θ_B = 0: S = 2 r_j² k1 of the spring that the loop knows."""
+    applied = applied_parameters.proposal(IDEAL, IDEAL, stored(database, spring()))
+    sections = applied_parameters.sections_of(applied)
+    then = IDEAL.with_identified(sections)
+
+    async def first_stiffness() -> float:
+        tuning = initial(then, TuningChoice()).command()
+        supervisor = Supervisor(Setup(SIMULATOR, "ideal", 0, tuning, identified=sections))
+        await supervisor.start()
+        try:
+            await supervisor.advance(0.05)
+            newest = supervisor.ring.newest()
+            assert newest is not None
+            return float(newest[INDEX["S"]])
+        finally:
+            await supervisor.stop()
+
+    S, r_j = asyncio.run(first_stiffness()), IDEAL.geometry.r_j
+    assert pytest.approx(2.0 * r_j**2 * then.identified_of("A").k[1], rel=1e-6) == S
+    assert pytest.approx(2.0 * r_j**2 * K[1], rel=0.03) == S
+    assert pytest.approx(2.0 * r_j**2 * IDEAL.identified_of("A").k[1], rel=0.03) != S

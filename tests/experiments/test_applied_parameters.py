@@ -1,0 +1,152 @@
+"""Identified motors and springs in force: what changes, what stays, who did it, and the way back."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backend.controllers.decoupler import decoupler_for, stiffness
+from backend.documents.applied_parameters import AppliedParameters
+from backend.documents.motor import (
+    MODELS,
+    QUALITIES,
+    Fitted,
+    MotorModel,
+    MotorModels,
+    MotorQualities,
+    MotorQuality,
+    Pair,
+)
+from backend.experiments import applied_parameters
+from backend.experiments.applied_parameters import NotApplicableError, differences, in_force, proposal, versions
+from backend.experiments.results.spring_identification import from_table
+from backend.identification.result import Grade
+from backend.storage import Database, identifications, open_database
+from backend.storage.identifications import Identification, NewIdentification
+from backend.tuning.gains import motor_loops
+from backend.tuning.linear_model import one_motor_point
+from plant.parameters import ParameterError, load_parameters
+
+LAB = load_parameters("lab")
+K = (-2.7, 350.0, 9000.0)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
+    """An identification of both motors, K_m and T_m of each."""
+    models, nothing = [], Pair(0.01, 0.01)
+    for K_m, T_m in (A, B):
+        known = Fitted(K_m, T_m, 0.07)
+        models.append(MotorModel(known, Fitted(0.001, 0.001, 0.001), True, (), Pair(K_m, T_m), nothing, nothing))
+    quality = MotorQuality(rms_counts=1.0, grade=Grade.USABLE, verdict="usable", refused=(), steps=())
+    return NewIdentification(
+        kind="motor",
+        run_id=None,
+        data={},
+        method="least squares on position",
+        options={},
+        model=MODELS.write(MotorModels(A=models[0], B=models[1])),
+        quality=QUALITIES.write(MotorQualities(quality, quality)),
+        usable=True,
+        verdict="usable",
+        who="Ana",
+        software="0",
+    )
+
+
+def stored(database: Database, new: NewIdentification) -> Identification:
+    with database.session() as session:
+        return identifications.add(session, new)
+
+
+def spring() -> NewIdentification:
+    """A measured table of the spring K, with the noise of a load cell."""
+    x, noise = np.linspace(0.01, 0.05, 200), np.random.default_rng(1).normal(0.0, 0.05, 200)
+    F = K[0] + K[1] * x + K[2] * x**2 + noise
+    rows = "\n".join(f"{at:.6f},{force:.6f}" for at, force in zip(x, F, strict=True))
+    return from_table("bench.csv", f"x [m],F [N]\n{rows}\n", "Ana", "0")
+
+
+def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(database: Database) -> None:
+    found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
+    then = LAB.with_identified(applied_parameters.sections_of(proposal(LAB, LAB, found)))
+    assert [(one.name, one.side, one.before, one.after) for one in differences(LAB, then)] == [
+        ("K_m", "A", 2.86, 2.3),
+        ("T_m", "A", 0.22, 0.21),
+        ("K_m", "B", 2.86, 2.4),
+        ("T_m", "B", 0.22, 0.23),
+    ]
+    assert then.dynamics() == LAB.dynamics()
+    assert (then.spring, then.motor, then.geometry, then.sensors) == (LAB.spring, LAB.motor, LAB.geometry, LAB.sensors)
+    gains = motor_loops(then, 0.0854)  # the motor loops are designed for these motors: four lags of λ all the same
+    assert one_motor_point(then, gains, 10.55).T_q == pytest.approx(4 * 0.0854 + LAB.geometry.B_j / 10.55, rel=2e-3)
+    assert gains.A.k_i == pytest.approx(0.21**2 / (2.3 * 0.0854**3 * (4 * 0.21 - 0.0854)))
+
+
+def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
+    found = stored(database, spring())
+    then = LAB.with_identified(applied_parameters.sections_of(proposal(LAB, LAB, found)))
+    assert then.identified_of("A").k == pytest.approx(K, rel=0.03)
+    g = LAB.geometry
+    expected = 2.0 * g.r_j**2 * (K[1] + K[2] * g.r_m * 7.0)
+    assert stiffness(decoupler_for(then), 4.0, 3.0) == pytest.approx(expected, rel=3e-3)
+    assert stiffness(decoupler_for(LAB), 4.0, 3.0) != pytest.approx(expected, rel=1e-2)
+    assert then.dynamics() == LAB.dynamics()
+
+
+def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) -> None:
+    first, second = stored(database, motors((2.3, 0.21), (2.4, 0.23))), stored(database, spring())
+    for found, who in ((first, "Ana"), (second, "Ben")):
+        with database.session() as session:
+            applied_parameters.keep(session, proposal(LAB, in_force(database, LAB), found), who)
+    both, one, file = versions(database, LAB)
+    assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
+    assert file.parameters == LAB
+    assert both.parameters.identified_of("B").K_m == 2.4  # the spring leaves the motors as they were applied
+    assert len({item.digest for item in (both, one, file)}) == 3
+
+    undo(database, "Cy")
+    newest = versions(database, LAB)[0]
+    assert (newest.number, newest.who, newest.digest) == (3, "Cy", one.digest)
+    assert newest.applied is not None
+    assert newest.applied.undone
+    undo(database, "Cy")  # to undo that is to do it again
+    assert versions(database, LAB)[0].digest == both.digest
+
+
+def undo(database: Database, who: str) -> AppliedParameters:
+    applied = applied_parameters.undoing(database, LAB)
+    with database.session() as session:
+        applied_parameters.keep(session, applied, who)
+    return applied
+
+
+def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Database) -> None:
+    applied = proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
+    with database.session() as session:
+        applied_parameters.keep(session, applied, "Ana")
+    ideal = load_parameters("ideal")
+    assert in_force(database, LAB) != LAB
+    assert in_force(database, ideal) == ideal
+
+
+def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
+    with pytest.raises(NotApplicableError, match="nothing was applied"):
+        applied_parameters.undoing(database, LAB)
+    same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))
+    with pytest.raises(NotApplicableError, match="nothing would change"):
+        proposal(LAB, LAB, same)
+    bad = stored(database, replace(motors((2.3, 0.21), (2.4, 0.23)), usable=False, verdict="hardly moved"))
+    with pytest.raises(NotApplicableError, match="not usable: hardly moved"):
+        proposal(LAB, LAB, bad)
+    beyond = stored(database, motors((2.3, 0.21), (2400.0, 0.23)))
+    with pytest.raises(ParameterError, match=r"identified_B.K_m = 2400 .*outside 0.001 to 1000"):
+        proposal(LAB, LAB, beyond)
