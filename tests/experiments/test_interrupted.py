@@ -1,7 +1,9 @@
 """An experiment that is cut short keeps what it has, passes nothing, and its report says what is missing, and holds."""
 
 import asyncio
+from collections import Counter
 from dataclasses import dataclass
+from itertools import cycle
 
 import pytest
 
@@ -72,12 +74,18 @@ def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Co
     return source
 
 
-def test_all_that_is_ready_made_is_cut_short_here() -> None:
+PAIRS = [("tracking", ending) for ending in ENDINGS] + list(zip(list(AFTER_S)[1:], cycle(ENDINGS), strict=False))
+"""One kind with each ending, the others with one each, in turn: how a run ends and what it plays know nothing of each
+other."""
+
+
+def test_all_that_is_ready_made_is_cut_short_here_and_by_every_ending() -> None:
     assert {*AFTER_S, *TOO_EARLY} == set(ready_made.NAMES)
+    assert {name for name, _ in PAIRS} == set(AFTER_S)
+    assert min(Counter(ending for _, ending in PAIRS).values()) > 2
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize("name", AFTER_S)
+@pytest.mark.parametrize(("name", "ending"), PAIRS)
 def test_it_keeps_what_it_has_and_says_what_is_missing(
     tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
 ) -> None:
