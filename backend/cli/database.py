@@ -30,7 +30,9 @@ def backup(
     file: Annotated[Path | None, typer.Argument(help="Copy to write; a new file. [DATA/backups/TIME.db]")] = None,
     data: DataFolder = None,
 ) -> None:
-    """Copy the database while it may be in use."""
+    """Copy the database while it may be in use; the log says so."""
+    from backend.cli.ordering import current_user
+    from backend.storage import events
     from backend.storage.maintenance import backup as copy
     from backend.storage.maintenance import next_copy
 
@@ -38,6 +40,8 @@ def backup(
     wanted = file or next_copy(settings.data)
     with database_of(settings) as database:
         copy(database.engine, wanted)
+        with database.session() as session:
+            events.add(session, events.EventKind.BACKUP, f"database copied to {wanted.name}", who=current_user())
     out.print(f"wrote {wanted}", highlight=False, markup=False)
 
 

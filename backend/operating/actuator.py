@@ -12,9 +12,9 @@ from backend.bring_up.hands import KeptHands, switch_drives
 from backend.faults import Fault
 from backend.loop import commands
 from backend.loop.access import LoopDied, LoopDiedError, result_of
-from backend.loop.commands import Accepted, Command, Event, PushReleased, Refused, RunEnded, Stopped
+from backend.loop.commands import Accepted, Command, Event, ModeChanged, PushReleased, Refused, RunEnded, Stopped
 from backend.loop.hand_push import PUSH_MAX_S
-from backend.loop.mode import LEGAL, Mode
+from backend.loop.mode import Mode
 from backend.loop.ring import Ring
 from backend.loop.supervisor import Supervisor
 from backend.messages.live import MarkKind
@@ -23,6 +23,7 @@ from backend.operating.answered import carried_out
 from backend.operating.event_marks import mark_of
 from backend.operating.journal import Journal
 from backend.operating.kept_tuning import KeptTuning
+from backend.operating.legality import require_legal
 from backend.operating.present_state import F_PUSH_MAX, PresentState, proof_of
 from backend.operating.retuning import Retuning
 from backend.operating.session_runs import RECORDED, SessionRuns
@@ -68,6 +69,7 @@ class Actuator:
         self._on_new_ring = on_new_ring
         self._supervision, self._hands = supervision, hands
         self._pushed = False
+        self._asked: tuple[Mode, str] | None = None
         self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._changed: list[Callable[[], None]] = []
@@ -167,7 +169,8 @@ class Actuator:
 
     async def _moved_to(self, mode: Mode, who: str) -> State:
         async with self._turn:
-            self._require_legal(mode)
+            require_legal(self.present, mode, loop_alive=self._supervisor.alive)
+            self._asked = mode, who
             if mode in RECORDED:
                 run = await self._session_runs.begin(mode, self.present.tuning, who)
                 try:
@@ -269,32 +272,22 @@ class Actuator:
         self.changed()
         return self.present.state()
 
-    def _require_legal(self, wanted: Mode) -> None:
-        mode = self.present.mode
-        legal = self.present.legal(mode)
-        asked_of_loop = self.present.unready and wanted in LEGAL[mode]
-        if wanted in legal or asked_of_loop or not self._supervisor.alive:  # a dead loop gives its own answer too
-            return
-        if mode is Mode.TRIPPED:
-            reason = "a fault is latched: reset it first"
-        elif wanted in LEGAL[mode]:
-            reason = f"{wanted} has to wait until both tendons hold the pretension"
-        else:
-            reason = f"{mode} cannot go to {wanted}"
-        names = [str(choice) for choice in legal]
-        raise RefusalError(
-            Because.NOT_NOW, f"{reason}; legal now: {', '.join(names) or 'none'}", code="illegal_mode", legal=names
-        )
-
     def _hear(self, event: Event | LoopDied) -> None:
         self.present.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
         if (mark := mark_of(event, self.present.tick)) is not None:
-            self._journal.note(*mark)
+            self._journal.note(*mark, who=self._who_asked(event))
         if isinstance(event, Stopped):
             for waiter in self._stop_waiters:
                 if not waiter.done():
                     waiter.set_result(event)
         if not isinstance(event, Accepted | Refused | RunEnded):
             self.changed()
+
+    def _who_asked(self, event: Event | LoopDied) -> str:
+        """Return who asked for the mode that has come; empty where nobody did."""
+        if self._asked is None or not isinstance(event, ModeChanged) or event.after is not self._asked[0]:
+            return ""
+        (_, who), self._asked = self._asked, None
+        return who

@@ -55,6 +55,25 @@ def test_a_run_begins_and_ends_in_it_and_an_order_stands_at_its_second(running: 
     assert abs((datetime.fromisoformat(entry["at"]) - began).total_seconds() - entry["t"]) < 1.0
 
 
+def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Client, viewer: httpx.Client) -> None:
+    last = log(viewer)[0]["event"] or 0
+
+    def modes() -> list[tuple[str, str]]:
+        found = [one for one in log(viewer, kind="mode") if one["event"] > last]
+        return [(one["text"], one["who"]) for one in reversed(found)]
+
+    off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    until(lambda: len(modes()) == 2)
+    off.post("/api/mode", json={"mode": "off"}).raise_for_status()
+    off.post("/api/stop").raise_for_status()
+    until(lambda: "tripped" in modes()[-1][0])
+    began, reached, ended, *_, stopped = modes()
+    assert began == ("off → pretension", "operator")
+    assert reached == ("pretension reached", "")
+    assert ended == ("pretension → off", "operator")
+    assert stopped[1] == ""  # STOP has an entry of its own, with whoever pressed it
+
+
 def test_an_operator_says_something_of_an_event_and_a_viewer_reads_it(
     operator: httpx.Client, viewer: httpx.Client
 ) -> None:

@@ -4,6 +4,7 @@ A process of its own costs seconds of imports: there is one where the process ma
 what is loaded for help, and what the doctor asks of the system. All else is called here, through the same ``main``.
 """
 
+import getpass
 import json
 import math
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 from backend.experiments.banks import kept_choice
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.storage import open_database, runs
+from backend.storage import events, open_database, runs
 from plant.parameters import load_parameters
 from tests.cli.conftest import Command
 from tests.experiments.parameter_files import weak_motors
@@ -116,6 +117,9 @@ def test_what_was_stored_is_listed_shown_and_exported(
     assert command("db", "check", *data).returncode == 0
     assert command("db", "backup", str(folder / "copy.db"), *data).returncode == 0
     assert (folder / "copy.db").stat().st_size > 100_000
+    with closing(open_database(folder / "data")) as database, database.reading() as session:
+        (told,) = events.find(session, kind="backup")
+    assert (told.text, told.who) == ("database copied to copy.db", getpass.getuser())
 
 
 @pytest.mark.parametrize(
