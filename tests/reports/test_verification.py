@@ -43,8 +43,7 @@ class Made:
         account = json.loads(text)
         change(account)
         text = json.dumps(account, ensure_ascii=False, separators=(",", ":"))
-        for letter in "<>&":
-            text = text.replace(letter, f"\\u{ord(letter):04x}")
+        text = text.translate({ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&"})
         return f"{head}{BEGIN}{text}{END}{tail}"
 
 
