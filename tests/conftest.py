@@ -1,12 +1,17 @@
 """What all tests share: property tests that are the same on each run; which tests are of which lane."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 import backend  # noqa: F401  # before any test loads numpy: BLAS takes one thread, as in the service
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # As in whatever a script has started in its background: what the tests start would never hear of Ctrl+C either.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("sinew", deadline=None, derandomize=True, database=None)
 settings.load_profile("sinew")

@@ -19,6 +19,9 @@ from plant.choice import PlantChoice
 PART_SEGMENTS = 24
 """Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
 
+Entry = str | float | list[float] | list[list[float]]
+"""What a parameter file says of an entry: its unit and source; its value, a polynomial or points."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -34,7 +37,7 @@ class Setup:
     tuning: SetTuning
     brought_up: BroughtUp = NOT_BROUGHT_UP
     drives_off: bool = False
-    identified: dict[str, dict[str, dict[str, Any]]] = field(default_factory=dict)
+    identified: dict[str, dict[str, dict[str, Entry]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
