@@ -1,7 +1,6 @@
 """An experiment made of what was recorded: the references of a run, as they were commanded."""
 
 import json
-import math
 
 from backend.documents.experiment import FORMAT
 from backend.experiments.composing.recorded import followed
@@ -10,15 +9,13 @@ from backend.recording.reader import read_samples
 from backend.storage import Database
 
 
-def recorded_experiment(
-    database: Database, run_id: int, from_s: float = 0.0, to_s: float = math.inf
-) -> WrittenExperiment:
-    """Return the references of a run between two times as an experiment of its own.
+def recorded_experiment(database: Database, run_id: int) -> WrittenExperiment:
+    """Return the references of a run as an experiment of its own.
 
     Raises UnknownRecordError, ExperimentError where there are none to follow.
     """
     with database.reading() as session:
-        columns = read_samples(session, run_id, ("q_ref", "S_ref"), from_s, to_s).columns
+        columns = read_samples(session, run_id, ("q_ref", "S_ref")).columns
     found = followed(columns["q_ref"].astype(float), columns["S_ref"].astype(float))
     off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
     document = {

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backend.identification.errors import IdentificationError
 from backend.identification.fit import Fit, refit
 from backend.identification.linearisation import WHITE, Evaluation, Problem
 from backend.identification.record import Record, Signal
@@ -38,7 +39,14 @@ class Beside:
 
 
 def fit_percent(error: Signal, motion: Signal) -> float:
-    """Share of the motion that a model explains [%], from what it leaves over and the motion about its mean."""
+    """Share of the motion that a model explains [%], from what it leaves over and the motion about its mean.
+
+    Raises IdentificationError where nothing moved.
+    """
+    if np.ptp(motion) == 0.0:
+        raise IdentificationError(
+            "nothing moved in what the model is to be compared with: there is no motion to explain"
+        )
     return 100.0 * (1.0 - float(np.linalg.norm(error)) / float(np.linalg.norm(motion)))
 
 

@@ -170,16 +170,15 @@ class Actuator:
     async def _moved_to(self, mode: Mode, who: str) -> State:
         async with self._turn:
             require_legal(self.present, mode, loop_alive=self._supervisor.alive)
+            run = await self._session_runs.begin(mode, self.present.tuning, who) if mode in RECORDED else 0
             self._asked = mode, who
-            if mode in RECORDED:
-                run = await self._session_runs.begin(mode, self.present.tuning, who)
-                try:
-                    await self._command(commands.SetMode(mode, run))
-                except BaseException:
+            try:
+                await self._command(commands.SetMode(mode, run))
+            except BaseException:
+                self._asked = None  # whatever brings the mode later on, it is not this order
+                if run:
                     await self._session_runs.abandon(run)
-                    raise
-            else:
-                await self._command(commands.SetMode(mode))
+                raise
         return await self._state_once(lambda: self.present.mode is mode)
 
     def require_unoccupied(self) -> None:

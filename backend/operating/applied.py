@@ -97,7 +97,9 @@ class Applied:
         self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
         undone = "the former parameters, as the last identification was undone"
         run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
-        await self._actuator.take_up(take, undone if applied.undone else run, who)
+        moved = ", ".join(tuning.choice.differences(before.choice))
+        told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
+        await self._actuator.take_up(take, told, who)
 
     def _require_idle(self, tuning: TuningInUse) -> None:
         """Raise RefusalError unless the actuator is off, nothing is under way and this tuning is in force."""

@@ -113,7 +113,6 @@ def page_of_module(browser: Browser, service: Service) -> Iterator[Watched]:
 @pytest.fixture
 def same_operator(page_of_module: Watched, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
     """The person of the test before at the same page, signed in: to load and compile a page takes seconds of a core."""
-    page_of_module.complaints.clear()
     with attended(page_of_module, service, request) as watched:
         yield Operator(watched.page, service)
 
@@ -123,9 +122,10 @@ def attended(watched: Watched, service: Service, request: pytest.FixtureRequest)
     """Tell of the page when the test fails, and fail it when the page's console complained."""
     request.node.stash[WITNESS] = partial(witnessed, watched, service, FAILURES / f"{request.node.name}.png")
     yield watched
-    seen = request.node.stash[WITNESS]() if watched.complaints else ""
+    complaints, watched.complaints = watched.complaints, []  # the next one at the page is not to blame for them
+    seen = request.node.stash[WITNESS]() if complaints else ""
     del request.node.stash[WITNESS]
-    assert watched.complaints == [], seen
+    assert complaints == [], seen
 
 
 def witnessed(watched: Watched, service: Service, picture: Path) -> str:

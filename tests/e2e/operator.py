@@ -84,7 +84,7 @@ class Operator:
 
         def is_settled() -> bool:
             nonlocal told
-            told = str(self._state()["mode"])
+            told = str(self.state()["mode"])
             return shown.inner_text() == told != "stopping"
 
         self.wait(is_settled)
@@ -134,9 +134,10 @@ class Operator:
         return self._tick() - first
 
     def _tick(self) -> int:
-        return int(self._state()["tick"])
+        return int(self.state()["tick"])
 
-    def _state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
+        """What the service tells of the actuator, in the words of ``GET /api/state``."""
         found: dict[str, Any] = self.page.evaluate("fetch('./api/state').then(answer => answer.json())")
         return found
 

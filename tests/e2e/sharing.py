@@ -4,16 +4,15 @@ A page at Operate draws what comes in, which takes most of a processor: where a 
 there, and a script winds up the joint.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.api.conftest import client_with, until_state
 from tests.e2e.browser import DESKTOP, Watched
-from tests.e2e.conftest import FAILURES, WITNESS, witnessed
+from tests.e2e.conftest import attended
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service
 
@@ -28,22 +27,16 @@ class SharedPage:
         sign_in_at(self._watched.page, service, address)
 
     @contextmanager
-    def turn_of(self, test: pytest.Item) -> Iterator[Operator]:
+    def turn_of(self, request: pytest.FixtureRequest) -> Iterator[Operator]:
         """Let a test have the page; it fails when the console complained meanwhile.
 
         What lay over the page is closed before, and control is given up after it: a script may bring the joint to where
         the next test needs it.
         """
-        page = self._watched.page
-        witness: Callable[[], str] = partial(witnessed, self._watched, self._service, FAILURES / f"{test.name}.png")
-        test.stash[WITNESS] = witness
-        page.keyboard.press("Escape")
-        yield Operator(page, self._service)
-        give_up_control(page)
-        complaints, self._watched.complaints = self._watched.complaints, []
-        seen = witness() if complaints else ""
-        del test.stash[WITNESS]
-        assert complaints == [], seen
+        with attended(self._watched, self._service, request) as watched:
+            watched.page.keyboard.press("Escape")
+            yield Operator(watched.page, self._service)
+            give_up_control(watched.page)
 
     def close(self) -> None:
         self._watched.page.context.close()

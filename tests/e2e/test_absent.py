@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
@@ -23,10 +24,15 @@ BARE = """() => {
 }"""
 
 
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
 def test_nothing_is_absent_without_a_reason(operator: Operator, browser: Browser, service: Service) -> None:
     page = operator.page
     operator.sign_in()
-    look_through(page, service)  # it is the first of those that share the service: nothing has been recorded
+    look_through(page, service)
     page.goto(f"{service.url}/#/operate")
     staged = page.get_by_role("table", name="Saved, in force and staged")
     expect(staged.get_by_role("img", name="nothing is staged")).to_have_text(["–", "–"])

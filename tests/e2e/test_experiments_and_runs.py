@@ -27,7 +27,7 @@ def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
 
 @pytest.fixture
 def operator(shared: SharedPage, request: pytest.FixtureRequest) -> Iterator[Operator]:
-    with shared.turn_of(request.node) as operator:
+    with shared.turn_of(request) as operator:
         yield operator
 
 

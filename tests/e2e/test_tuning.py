@@ -49,7 +49,7 @@ def shared(browser: Browser, service: Service) -> Iterator[SharedPage]:
 def tuning(shared: SharedPage, service: Service, request: pytest.FixtureRequest) -> Iterator[Operator]:
     """The Operate page with its tuning, as saved whatever the test before has left in force."""
     put_back(service)
-    with shared.turn_of(request.node) as operator:
+    with shared.turn_of(request) as operator:
         operator.go("Operate")
         expect(table(operator)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
         yield operator

@@ -57,13 +57,13 @@ def test_a_copy_of_the_tab_watches_and_a_reload_keeps_control(operator: Operator
 def goes_on_after_a_reload(operator: Operator) -> bool:
     """Load a page in control again; on a busy machine that may take so long that it is given up for lost."""
     operator.take_control()
-    before = operator._state()["holder"]["epoch"]
+    before = operator.state()["holder"]["epoch"]
     operator.page.reload()
     after: dict[str, Any] | None = None
 
     def is_decided() -> bool:
         nonlocal after
-        after = operator._state()["holder"]
+        after = operator.state()["holder"]
         return after is None or after["epoch"] != before
 
     operator.wait(is_decided)

@@ -60,7 +60,7 @@ def test_a_layout_of_ones_own_reads_what_the_loop_does_and_is_found_again(laid_o
     laid_out.enter("q_ref value [deg]", 12.0)
     laid_out.wait(lambda: abs(laid_out.reading("Joint position", "q") - 12.0) < 0.3)
 
-    told = laid_out._state()["references"]
+    told = laid_out.state()["references"]
     read = page.evaluate(READINGS, ["q", "q_ref", "q - q_ref", "S", "S_ref"])
     assert read["q_ref"] == pytest.approx(told["q_ref"] * DEGREES, abs=0.005001)
     assert read["S_ref"] == pytest.approx(told["S_ref"], abs=0.0005001)
@@ -173,8 +173,8 @@ def finished_run(operator: Operator) -> int:
     operator.expect_mode("pretension")
     operator.press("Run")
     operator.expect_mode("run")
-    operator.wait(lambda: operator._state()["recording_run"] is not None)
-    run = int(operator._state()["recording_run"])
+    operator.wait(lambda: operator.state()["recording_run"] is not None)
+    run = int(operator.state()["recording_run"])
     operator.wait_for_samples(500)
     target = 10.0 if abs(operator.reading("Joint position", "q_ref")) < 5.0 else 0.0
     operator.enter("q_ref value [deg]", target)

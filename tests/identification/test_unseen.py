@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim, lsim, tf2ss
 
+from backend.identification.errors import IdentificationError
 from backend.identification.fit import Method, fit
 from backend.identification.motor import VoltageStep, step_beside
 from backend.identification.record import Record, Signal
 from backend.identification.result import Model
 from backend.identification.structures import structure
-from backend.identification.unseen import held_out, predict
+from backend.identification.unseen import Beside, held_out, predict
 
 PERIOD_S = 1e-3
 K, T, A2, A1 = 0.05, 0.3, 0.004, 0.05
@@ -84,3 +85,10 @@ def test_a_step_of_a_motor_is_predicted_as_scipy_integrates_it() -> None:
     left = 0.1 * (turn - np.mean(turn))
     assert slower.measured - slower.predicted == pytest.approx(left, abs=1e-9)
     assert slower.fit_percent == pytest.approx(90.0, abs=1e-6)
+
+
+def test_where_nothing_moved_there_is_nothing_to_explain() -> None:
+    stuck = Beside(0, np.full(50, 0.25), np.full(50, 0.26))
+    assert stuck.rms == pytest.approx(0.01)
+    with pytest.raises(IdentificationError, match="nothing moved"):
+        _ = stuck.fit_percent

@@ -51,10 +51,7 @@ def followed(q_ref: Column, S_ref: Column) -> Followed:
     while at < len(q):
         held = end = _held(q, S, at)
         ramp = False
-        for within in (
-            _SAME,
-            1.0,
-        ):  # what was a ramp is one again, to its last tick; what was none is followed by several
+        for within in (_SAME, 1.0):  # what was a ramp is one again; what was none is followed by several
             if end - at < _LEAST and at > 0:
                 end = _ramped(q, S, at, reached, within)
                 ramp = end - at >= _LEAST
@@ -66,8 +63,10 @@ def followed(q_ref: Column, S_ref: Column) -> Followed:
         off = _off(q, at, share, reached[0], arrived[0], off[0]), _off(S, at, share, reached[1], arrived[1], off[1])
         at, reached = end, arrived
         if len(parts) > MAX_SEGMENTS:
-            why = f"its references take more than {MAX_SEGMENTS} holds and ramps"
-            raise ExperimentError(f"{why}: take a shorter stretch of it")
+            raise ExperimentError(
+                f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
+                "compose it of parts"
+            )
     return Followed(parts, *off)
 
 

@@ -1,6 +1,6 @@
 """What each part of an experiment comes to once it is laid out: when it plays, from where to where. Pure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from backend.experiments.composing.laid import Laid
 from backend.loop.program import left_at
@@ -37,17 +37,7 @@ def played_parts(laid: Laid) -> list[Played]:
         first = found.get(path) or Played(
             path, clock_s, end_s, 0, segment.duration_s, q_from, S_from, segment.q_ref, segment.S_ref
         )
-        found[path] = Played(
-            path,
-            first.start_s,
-            end_s,
-            first.pieces + 1,
-            first.piece_s,
-            first.q_from,
-            first.S_from,
-            first.q_to,
-            first.S_to,
-        )
+        found[path] = replace(first, end_s=end_s, pieces=first.pieces + 1)
         clock_s = end_s
         at = left_at(segment, *(at or (segment.q_ref, segment.S_ref)))
     return list(found.values())

@@ -115,7 +115,9 @@ def _of_step(
         known = found.K_m, found.T_m, found.u_c
     else:
         kept = estimate.motors.side(side).model.parameters
-        known = kept.K_m or 0.0, kept.T_m or 0.0, kept.u_c or 0.0
+        if kept.K_m is None or kept.T_m is None or kept.u_c is None:
+            raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
+        known = kept.K_m, kept.T_m, kept.u_c
     shown = step_beside(step, *known)
     return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
 
