@@ -87,7 +87,7 @@ function Estimates({ motor }: { motor: Motor }) {
           u={BY_THE_RULE}
         />
         <Line
-          title="In force"
+          title="In force at the run"
           K={significant(before.K_m, 4)}
           T={significant(before.T_m, 4)}
           u={NOT_IN_FORCE}
