@@ -1,6 +1,6 @@
 # make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
-# make test   installs what the tests need (a browser too) and runs all of them, in lanes: tests/lanes.py
-# Further: check, format, test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
+# make test   installs what the tests need (a browser too) and runs what each change has to pass, in lanes: tests/lanes.py
+# Further: check, format, test-thorough (all tests, for a version), test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
 # mutate (whether the tests notice when something is computed wrongly; an hour),
 # screenshots, lock (the newest packages that pyproject.toml allows, with their hashes). Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
 # ARGS goes to sinew serve, pytest, the soak or the mutants; EXTRAS=rig or postgres adds what these need, from the first install on.
@@ -14,7 +14,7 @@ EXTRAS ?=
 EXAMPLES ?= 120
 SEED ?= 1
 
-.PHONY: run test test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend
+.PHONY: run test test-thorough test-newest fuzz check format bench soak mutate screenshots lock install install-dev install-newest frontend
 
 run: install frontend
 	$(BIN)/sinew serve --plant simulator --params lab $(ARGS)
@@ -23,6 +23,9 @@ test: install-dev frontend
 	.ci/provide browser compose postgres
 	$(NPM) test
 	$(BIN)/python -m tests.lanes $(ARGS)
+
+test-thorough:
+	$(MAKE) --no-print-directory test ARGS="--thorough $(ARGS)"
 
 test-newest: install-newest
 	.ci/provide browser compose postgres

@@ -1,27 +1,44 @@
-"""A plugin of pytest for `tests.lanes`: writes down which tests there are and how each that was run came out."""
+"""A plugin of pytest for `tests.lanes`: writes down which tests there are and how each that was run came out.
+
+Without ``--thorough`` there are not those that `tests/thorough.toml` names.
+"""
 
 from pathlib import Path
 
 import pytest
 
+from tests.tiers import is_thorough, whole_files
+
+ROOT = Path(__file__).parents[1]
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--record", type=Path, help="folder for the names of the tests and their outcomes")
+    parser.addoption("--thorough", action="store_true", help="those of tests/thorough.toml too")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave files alone of which no test is run: to import them takes time."""
+    if config.getoption("--thorough") or not collection_path.is_relative_to(ROOT):
+        return None
+    return str(collection_path.relative_to(ROOT)) in whole_files() or None
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.pluginmanager.register(Record(config.getoption("--record")))
+    config.pluginmanager.register(Record(config.getoption("--record"), config.getoption("--thorough")))
 
 
 class Record:
     """Outcomes of one session; with several processes, those of the one that gathers them."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, thorough: bool) -> None:
+        self._folder, self._thorough = folder, thorough
         self._outcomes: dict[str, str] = {}
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        if not self._thorough:
+            items[:] = [item for item in items if not is_thorough(item.nodeid)]
         (self._folder / "there").write_text("".join(f"{item.nodeid}\n" for item in items), encoding="utf-8")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

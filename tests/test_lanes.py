@@ -1,5 +1,6 @@
 """No test falls between the lanes, and a test that hangs ends with the place where it hung."""
 
+import ast
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once, run_all
+from tests.tiers import Left, left_out, whole_files
 
 ROOT = Path(__file__).parents[1]
 
@@ -61,3 +63,42 @@ def test_what_hangs_fails_with_its_traceback(tmp_path: Path) -> None:
     assert ended.returncode == 1
     assert "time.sleep(60)  # here" in ended.stdout
     assert "Timeout" in ended.stdout
+
+
+def test_what_is_left_to_the_thorough_run_exists() -> None:
+    for left in left_out():
+        assert len(left.because.split()) > 5, left
+        for name in (*left.tests, *left.but):
+            file, _, function = name.partition("::")
+            parsed = ast.walk(ast.parse((ROOT / file).read_text(encoding="utf-8")))
+            functions = {node.name for node in parsed if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+            assert not function or function.partition("[")[0] in functions, name
+
+
+def test_a_test_is_left_by_its_file_its_function_or_its_whole_name() -> None:
+    left = Left(("tests/a.py", "tests/b.py::test_one", "tests/b.py::test_two[3]"), "", but=("tests/a.py::test_kept",))
+    names = ("tests/a.py::test_x[1]", "tests/b.py::test_one", "tests/b.py::test_one[0]", "tests/b.py::test_two[3]")
+    assert all(left.names(test) for test in names)
+    kept = ("tests/a.py::test_kept[1]", "tests/ab.py::test_x", "tests/b.py::test_one_more", "tests/b.py::test_two[33]")
+    assert not any(left.names(test) for test in kept)
+
+
+def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
+    some = next(name for name in sorted(whole_files()) if name.startswith("tests/plant/"))
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-p",
+        "tests.lanes_record",
+        f"--record={tmp_path}",
+        "--collect-only",
+        "-q",
+    ]
+    counts = []
+    for more in ((), ("--thorough",)):
+        subprocess.run([*command, *more, some, "tests/test_refusal.py"], cwd=ROOT, capture_output=True, check=True)
+        there = (tmp_path / "there").read_text(encoding="utf-8").splitlines()
+        counts.append(sum(test.startswith(f"{some}::") for test in there))
+        assert any(test.startswith("tests/test_refusal.py::") for test in there)
+    assert counts[0] == 0 < counts[1]
