@@ -6,10 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from rich.console import Console
-
-from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once, run_all
+from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once
 from tests.tiers import Left, left_out, whole_files
 
 ROOT = Path(__file__).parents[1]
@@ -26,11 +23,15 @@ def test_a_test_that_no_lane_runs_is_found_and_so_is_one_that_two_run() -> None:
     assert not_run_once([lane(everything, ["a", "b"]), lane(everything, ["b", "c"])]) == ["b"]
 
 
-def test_lanes_divide_what_there_is_and_count_it() -> None:
-    some = ["tests/wire", "tests/api/test_pace.py", "tests/loop/test_pacer.py", "-q"]
+def test_lanes_divide_what_there_is_and_count_it_and_what_ran_beside_is_shown_last() -> None:
+    some = ["tests/wire", "tests/loop/test_pacer.py", "-q"]
     ended = subprocess.run([sys.executable, "-m", "tests.lanes", *some], cwd=ROOT, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stdout + ended.stderr
+    begun = [ended.stdout.index(f"lane: {name}") for name in ("page", "live", "pure")]
+    assert begun == sorted(begun)
     counts = {name: int(re.findall(rf"{name} +│ (\d+)", ended.stdout)[0]) for name in LANES}
+    assert f"{counts['live']} passed" in ended.stdout[begun[1] : begun[2]]
+    assert f"{counts['pure']} passed" in ended.stdout[begun[2] :]
     assert counts.pop("page") == 0
     assert all(count > 0 for count in counts.values()), counts
     assert ended.stdout.splitlines()[-1] == f"{sum(counts.values())} passed, 0 failed"
@@ -38,14 +39,6 @@ def test_lanes_divide_what_there_is_and_count_it() -> None:
 
 def test_each_lane_has_its_turn_once() -> None:
     assert sorted([*IN_TURN, BESIDE]) == sorted(LANES)
-
-
-def test_what_runs_beside_is_shown_when_it_has_ended(capfd: pytest.CaptureFixture[str]) -> None:
-    ended = run_all(["tests/wire", "tests/loop/test_pacer.py", "-q"], Console(width=80))
-    assert [lane.name for lane in ended] == ["page", "live", "pure"]
-    assert [lane.code for lane in ended] == [0, 0, 0]
-    shown = capfd.readouterr().out
-    assert f"{len(ended[2].outcomes)} passed" in shown.partition("lane: pure")[2]
 
 
 def test_a_lane_that_is_killed_is_no_success(tmp_path: Path) -> None:
