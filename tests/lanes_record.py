@@ -36,8 +36,9 @@ class Record:
         self._outcomes: dict[str, str] = {}
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        if not self._thorough:
+    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
+        if not self._thorough and (left := [item for item in items if is_thorough(item.nodeid)]):
+            config.hook.pytest_deselected(items=left)
             items[:] = [item for item in items if not is_thorough(item.nodeid)]
         (self._folder / "there").write_text("".join(f"{item.nodeid}\n" for item in items), encoding="utf-8")
 
