@@ -9,7 +9,7 @@ from backend.access.people import Person
 from backend.archive.own_experiments import OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.forecasts.forecast import expected_s, forecast
+from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
@@ -274,8 +274,8 @@ class OrderedRuns:
     async def _progress(self, orders: Sequence[Order], position: int, run: Run) -> Notify:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
         plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
-        duration_s = await asyncio.to_thread(expected_s, plan, self._station.parameters, start)
-        return run_progress(self._actuator.present, Ordered(plan, run.id, duration_s, position + 1, len(orders)))
+        told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
+        return run_progress(self._actuator.present, Ordered(plan, run.id, told, position + 1, len(orders)))
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:
