@@ -155,6 +155,7 @@ class TaskView(Schema):
     part: PartView | None = Field(description="null where the program has no parts, or is not played")
     number: int = Field(description="which run of its order this is, from 1 on")
     following: int = Field(default=0, description="runs of the same order that follow this one")
+    pause_wanted: bool = Field(default=False, description="whether the next run of the order is to wait")
 
 
 class TrialView(TuningParts):

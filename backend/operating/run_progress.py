@@ -1,5 +1,6 @@
 """How far a run is, as the state shows it: of the time that it is expected to take."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from backend.experiments.forecasts.forecast import Expected
@@ -51,7 +52,7 @@ class Ordered:
         )
 
 
-def run_progress(present: PresentState, ordered: Ordered) -> Notify:
+def run_progress(present: PresentState, ordered: Ordered, pause_wanted: Callable[[], bool]) -> Notify:
     """Return what puts into ``present`` how far a run is.
 
     What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
@@ -69,6 +70,7 @@ def run_progress(present: PresentState, ordered: Ordered) -> Notify:
             Doing.STARTING: 0.0,
             Doing.PRETENSION: elapsed_s,
             Doing.PROGRAM: before_s + elapsed_s,
+            Doing.PAUSED: expected_s,
             Doing.EVALUATION: expected_s,
         }[doing]
         present.task = TaskView(
@@ -80,6 +82,7 @@ def run_progress(present: PresentState, ordered: Ordered) -> Notify:
             part=part_at(parts, elapsed_s) if doing is Doing.PROGRAM else None,
             number=ordered.number,
             following=ordered.of - ordered.number,
+            pause_wanted=pause_wanted(),
         )
 
     return show

@@ -35,7 +35,8 @@ class Played:
     def at(self, name: str) -> NDArray[np.float64]:
         """The samples of a column at the times of the profile, which may end a little before or after the run."""
         ticks = np.minimum(np.rint(self.told.t / T_s).astype(int) - 1, self.ticks - 1)
-        return self.columns[name][ticks]
+        found: NDArray[np.float64] = self.columns[name][ticks]
+        return found
 
 
 def played(plan: IdentificationPlan, name: str = "lab") -> Played:
