@@ -75,13 +75,6 @@ export function useSaveTuning() {
   });
 }
 
-/** Lets the next run of the order under way wait, or begin. */
-export function usePauseOrder() {
-  return useMutation({
-    mutationFn: (paused: boolean) => answered(api.PUT("/api/identifications/pause", { body: { paused } })),
-  });
-}
-
 export function useStartIdentification() {
   const queries = useQueryClient();
   return useMutation({
