@@ -97,16 +97,17 @@ def test_an_identification_is_followed_paused_between_tensions_and_aborted_softl
     bring_to_run(operator.service)
     operator.go("Identify")
     page.get_by_role("textbox", name="Several tensions in turn [N]").fill("12, 20")
-    operator.fill("Register bits", 5)
+    operator.fill("Register bits", 6)
     operator.fill("Settling [s]", 3)
     operator.press("Start identification")
     card = page.get_by_role("region", name="Running now", exact=True)
     expect(card.get_by_role("figure", name="Motor voltage")).to_be_visible()
-    expect(card.get_by_role("figure", name="Planned profile")).to_be_visible()
-    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
-    first = seen[0]["task"]["run"]
     card.get_by_role("button", name="Pause after this run", exact=True).click()
     go_on = card.get_by_role("button", name="Go on", exact=True)
+    expect(go_on).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(card.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
+    first = seen[0]["task"]["run"]
     expect(go_on).to_be_visible()
     expect(card.get_by_role("status", name="What runs now")).to_have_text(
         f"Actuator identification, run {first}, 1 of 2: paused", timeout=MOTION_TIMEOUT_MS
