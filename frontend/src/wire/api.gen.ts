@@ -5761,6 +5761,8 @@ export interface components {
         SettingView: {
             /** Name */
             name: string;
+            /** Symbol */
+            symbol: string;
             /** Meaning */
             meaning: string;
             /** Unit */
