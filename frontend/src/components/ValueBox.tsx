@@ -3,6 +3,7 @@
 import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
+import { close } from "../service/explaining";
 import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
 import { useDescribedBy } from "../service/useDescribedBy";
@@ -79,6 +80,7 @@ export function ValueBox(props: ValueBoxProps) {
     else if (event.key === "Escape") take(null);
     else if (steps !== undefined) {
       event.preventDefault();
+      close(); // Escape gives up what was stepped to, as what was typed
       const from = typed === null ? value : numberIn(typed);
       if (from !== null) take(shown(from + steps, decimals));
     }

@@ -62,6 +62,13 @@ test("focus tells it too, typing silences it, and what was typed is given up by 
   expect(input.value).toBe("5");
   fireEvent.keyDown(input, { key: "Escape" });
   expect(input.value).toBe("20000");
+  act(() => input.blur());
+  act(() => input.focus());
+  expect(tooltip()).not.toBeNull();
+  fireEvent.keyDown(input, { key: "ArrowUp" });
+  expect(input.value).toBe("21000");
+  fireEvent.keyDown(input, { key: "Escape" });
+  expect([tooltip(), input.value]).toEqual([null, "20000"]);
 });
 
 test("bounds are read as the person reads angles, and an unknown field is no entry", () => {
