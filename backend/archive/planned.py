@@ -3,16 +3,24 @@
 import asyncio
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from backend.documents.edge import UnreadableDocumentError
+from backend.experiments.forecasts.timetable import timetable
+from backend.experiments.plans.plan import IdentificationPlan
 from backend.experiments.plans.profile import profile
 from backend.experiments.plans.stored_plan import stored_plan
-from backend.messages.history import Planned, PlannedPart
+from backend.messages.history import Planned, PlannedLine, PlannedPart
 from backend.recording.reader import read_samples
+from backend.sample import FIELDS
 from backend.storage import Database, Session, runs
 from backend.storage.records import UnknownRecordError
 from plant.interface import T_s
+from plant.parameters import ParameterError, parameters_of
 
-NOTHING = Planned(t=[], q_ref=[], S_ref=[], parts=[])
+NOTHING = Planned(t=[], lines=[], parts=[])
+_UNITS = {field.name: field.unit for field in FIELDS}
 
 
 class PlannedRuns:
@@ -22,20 +30,31 @@ class PlannedRuns:
         self._database = database
 
     async def of(self, run_id: int) -> Planned:
-        """Return the references that a run was to follow. Raises UnknownRecordError, SettingError, ExperimentError."""
+        """Return what a run was to play. Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError."""
         return await asyncio.to_thread(self._of, run_id)
 
     def _of(self, run_id: int) -> Planned:
         with self._database.reading() as session:
             run = runs.get(session, run_id)
-            began = _references_at_first(session, run_id)
-        try:
-            kept = run.set_to.plan
-        except UnreadableDocumentError:
-            return NOTHING
-        if kept is None:
-            return NOTHING
-        plan = stored_plan(run.kind, kept)
+            try:
+                kept = run.set_to.plan
+            except UnreadableDocumentError:
+                return NOTHING
+            if kept is None:
+                return NOTHING
+            plan = stored_plan(run.kind, kept)
+            followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
+            began = _at_first(session, run_id, *followed)
+        if isinstance(plan, IdentificationPlan):
+            try:
+                told = timetable(plan, parameters_of(run.parameters_name, run.parameters), began)
+            except ParameterError:
+                return NOTHING
+            parts = [
+                PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
+                for one in told.stretches
+            ]
+            return Planned(t=told.t.tolist(), lines=_lines(told.signals), parts=parts)
         program = plan.program()
         if not program.segments:
             return NOTHING
@@ -43,19 +62,29 @@ class PlannedRuns:
         found = profile(program, *(began or (first.q_ref, first.S_ref)))
         return Planned(
             t=found.t.tolist(),
-            q_ref=found.q_ref.tolist(),
-            S_ref=found.S_ref.tolist(),
+            lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref}),
             parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
         )
 
 
-def _references_at_first(session: Session, run_id: int) -> tuple[float, float] | None:
+def _lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
+    return [
+        PlannedLine(
+            name=name,
+            unit=_UNITS[name],
+            values=[value if math.isfinite(value) else None for value in values.tolist()],
+        )
+        for name, values in signals.items()
+    ]
+
+
+def _at_first(session: Session, run_id: int, one: str, other: str) -> tuple[float, float] | None:
     """Return the references that a run began with; None while nothing of it is recorded, or there were none."""
     try:
-        samples = read_samples(session, run_id, ("q_ref", "S_ref"), 0.0, T_s)
+        samples = read_samples(session, run_id, (one, other), 0.0, T_s)
     except UnknownRecordError:
         return None
     if not len(samples.t):
         return None
-    q_ref, S_ref = float(samples.columns["q_ref"][0]), float(samples.columns["S_ref"][0])
-    return (q_ref, S_ref) if math.isfinite(q_ref) and math.isfinite(S_ref) else None
+    values = float(samples.columns[one][0]), float(samples.columns[other][0])
+    return values if math.isfinite(sum(values)) else None

@@ -10,6 +10,7 @@ class Kind(StrEnum):
     SIGNAL = "signal"
     QUANTITY = "quantity"
     PARAMETER = "parameter"
+    SETTING = "setting"
     FIGURE = "figure"
     OUTCOME = "outcome"
     CRITERION = "criterion"

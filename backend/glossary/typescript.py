@@ -3,6 +3,7 @@
 import json
 
 from backend.glossary.entry import Entry, Kind
+from backend.glossary.fields import fields
 from backend.glossary.figures import figures
 from backend.glossary.pages import GlossaryError, faults, limits, notation
 from backend.glossary.verdicts import timing, verdicts
@@ -10,7 +11,7 @@ from backend.glossary.verdicts import timing, verdicts
 
 def glossary() -> dict[str, Entry]:
     """Return all entries by key. Raises GlossaryError where one is defined twice, or a page lacks one."""
-    listed = [*notation(), *figures(), *verdicts(), *faults(), *limits(), *timing()]
+    listed = [*notation(), *fields(), *figures(), *verdicts(), *faults(), *limits(), *timing()]
     found: dict[str, Entry] = {}
     for entry in listed:
         if found.setdefault(entry.key, entry) is not entry:

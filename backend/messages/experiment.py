@@ -17,6 +17,7 @@ class SettingView(Schema):
     """One setting of an experiment."""
 
     name: str
+    symbol: str
     meaning: str
     unit: str
     default: SettingValue | None

@@ -92,12 +92,23 @@ class PlannedPart(Schema):
     end_s: float = quantity("s", "end, from the begin of the program")
 
 
+class PlannedLine(Schema):
+    """What is asked for of one signal of the sample."""
+
+    name: str = Field(description="of the sample's column")
+    unit: str
+    values: list[float | None] = Field(description="null where the plan leaves it open")
+
+
 class Planned(Schema):
-    """The references of a program over its whole length; empty of one that has none, as identifications."""
+    """What a program asks for over its whole length, known before it plays.
+
+    Of an experiment the references, of an identification its set points and excitation: motor references without the
+    force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
+    """
 
     t: list[float] = Field(description="times since the program began [s]")
-    q_ref: list[float] = Field(description="joint position reference [rad]")
-    S_ref: list[float] = Field(description="joint stiffness reference [N·m/rad]")
+    lines: list[PlannedLine]
     parts: list[PlannedPart]
 
 

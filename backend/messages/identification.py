@@ -120,6 +120,12 @@ class Prediction(Schema):
     message: str
 
 
+class PauseRequest(Schema):
+    """Whether the next run of the order under way is to wait, in pretension, until this is taken back."""
+
+    paused: bool
+
+
 class Started(Schema):
     """The task was started; its run, the first where there are several, carries the result."""
 

@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from backend.experiments.forecasts.stretches import Stage
 from backend.experiments.playing.progress import Doing
 from backend.faults import Fault
 from backend.loop.mode import Mode
@@ -133,11 +134,12 @@ class ChainLinkView(Schema):
 
 
 class PartView(Schema):
-    """The named part of a program that is being played."""
+    """The named part of a program that is being played; of an identification the set point, and what is done there."""
 
     title: str
-    number: int = Field(description="which of the parts it is, from 1 on")
+    number: int = Field(description="which of the parts it is, from 1 on; set points count over all runs of the order")
     of: int
+    doing: Stage | None = Field(default=None, description="what is done at a set point; null in an experiment")
     left_s: float = quantity("s", "time until the part is over")
     t: float = quantity("s", "time since the program began")
 
@@ -153,6 +155,7 @@ class TaskView(Schema):
     part: PartView | None = Field(description="null where the program has no parts, or is not played")
     number: int = Field(description="which run of its order this is, from 1 on")
     following: int = Field(default=0, description="runs of the same order that follow this one")
+    pause_wanted: bool = Field(default=False, description="whether the next run of the order is to wait")
 
 
 class TrialView(TuningParts):

@@ -4,12 +4,13 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 
 from backend.access.people import Person
 from backend.archive.own_experiments import OwnExperiments, view_of
 from backend.archive.stored_banks import StoredBanks
 from backend.experiments.banks.tuning_choice import TuningChoice
-from backend.experiments.forecasts.forecast import expected_s, forecast
+from backend.experiments.forecasts.forecast import expected, forecast
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings, split_values
 from backend.experiments.plans.plan import Plan
@@ -18,7 +19,6 @@ from backend.experiments.playing.play import NotReadyError, require_ready
 from backend.experiments.playing.playable import banks_in, banks_of, choices_of, playable
 from backend.experiments.playing.progress import Doing, Notify
 from backend.experiments.playing.runner import Order, Station, create_run, evaluated, played
-from backend.experiments.results.evaluation import Evaluation
 from backend.experiments.settings import SettingError
 from backend.faults import Fault
 from backend.messages.experiment import DryRunView, ExperimentKind, ExperimentRequest
@@ -29,6 +29,8 @@ from backend.operating.actuator import Actuator
 from backend.operating.dry_runs import DryRuns
 from backend.operating.experiment_queue import Queue
 from backend.operating.identification_orders import plans_of, prediction_of
+from backend.operating.pause import Pause
+from backend.operating.results_under_way import ResultsUnderWay
 from backend.operating.run_progress import Ordered, run_progress
 from backend.operating.safe_stop import SafeStop
 from backend.operating.tuning_in_use import Chosen
@@ -66,20 +68,20 @@ class OrderedRuns:
         self._safe_stop = safe_stop
         self.queue = Queue(self.start_experiment, self.checked, supervision)
         self._problem = ""
-        self._without_result: int | None = None
+        self._results = ResultsUnderWay()
+        self.pause = Pause(actuator.present, actuator.changed)
         self._running: asyncio.Task[None] | None = None
         self._closing = False
-        self._evaluating: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
 
     @property
     def problems(self) -> list[str]:
         """What became of the last run that failed, until another one is started or it has its result after all."""
-        return [self._problem] if self._problem else []
+        return [problem for problem in (self._problem, self._results.problem) if problem]
 
     def evaluated(self, run_id: int) -> None:
         """Take note that a run has been evaluated again: that its result is missing is not so any more."""
-        if run_id == self._without_result:
-            self._problem, self._without_result = "", None
+        if run_id == self._results.without:
+            self._results.forget()
             self._actuator.changed()
 
     async def experiment_kinds(self) -> list[ExperimentKind]:
@@ -171,7 +173,7 @@ class OrderedRuns:
 
     def is_evaluating(self, run_id: int) -> bool:
         """Whether the result of a run is being computed."""
-        return run_id in self._evaluating
+        return run_id in self._results
 
     async def close(self, cause: str = "service ended") -> None:
         """Give up what is running; its run is closed as ended by ``cause``."""
@@ -196,7 +198,9 @@ class OrderedRuns:
         except BaseException:
             await self._actuator.retuning.give_back()
             raise
-        self._problem, self._without_result = "", None
+        self._problem = ""
+        self._results.forget()
+        self.pause.wanted = False
         progress = await self._progress(orders, 0, run)
         progress(Doing.STARTING, 0.0)
         self._running = asyncio.create_task(self._perform(orders, run, progress))
@@ -213,6 +217,8 @@ class OrderedRuns:
         try:
             for position, order in enumerate(orders):
                 if position > 0:
+                    if not await self.pause.over(self._station.loop, partial(show, Doing.PAUSED, 0.0)):
+                        break
                     run = await asyncio.to_thread(create_run, self._station, order)
                     show = await self._progress(orders, position, run)
                 self._actuator.present.on_the_way = await self._on_the_way(order)
@@ -220,12 +226,12 @@ class OrderedRuns:
                 closed = await played(self._station, order, run, show, over)
                 end_state = EndState(closed.end_state)
                 work = asyncio.create_task(evaluated(self._station, order.plan, closed))
-                self._evaluating[run.id] = end_state, work
+                self._results.add(run.id, end_state, work)
                 if end_state is not EndState.COMPLETED:
                     break
             playing = False
             show(Doing.EVALUATION, 0.0)
-            if await self._without_result_of_any():
+            if await self._results.any_missing():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
         except NotReadyError as error:
             playing = False
@@ -240,7 +246,7 @@ class OrderedRuns:
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
                 await self._actuator.retuning.give_back()
-            await self._end_evaluating()
+            await self._results.end(giving_up=self._closing)
             self._actuator.present.task = None
             self._actuator.changed()
             self.queue.ended(run.id, end_state)
@@ -252,30 +258,12 @@ class OrderedRuns:
         there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
         return [Chosen(choice, there.get(choice.bank)) for choice in choices]
 
-    async def _without_result_of_any(self) -> bool:
-        """Wait for the results under way; whether a run that completed came to none, which is told."""
-        missing = False
-        for run_id, (end_state, work) in tuple(self._evaluating.items()):
-            evaluation = await work
-            del self._evaluating[run_id]
-            if evaluation.result is None and end_state is EndState.COMPLETED:
-                self._without_result, missing = run_id, True
-                self._problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
-        return missing
-
-    async def _end_evaluating(self) -> None:
-        """Wait for results under way after a run failed, give them up when the service closes: each run keeps why."""
-        waiting = [work for _, work in self._evaluating.values()]
-        for work in waiting if self._closing else ():
-            work.cancel()
-        await asyncio.gather(*waiting, return_exceptions=True)
-        self._evaluating.clear()
-
     async def _progress(self, orders: Sequence[Order], position: int, run: Run) -> Notify:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
         plan, start = orders[position].plan, start_from(self._station.loop.ring.newest())
-        duration_s = await asyncio.to_thread(expected_s, plan, self._station.parameters, start)
-        return run_progress(self._actuator.present, Ordered(plan, run.id, duration_s, position + 1, len(orders)))
+        told = await asyncio.to_thread(expected, plan, self._station.parameters, start)
+        ordered = Ordered(plan, run.id, told, position + 1, len(orders))
+        return run_progress(self._actuator.present, ordered, lambda: self.pause.wanted)
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:

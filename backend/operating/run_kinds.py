@@ -83,6 +83,7 @@ def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Set
 def _view(setting: Setting, default: float | int | str) -> SettingView:
     return SettingView(
         name=setting.name,
+        symbol=setting.symbol,
         meaning=setting.meaning,
         unit=setting.unit,
         default=default,

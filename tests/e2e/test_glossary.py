@@ -137,6 +137,37 @@ def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator)
     told(page, f"outcome:{result['outcome']}")
 
 
+def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: Operator) -> None:
+    page = operator.page
+    with client_with(operator.service, "token") as script:
+        kinds = script.get("/api/identification-kinds").json()["kinds"]
+        limits = script.get("/api/state").json()["limits"]
+    operator.go("Identify")
+    for kind in kinds:
+        page.get_by_text(kind["title"], exact=True).first.click()
+        for setting in kind["settings"]:
+            page.locator(f"main form [name='{setting['name']}']").focus()
+            expect(tooltip(page)).to_contain_text(setting["meaning"][1:])
+            if setting["minimum"] is not None and setting["unit"] != "rad":
+                expect(tooltip(page)).to_contain_text(f"{setting['minimum']:g} … {setting['maximum']:g}")
+    page.keyboard.press("Escape")
+    expect(tooltip(page)).to_have_count(0)
+    operator.go("Operate")
+    for label, name, ends in (
+        ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} … {limits['F_push_max']:g} N"),
+        ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} … {limits['F_contact_max']:g} N"),
+        ("Damping of the wall [s/m]", "wall.c_wall", f"0 … {limits['c_wall_max']:g} s/m"),
+        ("S_ref value [N·m/rad]", "references.S_ref", "N·m/rad"),
+        ("λ_q value [s]", "tuning.lam_q", " s"),
+    ):
+        page.get_by_role("textbox", name=label, exact=True).focus()
+        told(page, f"setting:{name}")
+        expect(tooltip(page)).to_contain_text(ends)
+        assert covered(page, STOP) == []
+    page.keyboard.press("Escape")
+    expect(tooltip(page)).to_have_count(0)
+
+
 def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     page = operator.page
     page.keyboard.press("?")

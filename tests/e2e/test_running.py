@@ -4,15 +4,18 @@ import math
 import re
 import time
 from bisect import bisect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, ViewportSize, expect
 
-from tests.e2e.operator import Operator
+from tests.e2e.layout import document_scrolls_by
+from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
+
+PHONE = ViewportSize(width=390, height=844)
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +77,10 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
         ends.setdefault(task["part"]["number"], []).append(task["elapsed_s"] + task["part"]["left_s"])
         page.wait_for_timeout(300)
     planned = page.evaluate(f"fetch('./api/runs/{task['run']}/planned').then(answer => answer.json())")
-    now = math.degrees(planned["q_ref"][bisect(planned["t"], task["part"]["t"]) - 1])
-    low, high = (math.degrees(value) for value in (min(planned["q_ref"]), max(planned["q_ref"])))
+    assert [line["name"] for line in planned["lines"]] == ["q_ref", "S_ref"]
+    q_ref = planned["lines"][0]["values"]
+    now = math.degrees(q_ref[bisect(planned["t"], task["part"]["t"]) - 1])
+    low, high = (math.degrees(value) for value in (min(q_ref), max(q_ref)))
     assert shown["planned"] == f"q_ref from {low:.1f} to {high:.1f} deg, now {now:.1f}".replace("-", "−")
     assert now == pytest.approx(operator.reading("Joint position", "q_ref"), abs=0.1)
     assert all(max(told) - min(told) < 0.5 for told in ends.values())  # a part ends when it was said to
@@ -87,17 +92,113 @@ def test_a_run_is_followed_in_words_and_aborted_softly(operator: Operator) -> No
     assert (run["end_state"], run["samples"] > 3000) == ("stopped", True)
 
 
-def test_an_identification_shows_its_curves_while_it_runs(operator: Operator) -> None:
+def test_an_identification_is_followed_paused_between_tensions_and_aborted_softly(operator: Operator) -> None:
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Identify")
+    page.get_by_role("textbox", name="Several tensions in turn [N]").fill("12, 20")
+    operator.fill("Register bits", 6)
+    operator.fill("Settling [s]", 3)
     operator.press("Start identification")
     card = page.get_by_role("region", name="Running now", exact=True)
     expect(card.get_by_role("figure", name="Motor voltage")).to_be_visible()
-    expect(card.get_by_role("status", name="What runs now")).to_contain_text("identification, run")
+    card.get_by_role("button", name="Pause after this run", exact=True).click()
+    go_on = card.get_by_role("button", name="Go on", exact=True)
+    expect(go_on).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(card.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
+    first = seen[0]["task"]["run"]
+    expect(go_on).to_be_visible()
+    expect(card.get_by_role("status", name="What runs now")).to_have_text(
+        f"Actuator identification, run {first}, 1 of 2: paused", timeout=MOTION_TIMEOUT_MS
+    )
+    operator.wait(lambda: bool(operator.state()["pretension_done"]))
+    assert operator.state()["task"]["run"] == first  # nothing has begun meanwhile
+    took_s = stored(operator, first)["samples"] / 1000.0
+    for shown in seen:  # the time left that was read, against how long the recording says that it took from there
+        left_s = seconds(shown["left"].split(" left")[0])
+        assert left_s == pytest.approx(took_s - shown["task"]["part"]["t"], abs=max(1.0, 0.05 * took_s))
+
+    go_on.click()
+    operator.wait(lambda: page.evaluate(SHOWN)["task"]["number"] == 2)
+    seen = followed(operator, until=lambda shown: shown["task"]["part"]["doing"] == "exciting")
+    task = seen[-1]["task"]
+    assert task["run"] == first + 1
+    assert card.get_by_role("button", name="Pause after this run", exact=True).count() == 0
+    planned = page.evaluate(f"fetch('./api/runs/{task['run']}/planned').then(answer => answer.json())")
+    assert [line["name"] for line in planned["lines"]] == ["theta_A_ref", "theta_B_ref"]
     card.get_by_role("button", name="Abort softly").click()
-    operator.wait(lambda: operator.settled_mode() in ("off", "pretension"))
+    operator.expect_mode("off")
     expect(card).to_be_hidden()
+    run = stored(operator, task["run"])
+    assert (run["end_state"], run["samples"] > 1000 * task["part"]["t"]) == ("stopped", True)
+    assert stored(operator, first)["end_state"] == "completed"
+    # the profile that was drawn ahead, against what was then recorded: the force loop trims what is asked for
+    recorded = operator.page.evaluate(
+        f"fetch('./api/runs/{task['run']}/samples?signals=theta_B_ref').then(answer => answer.json())"
+    )
+    values, t = recorded["signals"]["theta_B_ref"]["maximum"], recorded["t"]
+    asked = planned["lines"][1]["values"]
+    for place in range(0, len(t), max(1, len(t) // 50)):
+        if t[place] < task["part"]["t"]:
+            at = asked[max(0, bisect(planned["t"], t[place]) - 1)]
+            assert values[place] == pytest.approx(at, abs=0.2)
+
+
+def test_voltages_of_a_motor_identification_are_drawn_ahead_on_a_phone(operator: Operator) -> None:
+    page = operator.page
+    bring_to_run(operator.service)
+    size = page.viewport_size
+    page.set_viewport_size(PHONE)
+    operator.go("Identify")
+    page.get_by_text("Motors", exact=True).click()
+    operator.fill("Smallest step [V]", 3)
+    operator.fill("Largest step [V]", 6)
+    operator.fill("Voltages", 2)
+    operator.press("Start identification")
+    card = page.get_by_role("region", name="Running now", exact=True)
+    expect(card).to_be_visible()
+    seen = followed(operator, until=lambda shown: shown["task"]["part"]["number"] == 2)
+    assert {shown["task"]["part"]["of"] for shown in seen} == {4}
+    assert seen[-1]["planned"].startswith("u_A from −6.0 to 6.0 V, now ")
+    page.get_by_role("main").evaluate("main => main.scrollTo(0, 0)")
+    for what in (card.get_by_role("status", name="What runs now"), card.get_by_role("button", name="Abort softly")):
+        expect(what).to_be_in_viewport(ratio=1.0)
+    expect(page.get_by_role("button", name=re.compile("^STOP"))).to_be_in_viewport()
+    assert document_scrolls_by(page) == 0
+    assert page.get_by_role("main").evaluate("main => main.scrollWidth <= main.clientWidth")
+    card.get_by_role("button", name="Abort softly").click()
+    operator.expect_mode("off")
+    expect(card).to_be_hidden()
+    assert size is not None
+    page.set_viewport_size(size)
+
+
+def followed(operator: Operator, until: Callable[[dict[str, Any]], bool]) -> list[dict[str, Any]]:
+    """Read the card of an identification a few times a second, each time against the state of the same moment."""
+    seen: list[dict[str, Any]] = []
+    begun = time.monotonic()
+    agreed = 0
+    while agreed < 4 or not until(seen[-1]):
+        assert time.monotonic() - begun < 120
+        shown = operator.page.evaluate(SHOWN)
+        task = shown["task"]
+        if task is not None and task["part"] is not None and shown["words"] is not None:
+            words = re.fullmatch(
+                rf".+ identification, run {task['run']}: (\d+) of (\d+): (.+), (.+), (.+) left", shown["words"]
+            )
+            part = task["part"]
+            if words and (int(words[1]), words[4]) == (part["number"], part["doing"]):
+                agreed += 1
+                assert (int(words[2]), words[3]) == (part["of"], part["title"])
+                assert seconds(words[5]) == pytest.approx(part["left_s"], abs=2.0)
+                told = re.fullmatch(r"(.+) left of (.+?)(, then 1 more run)?", shown["left"])
+                assert told, shown
+                assert bool(told[3]) == (task["following"] == 1)
+                assert seconds(told[1]) == pytest.approx(task["duration_s"] - task["elapsed_s"], abs=2.0)
+                seen.append(shown)
+        operator.page.wait_for_timeout(300)
+    return seen
 
 
 def stored(operator: Operator, run: int) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.experiments.forecasts.forecast import expected_s
+from backend.experiments.forecasts.forecast import expected
 from backend.experiments.forecasts.way import start_from
 from backend.experiments.plans.loop_settings import LoopSettings
 from backend.experiments.plans.stored_plan import ready_plan
@@ -47,7 +47,7 @@ def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_
         await brought_off_centre(station)
         start = start_from(station.loop.ring.newest())
         assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
-        told_s, began = expected_s(PLAN, station.parameters, start), station.loop.ring.count
+        told_s, began = expected(PLAN, station.parameters, start).duration_s, station.loop.ring.count
         outcome = await run_experiment(station, Order(PLAN, LoopSettings(), "A. Operator"))
         return outcome, told_s, (station.loop.ring.count - began) / 1000.0
 

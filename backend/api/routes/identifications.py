@@ -20,6 +20,13 @@ async def identify(body: told.IdentificationRequest, service: ServiceInUse, pers
     return told.Started(id=await service.ordered_runs.start_identification(body, person.name))
 
 
+@router.put("/identifications/pause")
+async def pause(body: told.PauseRequest, service: ServiceInUse, _person: InControl) -> told.PauseRequest:
+    """Let the next of several identifications wait, or begin; refused where none follows the one under way."""
+    service.ordered_runs.pause.ask(body.paused)
+    return body
+
+
 @router.post("/identifications/prediction")
 async def predict(body: told.IdentificationRequest, service: ServiceInUse, _person: SignedIn) -> told.Prediction:
     """Tell what joint motion a run would cause, before it starts."""

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from backend.controllers import force_hold
 from backend.controllers.decoupler import decoupler_for, equilibrium, stiffness
 from backend.controllers.limits import bounds_for
-from backend.experiments.forecasts.way import Start, Way, homing_s
+from backend.experiments.forecasts.timetable import Timetable, of_way
+from backend.experiments.forecasts.way import Start, Way
 from backend.experiments.plans.plan import IdentificationPlan, Plan
 from backend.loop.program import IDENTIFYING, Law
 from backend.refusal import OutOfRangeError
@@ -127,15 +128,34 @@ def forecast(
     )
 
 
-def expected_s(plan: Plan, parameters: PlantParameters, start: Start) -> float:
-    """Return how long a run takes from its order to its end [s], the way to where it can start included."""
+@dataclass(frozen=True)
+class Expected:
+    """How long a run takes [s] from its order to where its program begins, and from there to its end.
+
+    An identification has its ``timetable``; the way there is as long as the actuator takes for it.
+    """
+
+    before_s: float
+    program_s: float
+    timetable: Timetable | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """The whole [s]."""
+        return self.before_s + self.program_s
+
+
+def expected(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
+    """Tell how long a run takes from its order to its end, the way to where it can start included."""
     program = plan.program()
-    if program.law not in IDENTIFYING:
-        return homing_s(program.law, parameters, start) + program.duration_s
     way = Way(parameters, start)
     way.to_where_it_can_start(program.law)
+    before_s = way.duration_s
+    if program.law not in IDENTIFYING:
+        return Expected(before_s, program.duration_s)
     way.play(program)
-    return way.duration_s
+    told = of_way(way, program, parameters)
+    return Expected(before_s, told.duration_s, told)
 
 
 def _through_four_lags(asked: Array, at: float, lam: float) -> Array:

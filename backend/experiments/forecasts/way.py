@@ -1,6 +1,7 @@
 """The way of both motor references through a program of identification, as the loop will play it. Pure.
 
 One pair of angles [rad] a millisecond, from where the references are to where the program ends, and on to pretension.
+What is done in each of them, and at which set point, goes with it (``stretches``).
 Speeds, pauses and lengths are the loop's own (``backend.loop.motion``, ``motor_steps``, ``tension_sweep``).
 """
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.controllers import brake, pretension
+from backend.experiments.forecasts.stretches import Stage, Stretch
 from backend.loop.mode import MODES, Mode
 from backend.loop.program import Law, Program, VoltageStep, starts_from
 from backend.sample import INDEX
@@ -54,7 +56,8 @@ def start_from(row: NDArray[np.float64] | None) -> Start:
 class Way:
     """References of motors A and B [rad], a millisecond each, put together piece by piece.
 
-    ``trimmed`` marks where the force loop may add its trim to motor A.
+    ``trimmed`` marks where the force loop may add its trim to motor A. ``stretches`` are those of the program that was
+    played last.
     """
 
     def __init__(self, parameters: PlantParameters, start: Start) -> None:
@@ -64,11 +67,18 @@ class Way:
         self._springs = {side: parameters.identified_spring(side) for side in SIDES}
         self._pieces: list[Array] = []
         self._trimmed: list[tuple[int, bool]] = []
+        self.stretches: list[Stretch] = []
+        self._began = 0
+
+    @property
+    def ticks(self) -> int:
+        """Length so far."""
+        return sum(ticks for ticks, _ in self._trimmed)
 
     @property
     def duration_s(self) -> float:
         """Length so far [s]."""
-        return sum(ticks for ticks, _ in self._trimmed) * T_s
+        return self.ticks * T_s
 
     def references(self) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return θ_A,ref and θ_B,ref [rad] of every tick, and where the force loop trims."""
@@ -92,6 +102,7 @@ class Way:
 
     def play(self, program: Program) -> None:
         """Go through a program of identification, from the way to its start to its end."""
+        self.stretches, self._began = [], self.ticks
         if program.law is Law.FORCE_HOLD:
             self._force_hold(program)
         elif program.law is Law.MOTOR_STEPS:
@@ -109,31 +120,51 @@ class Way:
     def _force_hold(self, program: Program) -> None:
         if program.excitation is None:
             raise ValueError("a force-hold program needs an excitation")
+        at = 1, 1, program.tension_N
         self._walk((sum(self.wound(program.tension_N)), 0.0))
+        self._done(*at, Stage.TRAVELLING)
         theta_A, theta_B = self.at
         self._hold(program.settle_s, trimmed=True)
+        self._done(*at, Stage.SETTLING)
         excitation = program.excitation
         levels = [1.0 if level == "+" else -1.0 for level in excitation.levels * excitation.periods]
         offsets = excitation.amplitude_rad * np.repeat(levels, max(round(excitation.chip_s / T_s), 1))
         self._add(theta_A + offsets, np.full(offsets.size, theta_B), trimmed=True)
+        self._done(*at, Stage.EXCITING)
         self.at = theta_A, theta_B
 
     def _motor_steps(self, program: Program) -> None:
+        settled_s = program.settle_s - T_s  # the tick of arrival counts
         self._walk(self.wound(PRETENSION_N))
-        self._hold(program.settle_s)
-        for step in program.steps:
+        self._hold(settled_s)
+        for number, step in enumerate(program.steps, start=1):
+            at = number, len(program.steps), step.u
             self._walk((step.theta_start, step.theta_start))
-            self._hold(program.settle_s)
+            self._done(*at, Stage.TRAVELLING)
+            self._hold(settled_s)
             self._hold(ZERO_VOLTS_S)
-            self._drive(step)
+            self._done(*at, Stage.SETTLING)
+            braked = self._drive(step)
+            self._done(*at, Stage.EXCITING)
+            self._add(*braked)
+            self._done(*at, Stage.BRAKING)
 
     def _tension_sweep(self, program: Program) -> None:
+        of = 1 + len(program.legs)
         self._walk(self.wound(program.tension_N))
-        self._hold(program.settle_s)
-        for leg in program.legs:
+        self._done(1, of, program.tension_N, Stage.TRAVELLING)
+        self._hold(program.settle_s - T_s)  # the tick of arrival counts
+        self._done(1, of, program.tension_N, Stage.SETTLING)
+        for number, leg in enumerate(program.legs, start=2):
             share = np.linspace(0.0, 1.0, max(round(leg.duration_s / T_s), 1) + 1)[1:]
             (from_A, from_B), (to_A, to_B) = self.at, self.wound(leg.tension_N)
             self._add(from_A + share * (to_A - from_A), from_B + share * (to_B - from_B))
+            self._done(number, of, leg.tension_N, Stage.WINDING)
+
+    def _done(self, number: int, of: int, set_point: float, stage: Stage) -> None:
+        """Put what the program was played by since the last stretch to a set point's stage."""
+        begin = self.stretches[-1].end if self.stretches else 0
+        self.stretches.append(Stretch(number, of, set_point, stage, begin, self.ticks - self._began))
 
     def _walk(self, goal: Angles) -> None:
         (from_A, from_B), (to_A, to_B) = self.at, goal
@@ -163,20 +194,23 @@ class Way:
         self._add(*np.array(ticks).T)
         self.home()
 
-    def _drive(self, step: VoltageStep) -> None:
-        """Step both motors as they are known (equation 17, with dry friction), and brake them."""
+    def _drive(self, step: VoltageStep) -> tuple[Array, Array]:
+        """Step both motors as they are known (equation 17, with dry friction); return the way of braking them."""
         motors = [_FreeMotor(self._parameters, side, angle) for side, angle in zip(SIDES, self.at, strict=True)]
         turned: list[Angles] = []
         while len(turned) < round(step.duration_s / T_s):
             turned.append((motors[0].step(step.u), motors[1].step(step.u)))
             if max(abs(angle - step.theta_start) for angle in turned[-1]) >= step.travel_rad:
                 break
+        self._add(*np.array(turned).T)
         u_max = self._parameters.motor.u_max
         state = brake.State(*turned[-1], 0.0, 0.0)
+        braked = turned[-1:]
         for _ in range(round(STEP_BRAKING_S / T_s)):
-            u_A, u_B, state = brake.step(state, *turned[-1], u_max)
-            turned.append((motors[0].step(u_A), motors[1].step(u_B)))
-        self._add(*np.array(turned).T)
+            u_A, u_B, state = brake.step(state, *braked[-1], u_max)
+            braked.append((motors[0].step(u_A), motors[1].step(u_B)))
+        theta_A, theta_B = np.array(braked[1:]).T
+        return theta_A, theta_B
 
     def _add(self, theta_A: Array, theta_B: Array, *, trimmed: bool = False) -> None:
         if theta_A.size > 0:
@@ -203,10 +237,3 @@ class _FreeMotor:
             self._omega = 0.0
         self._theta += T_s * self._omega
         return self._theta
-
-
-def homing_s(law: Law, parameters: PlantParameters, start: Start) -> float:
-    """Return the time [s] until a program of ``law`` can start."""
-    way = Way(parameters, start)
-    way.to_where_it_can_start(law)
-    return way.duration_s

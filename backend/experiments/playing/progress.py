@@ -10,6 +10,7 @@ class Doing(StrEnum):
     STARTING = "starting"
     PRETENSION = "pretension"
     PROGRAM = "program"
+    PAUSED = "paused"
     EVALUATION = "evaluation"
 
 

@@ -21,7 +21,10 @@ export function entriesOf(of: Meaning): readonly Entry[] {
   return listed.filter((entry) => entry !== undefined);
 }
 
-type Handlers = Pick<HTMLAttributes<HTMLElement>, "onPointerEnter" | "onPointerLeave" | "onFocus" | "onBlur">;
+export type Handlers = Pick<
+  HTMLAttributes<HTMLElement>,
+  "onPointerEnter" | "onPointerLeave" | "onFocus" | "onBlur" | "onInput"
+>;
 
 /** For a control that is a word of the glossary too, as a switch of a legend: its own keys and taps stay its own. */
 export function explaining(entries: readonly Entry[]): Handlers {

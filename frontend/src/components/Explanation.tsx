@@ -65,9 +65,13 @@ function Tooltip({ shown }: { shown: Explained }) {
       {entries.map((entry) => (
         <EntryText key={`${entry.kind}:${entry.name}`} entry={entry} />
       ))}
-      {by === "focus" && <p className={styles.keys}>Escape closes; arrow keys: the next word.</p>}
+      {by === "focus" && <p className={styles.keys}>{closes(anchor)}</p>}
     </div>
   );
+}
+
+function closes(anchor: HTMLElement): string {
+  return anchor.matches("input, select") ? "Escape closes." : "Escape closes; arrow keys: the next word.";
 }
 
 /**

@@ -5,8 +5,10 @@ import { useRef, useState } from "react";
 import { notANumber } from "../samples/number";
 import { boxText, inSI } from "../samples/quantity";
 import { useAngles } from "../service/angles";
+import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
 import { useDescribedBy } from "../service/useDescribedBy";
+import { help } from "./help";
 
 interface NumberFieldProps
   extends Pick<
@@ -20,11 +22,14 @@ interface NumberFieldProps
   readonly place?: string;
   /** Where there is no room below the box: the element that says why it is refused, or no number. */
   readonly saidAt?: string;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
   onChange(value: number | string): void;
 }
 
 export function NumberField(props: NumberFieldProps) {
-  const { value, unit = "1", place = props.name, saidAt, onChange, ...rest } = props;
+  const { value, unit = "1", place = props.name, saidAt, entry, onChange, ...rest } = props;
+  const { onFocus, onBlur, ...helped } = help(entry);
   const angles = useAngles();
   const [typed, setTyped] = useState<string | null>(null);
   const before = useRef(value);
@@ -37,20 +42,25 @@ export function NumberField(props: NumberFieldProps) {
   return (
     <TextInput
       {...rest}
+      {...helped}
       autoComplete="off"
       inputWrapperOrder={["label", "input", "description", "error"]}
       value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
       ref={ref}
       error={saidAt === undefined ? problem : problem !== null}
-      onFocus={() => {
+      onFocus={(event) => {
         before.current = value;
+        onFocus?.(event);
       }}
       onChange={(event) => {
         const text = event.currentTarget.value;
         setTyped(text);
         onChange(inSI(text, unit, angles) ?? text);
       }}
-      onBlur={() => setTyped(null)}
+      onBlur={(event) => {
+        setTyped(null);
+        onBlur?.(event);
+      }}
       onKeyDown={(event) => {
         if (event.key !== "Escape") return;
         setTyped(null);

@@ -3,6 +3,7 @@
 import { labelWith, rangeText } from "../samples/quantity";
 import { capital } from "../samples/words";
 import { useAngles } from "../service/angles";
+import { settingEntry } from "../service/fieldHelp";
 import type { Setting } from "../wire/types";
 import { ChoiceField } from "./ChoiceField";
 import { NumberField } from "./NumberField";
@@ -24,8 +25,18 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
   const { name, meaning, unit, minimum, maximum, choices } = setting;
   const angles = useAngles();
   const label = labelWith(capital(meaning), unit, angles);
+  const entry = settingEntry(setting, angles);
   if (typeof value === "boolean") {
-    return <SwitchField name={name} label={label} description={origin} checked={value} onChange={onChange} />;
+    return (
+      <SwitchField
+        name={name}
+        label={label}
+        description={origin}
+        entry={entry}
+        checked={value}
+        onChange={onChange}
+      />
+    );
   }
   if (choices && choices.length > 0) {
     return (
@@ -33,6 +44,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
         name={name}
         label={label}
         description={origin}
+        entry={entry}
         data={[...choices]}
         value={String(value)}
         onChange={onChange}
@@ -47,12 +59,13 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
         label={label}
         description={[bounds, origin].filter((part) => part !== "").join("; ")}
         unit={unit}
+        entry={entry}
         value={value}
         onChange={onChange}
       />
     );
   }
-  return <TextField name={name} label={label} value={String(value)} onChange={onChange} />;
+  return <TextField name={name} label={label} entry={entry} value={String(value)} onChange={onChange} />;
 }
 
 /** Whether a setting takes a number. */

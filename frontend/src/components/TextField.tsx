@@ -1,7 +1,9 @@
 /** A text of a form, told at the field when it is refused. */
 
 import { TextInput, type TextInputProps } from "@mantine/core";
+import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
+import { help } from "./help";
 
 interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
   readonly value: string;
@@ -11,15 +13,18 @@ interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
   readonly saidAt?: string;
   /** What the page itself finds wrong with the text. */
   readonly problem?: string | null;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
   onChange(text: string): void;
 }
 
 export function TextField(props: TextFieldProps) {
-  const { place = props.name, saidAt, problem = null, onChange, ...rest } = props;
+  const { place = props.name, saidAt, problem = null, entry, onChange, ...rest } = props;
   const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
   return (
     <TextInput
       {...rest}
+      {...help(entry)}
       ref={ref}
       inputWrapperOrder={["label", "input", "description", "error"]}
       error={problem ?? (saidAt === undefined ? said : said !== null)}

@@ -3,8 +3,11 @@
 import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useState } from "react";
 import { notANumber, numberIn } from "../samples/number";
+import { close } from "../service/explaining";
+import type { Entry } from "../service/glossary";
 import { useRefusedInput } from "../service/refusedFields";
 import { useDescribedBy } from "../service/useDescribedBy";
+import { help } from "./help";
 
 interface ValueBoxProps {
   readonly label: string;
@@ -20,6 +23,8 @@ interface ValueBoxProps {
   readonly refused?: boolean;
   /** Where the value stands in what is sent, as refusals name it. */
   readonly place?: string;
+  /** What it is for. */
+  readonly entry?: Entry | undefined;
   /** The number that is typed and not sent; undefined where there is none. */
   onDraft?(value: number | undefined): void;
   /** A number as it is shown: rounded to the decimals of the box. */
@@ -40,10 +45,12 @@ export function ValueBox(props: ValueBoxProps) {
     saidAt,
     refused = false,
     place,
+    entry,
     onDraft,
     onCommit,
     onProblem,
   } = props;
+  const { onBlur, ...helped } = help(entry);
   const [typed, setTyped] = useState<string | null>(null);
   const [odd, setOdd] = useState(false);
   const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
@@ -73,6 +80,7 @@ export function ValueBox(props: ValueBoxProps) {
     else if (event.key === "Escape") take(null);
     else if (steps !== undefined) {
       event.preventDefault();
+      close(); // Escape gives up what was stepped to, as what was typed
       const from = typed === null ? value : numberIn(typed);
       if (from !== null) take(shown(from + steps, decimals));
     }
@@ -80,6 +88,7 @@ export function ValueBox(props: ValueBoxProps) {
 
   return (
     <TextInput
+      {...helped}
       aria-label={label}
       value={typed ?? shown(value, decimals)}
       error={odd || refused || said !== null}
@@ -91,7 +100,10 @@ export function ValueBox(props: ValueBoxProps) {
       rightSectionWidth={unit.length * 7 + 12}
       rightSectionPointerEvents="none"
       onChange={(event) => take(event.currentTarget.value)}
-      onBlur={commit}
+      onBlur={(event) => {
+        commit();
+        onBlur?.(event);
+      }}
       onKeyDown={press}
       styles={{
         input: { textAlign: "right", fontWeight: 500 },

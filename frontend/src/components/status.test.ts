@@ -28,6 +28,7 @@ const TASK = {
   part: null,
   number: 1,
   following: 0,
+  pause_wanted: false,
 } as const;
 
 describe("currentStatus", () => {
@@ -59,12 +60,22 @@ describe("currentStatus", () => {
   });
 
   it("says which part is played, and which of several runs", () => {
-    const part = { title: "Breaths", number: 2, of: 3, left_s: 12.04, t: 20 };
+    const part = { title: "Breaths", number: 2, of: 3, doing: null, left_s: 12.04, t: 20 };
     expect(partOf({ ...TASK, part })).toBe("part 2 of 3, Breaths, 12.0 s left");
     expect(partOf({ ...TASK, part: { ...part, number: 1, of: 1 } })).toBe("Breaths");
     expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");
     expect(taskTitle({ ...TASK, number: 2, following: 2 })).toBe("Tracking, run 12, 2 of 4");
     expect(taskTitle({ ...TASK, number: 4, following: 0 })).toBe("Tracking, run 12, 4 of 4");
+  });
+
+  it("says which set point an identification is at, what is done there, and counts over all runs of the order", () => {
+    const part = { title: "20 N", number: 2, of: 4, doing: "exciting", left_s: 12.04, t: 20 } as const;
+    const task = { ...TASK, kind: "actuator_identification", number: 2, following: 2 };
+    expect(taskTitle(task)).toBe("Actuator identification, run 12, 2 of 4");
+    expect(taskTitle({ ...task, part })).toBe("Actuator identification, run 12");
+    expect(partOf({ ...task, part })).toBe("2 of 4: 20 N, exciting, 12.0 s left");
+    expect(timeLeft({ ...task, part })).toBe("18.0 s left of 24.0 s, then 2 more runs");
+    expect(timeLeft({ ...task, part, following: 1 })).toBe("18.0 s left of 24.0 s, then 1 more run");
   });
 
   it("never says that less than nothing is left", () => {

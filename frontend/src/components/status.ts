@@ -75,26 +75,33 @@ export function taskName(task: Task): string {
   return `${taskTitle(task)}: ${partOf(task)}`;
 }
 
-/** Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". */
-export function taskTitle({ kind, run, number, following }: Task): string {
-  const place = following > 0 || number > 1 ? `, ${number} of ${number + following}` : "";
-  return `${capital(inWordsOf(kind))}, run ${run}${place}`;
+/**
+ * Which run it is, of an order of several too: "Motor identification, run 12, 2 of 4". Set points are counted over all
+ * runs of their order, and tell it by themselves.
+ */
+export function taskTitle({ kind, run, number, following, part }: Task): string {
+  const several = (following > 0 || number > 1) && part?.doing == null;
+  return `${capital(inWordsOf(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
 }
 
-/** What is being done for it: "part 2 of 3, Breaths, 12 s left", or "pretension". */
+/** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
 export function partOf({ phase, part }: Task): string {
   if (part === null) return inWordsOf(phase);
+  if (part.doing !== null) {
+    return `${part.number} of ${part.of}: ${part.title}, ${part.doing}, ${duration(part.left_s)} left`;
+  }
   const place = part.of > 1 ? `part ${part.number} of ${part.of}, ` : "";
   return `${place}${part.title}${part.of > 1 ? `, ${duration(part.left_s)} left` : ""}`;
 }
 
-/** Of the whole run, as it was expected when it was ordered. */
-export function timeLeft({ phase, elapsed_s, duration_s }: Task): string {
+/** Of the whole run, as it is expected now, and how many of its order follow it. */
+export function timeLeft({ phase, elapsed_s, duration_s, following }: Task): string {
   if (phase === "evaluation") return "computing the result";
   const left_s = duration_s - elapsed_s;
+  const more = following === 0 ? "" : `, then ${counted(following, "more run")}`;
   return left_s >= 0
-    ? `${duration(left_s)} left of ${duration(duration_s)}`
-    : `${duration(-left_s)} longer than expected`;
+    ? `${duration(left_s)} left of ${duration(duration_s)}${more}`
+    : `${duration(-left_s)} longer than expected${more}`;
 }
 
 /** Part of a task that is done, 0 to 1. */

@@ -54,6 +54,7 @@ export const KIND_TITLES: Readonly<Record<Entry["kind"], string>> = {
   signal: "Signals",
   quantity: "Control and identification",
   parameter: "Parameters of the plant",
+  setting: "Settings and orders",
   figure: "Figures of results",
   outcome: "What a run came to",
   criterion: "Criteria",

@@ -800,6 +800,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/identifications/pause": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Pause
+         * @description Let the next of several identifications wait, or begin; refused where none follows the one under way.
+         */
+        put: operations["pause"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/identifications/prediction": {
         parameters: {
             query?: never;
@@ -3185,7 +3205,7 @@ export interface components {
          * @description What is being done for a run, in the order in which it is done.
          * @enum {string}
          */
-        Doing: "starting" | "pretension" | "program" | "evaluation";
+        Doing: "starting" | "pretension" | "program" | "paused" | "evaluation";
         /**
          * DrivesLeft
          * @description Who had the drives off, as hands were to be at the rig, and when.
@@ -4692,18 +4712,20 @@ export interface components {
         };
         /**
          * PartView
-         * @description The named part of a program that is being played.
+         * @description The named part of a program that is being played; of an identification the set point, and what is done there.
          */
         PartView: {
             /** Title */
             title: string;
             /**
              * Number
-             * @description which of the parts it is, from 1 on
+             * @description which of the parts it is, from 1 on; set points count over all runs of the order
              */
             number: number;
             /** Of */
             of: number;
+            /** @description what is done at a set point; null in an experiment */
+            doing?: components["schemas"]["Stage"] | null;
             /**
              * Left S
              * @description time until the part is over [s]
@@ -4730,6 +4752,14 @@ export interface components {
              * @description joint stiffness [N·m/rad]
              */
             S: number;
+        };
+        /**
+         * PauseRequest
+         * @description Whether the next run of the order under way is to wait, in pretension, until this is taken back.
+         */
+        PauseRequest: {
+            /** Paused */
+            paused: boolean;
         };
         /**
          * PersonView
@@ -4772,7 +4802,10 @@ export interface components {
         };
         /**
          * Planned
-         * @description The references of a program over its whole length; empty of one that has none, as identifications.
+         * @description What a program asks for over its whole length, known before it plays.
+         *
+         *     Of an experiment the references, of an identification its set points and excitation: motor references without the
+         *     force loop's trim, the voltage of steps, the tension that motor references give at q = 0.
          */
         Planned: {
             /**
@@ -4780,18 +4813,28 @@ export interface components {
              * @description times since the program began [s]
              */
             t: number[];
-            /**
-             * Q Ref
-             * @description joint position reference [rad]
-             */
-            q_ref: number[];
-            /**
-             * S Ref
-             * @description joint stiffness reference [N·m/rad]
-             */
-            S_ref: number[];
+            /** Lines */
+            lines: components["schemas"]["PlannedLine"][];
             /** Parts */
             parts: components["schemas"]["PlannedPart"][];
+        };
+        /**
+         * PlannedLine
+         * @description What is asked for of one signal of the sample.
+         */
+        PlannedLine: {
+            /**
+             * Name
+             * @description of the sample's column
+             */
+            name: string;
+            /** Unit */
+            unit: string;
+            /**
+             * Values
+             * @description null where the plan leaves it open
+             */
+            values: (number | null)[];
         };
         /**
          * PlannedPart
@@ -5718,6 +5761,8 @@ export interface components {
         SettingView: {
             /** Name */
             name: string;
+            /** Symbol */
+            symbol: string;
             /** Meaning */
             meaning: string;
             /** Unit */
@@ -5929,6 +5974,12 @@ export interface components {
             /** Fits */
             fits: components["schemas"]["SpringFitView"][];
         };
+        /**
+         * Stage
+         * @description What is done at a set point, in the order in which it is done.
+         * @enum {string}
+         */
+        Stage: "on the way" | "settling" | "winding" | "exciting" | "braking";
         /**
          * Standing
          * @description How a request or an offer stands: the first three wait for somebody, the others are its end.
@@ -6478,6 +6529,12 @@ export interface components {
              * @default 0
              */
             following: number;
+            /**
+             * Pause Wanted
+             * @description whether the next run of the order is to wait
+             * @default false
+             */
+            pause_wanted: boolean;
         };
         /**
          * TensionView
@@ -12403,6 +12460,123 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Started"];
+                };
+            };
+            /** @description the body cannot be parsed */
+            400: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not signed in */
+            401: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the role, the host or the origin does not allow it */
+            403: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description no such thing */
+            404: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description not possible in the present state */
+            409: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the length of the body is not told */
+            411: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the body is too large */
+            413: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description a value is refused */
+            422: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description too many wrong tokens, or too much asked for at once */
+            429: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+            /** @description the loop process does not answer */
+            503: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Refusal"];
+                };
+            };
+        };
+    };
+    pause: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description page.sequence of the page that holds control */
+                "Sinew-Control"?: string | null;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PauseRequest"];
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PauseRequest"];
                 };
             };
             /** @description the body cannot be parsed */

@@ -2,6 +2,7 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { close, current } from "../../service/explaining";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -42,7 +43,7 @@ type Tuned = typeof GEOMETRY | typeof CHOSEN;
 /** The declarations as the service gave them when it had just started: their defaults may be long out of force. */
 function setting(name: string, fallback: boolean | number | string, unit = "1") {
   const bounds = typeof fallback === "number" ? { minimum: 0, maximum: 100 } : {};
-  return { name, meaning: `what ${name} is`, unit, default: fallback, ...bounds };
+  return { name, symbol: "", meaning: `what ${name} is`, unit, default: fallback, ...bounds };
 }
 
 const KIND: ExperimentKind = {
@@ -140,6 +141,27 @@ beforeEach(() => {
   fetched.mockReset().mockImplementation(async (request) => answer(request));
 });
 afterEach(cleanup);
+
+it("says of each of its fields what it is for and what is accepted, without a further stop of the Tab key", async () => {
+  open(stateOf(CHOSEN));
+  const controls = [...document.querySelectorAll<HTMLElement>("form input, form select")];
+  const explained = controls.map((control) => {
+    fireEvent.focus(control);
+    control.focus();
+    return current()?.entries.map(({ name, more }) => [name, more?.[0]?.[1] ?? ""]);
+  });
+  const accepted: Record<string, string> = {
+    q_duration_s: "0 … 100 s",
+    lam_q: "0 … 100 s",
+    lam_S: "0 … 100 s",
+    lam_motor: "0.05 … 0.2 s", // what the state offers now, in place of what was declared
+    interpolate: "",
+    u_plan: "0 … 100 V",
+  };
+  expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 … 100"]]));
+  close();
+  expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the words of the form, as before
+});
 
 const BUTTONS = [
   ["Start tracking", "/api/experiments"],

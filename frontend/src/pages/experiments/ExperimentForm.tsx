@@ -12,6 +12,7 @@ import { useLive } from "../../live/react";
 import { capital } from "../../samples/words";
 import { useAngles } from "../../service/angles";
 import { type useDryRun, useQueueCommand, useStartExperiment } from "../../service/commands";
+import { settingEntry } from "../../service/fieldHelp";
 import { banksQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
@@ -132,6 +133,7 @@ interface FieldProps {
 }
 
 function Field({ shown: { setting, value, origin }, choices, onChange }: FieldProps) {
+  const angles = useAngles();
   if (setting.name === "segments") return <SegmentsEditor json={String(value)} onChange={onChange} />;
   if (choices === null) {
     return <SettingField setting={setting} value={value} origin={origin} onChange={onChange} />;
@@ -142,6 +144,7 @@ function Field({ shown: { setting, value, origin }, choices, onChange }: FieldPr
       name={setting.name}
       label="Models that the gains come from"
       description={origin}
+      entry={settingEntry(setting, angles)}
       data={known ? [...choices] : [...choices, { value: String(value), label: `bank ${value}` }]}
       value={String(value)}
       onChange={(id) => onChange(Number(id))}

@@ -33,6 +33,7 @@ export default function ExperimentsPage() {
   return (
     <div className={page.page}>
       <h1 className={page.title}>Experiments</h1>
+      <RunningCard place="above" />
       <div className={page.columns} data-wide="true">
         <div className={page.column}>
           {kinds.error && <p className={page.empty}>{kinds.error.message}</p>}
@@ -63,7 +64,7 @@ export default function ExperimentsPage() {
           <QueueCard kinds={kinds.data ?? []} />
         </div>
         <div className={page.column}>
-          <RunningCard />
+          <RunningCard place="beside" />
           <DryRunResult dryRun={dryRun} kinds={kinds.data ?? []} openForm={kind?.name} />
           {selected !== undefined && <ExperimentResult key={selected} id={selected} />}
           <ExperimentRuns runs={runs.data?.runs} selected={selected} />

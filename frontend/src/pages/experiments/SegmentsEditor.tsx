@@ -8,6 +8,7 @@ import { NumberField } from "../../components/NumberField";
 import { duration } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { symbolEntry } from "../../service/glossary";
 import { useRefusedWithin } from "../../service/refusedFields";
 import styles from "./SegmentsEditor.module.css";
 import {
@@ -67,6 +68,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
                 key={name}
                 aria-label={`${labelWith(words, unit, angles)} of segment ${index + 1}`}
                 unit={unit}
+                entry={symbolEntry(name)}
                 place={`segments.${index}.${name}`}
                 saidAt={`segment-${index}-refused`}
                 disabled={name === "period_s" && segment.shape !== "sine"}

@@ -14,6 +14,7 @@ import { fixed } from "../../samples/format";
 import { type Angles, labelWith, rangeText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useStartIdentification } from "../../service/commands";
+import { fieldEntry, settingEntry } from "../../service/fieldHelp";
 import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
 import { RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
@@ -122,6 +123,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
                   name={setting.name}
                   label={labelOf(setting)}
                   description={describe(setting, originOf(setting, changed, angles), angles)}
+                  entry={settingEntry(setting, angles)}
                   data={[...setting.choices]}
                   value={String(values[setting.name] ?? "")}
                   onChange={(value) => set(setting.name, value)}
@@ -132,6 +134,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
                   name={setting.name}
                   label={labelWith(labelOf(setting), setting.unit, angles)}
                   description={describe(setting, originOf(setting, changed, angles), angles)}
+                  entry={settingEntry(setting, angles)}
                   unit={setting.unit}
                   value={values[setting.name] ?? ""}
                   onChange={(value) => set(setting.name, value)}
@@ -187,6 +190,7 @@ interface TensionProps {
 
 /** One tension, or several, one run after the other. */
 function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: TensionProps) {
+  const angles = useAngles();
   const inTurn = tensions.trim() !== "";
   return (
     <>
@@ -194,6 +198,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
         <NumberField
           name="tension_N"
           label="Tension [N]"
+          entry={fieldEntry("identification.tension_N", angles)}
           value={tension_N}
           disabled={inTurn}
           onChange={onTension}
@@ -221,6 +226,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
         <TextField
           name="tensions_N"
           label="Several tensions in turn [N]"
+          entry={fieldEntry("identification.tensions_N", angles)}
           placeholder="none: the one above"
           value={tensions}
           problem={problem}

@@ -42,6 +42,7 @@ export default function IdentifyPage() {
   return (
     <div className={styles.page}>
       <h1 className={styles.title}>Identify</h1>
+      <RunningCard place="above" />
       <div className={styles.columns}>
         <div className={styles.column}>
           <OperatorsOnly
@@ -62,7 +63,7 @@ export default function IdentifyPage() {
           </OperatorsOnly>
         </div>
         <div className={styles.column}>
-          <RunningCard />
+          <RunningCard place="beside" />
           <OperatorsOnly>
             <PredictionView {...told} />
           </OperatorsOnly>

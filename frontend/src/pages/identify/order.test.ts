@@ -7,8 +7,8 @@ const ACTUATOR: IdentificationKind = {
   title: "Actuator",
   description: "",
   settings: [
-    { name: "tension_N", meaning: "tension", unit: "N", default: 20 },
-    { name: "chip_s", meaning: "chip", unit: "s", default: 0.04 },
+    { name: "tension_N", symbol: "", meaning: "tension", unit: "N", default: 20 },
+    { name: "chip_s", symbol: "", meaning: "chip", unit: "s", default: 0.04 },
   ],
 };
 
@@ -29,6 +29,7 @@ describe("requestOf", () => {
   it("sends a word that is chosen, the default where none is", () => {
     const estimator = {
       name: "estimator",
+      symbol: "",
       meaning: "estimator",
       unit: "1",
       default: "default",

@@ -9,6 +9,8 @@ import { TargetKeys } from "../../components/TargetKeys";
 import { TouchLock } from "../../components/TouchLock";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
+import { useAngles } from "../../service/angles";
+import { fieldEntry } from "../../service/fieldHelp";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import { LAMBDAS } from "../../wire/sample.gen";
@@ -58,6 +60,7 @@ export function LambdaControl(props: LambdaControlProps) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
   useEffect(() => onDraft(drafted), [drafted]);
 
+  const angles = useAngles();
   const nudge = (by: number) => sent.commit(rounded(sent.value + by));
   const unsafe = (100 * Math.log(min / SCALE_FROM_S)) / Math.log(max / SCALE_FROM_S);
   const fromSlider = (position: number) => Math.min(Math.max(rounded(Math.exp(position)), min), max);
@@ -82,6 +85,7 @@ export function LambdaControl(props: LambdaControlProps) {
           onCommit={sent.commit}
           onProblem={setProblem}
           saidAt={`refusal-of-${name}`}
+          entry={fieldEntry(`tuning.${name}`, angles, { minimum: min, maximum: max })}
           refused={refused}
         />
         <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>

@@ -5,6 +5,8 @@ import { useEffect, useState } from "react";
 import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { fixed } from "../../samples/format";
+import { useAngles } from "../../service/angles";
+import { fieldEntry } from "../../service/fieldHelp";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Tuning } from "../../wire/types";
@@ -27,6 +29,7 @@ export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
   const refusal = problem === null ? sent.refusal : null;
   const refused = useStanding(refusal, u_plan) !== null;
   const planned = sent.value > 0;
+  const angles = useAngles();
   const [typed, setTyped] = useState<number>();
   const drafted = typed ?? (sent.value === u_plan ? undefined : sent.value);
 
@@ -59,6 +62,7 @@ export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
             onCommit={sent.commit}
             onProblem={setProblem}
             saidAt="refusal-of-u_plan"
+            entry={fieldEntry("tuning.u_plan", angles, { minimum: u_plan_min, maximum: u_plan_max })}
             refused={refused}
           />
         )}

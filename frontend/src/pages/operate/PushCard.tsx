@@ -7,7 +7,9 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { useAngles } from "../../service/angles";
 import { usePush } from "../../service/commands";
+import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import type { State } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -22,6 +24,8 @@ export function PushCard() {
 
 function PushControls({ F_push_max }: { F_push_max: number }) {
   const mode = useLive((live) => live.state?.mode);
+  const angles = useAngles();
+  const force = { minimum: -F_push_max, maximum: F_push_max };
   const felt = useFelt();
   const push = usePush();
   const [F_push, setForce] = useState(10);
@@ -45,6 +49,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             width={86}
             saidAt="refusal-of-push"
             place="F_push"
+            entry={fieldEntry("push.F_push", angles, force)}
             onCommit={setForce}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
@@ -57,6 +62,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             width={72}
             saidAt="refusal-of-push"
             place="duration_s"
+            entry={fieldEntry("push.duration_s", angles, { minimum: 0, maximum: LONGEST_S })}
             onCommit={setDuration}
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />

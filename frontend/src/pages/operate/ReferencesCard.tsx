@@ -13,6 +13,8 @@ import { fixed } from "../../samples/format";
 import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
+import { fieldEntry } from "../../service/fieldHelp";
+import type { Entry } from "../../service/glossary";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
@@ -53,6 +55,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         key={unit}
         unit={unit}
         inForce={q_ref * factor}
+        entry={fieldEntry("references.q_ref", angles, { minimum: limits.q_min, maximum: limits.q_max })}
         min={limits.q_min * factor}
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
@@ -64,6 +67,7 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         name="S_ref"
         unit="N·m/rad"
         inForce={S_ref}
+        entry={fieldEntry("references.S_ref", angles, { minimum: limits.S_min, maximum: limits.S_max })}
         min={limits.S_min}
         max={limits.S_max}
         step={0.1}
@@ -78,6 +82,8 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
 interface ReferenceControlProps {
   readonly name: string;
   readonly unit: string;
+  /** What it is for, and what is accepted. */
+  readonly entry: Entry | undefined;
   readonly inForce: number;
   readonly min: number;
   readonly max: number;
@@ -89,7 +95,7 @@ interface ReferenceControlProps {
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, inForce, min, max, step, decimals, remark, send } = props;
+  const { name, unit, entry, inForce, min, max, step, decimals, remark, send } = props;
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
@@ -152,6 +158,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           onCommit={sent.commit}
           onProblem={setProblem}
           saidAt={`refusal-of-${name}`}
+          entry={entry}
           refused={refused}
         />
       </div>

@@ -9,6 +9,7 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleText } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
+import { fieldEntry } from "../../service/fieldHelp";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Pushed, Tuning } from "../../wire/types";
@@ -39,6 +40,7 @@ export function RejectionControl({ tuning, forecast, missing, onDraft, onCommit 
   const refusal = problem === null ? sent.refusal : null;
   const refused = useStanding(refusal, k_ext) !== null;
   const rejects = sent.value > 0;
+  const angles = useAngles();
   const [typed, setTyped] = useState<number>();
   const drafted = typed ?? (sent.value === k_ext ? undefined : sent.value);
 
@@ -68,6 +70,7 @@ export function RejectionControl({ tuning, forecast, missing, onDraft, onCommit 
             onCommit={sent.commit}
             onProblem={setProblem}
             saidAt="refusal-of-k_ext"
+            entry={fieldEntry("tuning.k_ext", angles, { minimum: 0, maximum: 1 })}
             refused={refused}
           />
         )}

@@ -1,27 +1,35 @@
 /** What runs now, on the page that it was started from: in words, with the time left, a soft way out, and live curves. */
 
 import { Button, Progress } from "@mantine/core";
+import { useMediaQuery } from "@mantine/hooks";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
 import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/status";
 import { useLive } from "../../live/react";
 import { useSetMode } from "../../service/commands";
+import { usePauseOrder } from "../../service/pauseOrder";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
 import { LiveCharts } from "./LiveCharts";
 import { whyNot } from "./ModeCard";
 import { PlannedProfile } from "./PlannedProfile";
 
-export function RunningCard() {
+interface PlaceProps {
+  /** Above the columns of the page, or in one of them. */
+  readonly place: "above" | "beside";
+}
+
+/** Where columns lie below each other what runs stands before the form that it was started from. */
+export function RunningCard({ place }: PlaceProps) {
   const task = useLive((live) => live.state?.task ?? null);
-  return task === null ? null : <Running task={task} />;
+  const narrow = useMediaQuery("(max-width: 700px)", false, { getInitialValueInEffect: false });
+  return task === null || narrow !== (place === "above") ? null : <Running task={task} />;
 }
 
 function Running({ task }: { task: Task }) {
-  const state = useLive((live) => live.state);
   const setMode = useSetMode();
-  const reason = whyNot(state, "stopping");
+  const pause = usePauseOrder();
   return (
     <Card title="Running now" aside={<output aria-label="Time left">{timeLeft(task)}</output>}>
       <div className={page.fields}>
@@ -30,29 +38,66 @@ function Running({ task }: { task: Task }) {
             <strong>{taskTitle(task)}</strong>: {partOf(task)}
           </output>
           <OperatorsOnly>
-            <Button
-              variant="default"
-              aria-disabled={reason !== null}
-              data-disabled={reason !== null ? true : undefined}
-              title={
-                reason ?? "Soft stop: bring the joint to rest under tension. The run is kept as stopped."
-              }
-              loading={setMode.isPending}
-              onClick={() => reason === null && setMode.mutate("stopping")}
-            >
-              Abort softly
-            </Button>
+            <div className={page.actions}>
+              {task.following > 0 && <PauseButton task={task} pause={pause} />}
+              <AbortButton setMode={setMode} />
+            </div>
           </OperatorsOnly>
         </div>
         <Progress.Root size={6}>
           <Progress.Section value={100 * taskProgress(task)} aria-label="Progress of what runs now" />
         </Progress.Root>
         {task.part !== null && <PlannedProfile run={task.run} at_s={task.part.t} />}
-        <Refusal error={setMode.error} about={task.run} />
+        <Refusal error={setMode.error ?? pause.error} about={task.run} />
       </div>
       <div className={page.charts} style={{ marginTop: 12 }}>
         <LiveCharts />
       </div>
     </Card>
+  );
+}
+
+function AbortButton({ setMode }: { setMode: ReturnType<typeof useSetMode> }) {
+  const reason = whyNot(
+    useLive((live) => live.state),
+    "stopping",
+  );
+  return (
+    <Button
+      variant="default"
+      aria-disabled={reason !== null}
+      data-disabled={reason !== null ? true : undefined}
+      title={reason ?? "Soft stop: bring the joint to rest under tension. The run is kept as stopped."}
+      loading={setMode.isPending}
+      onClick={() => reason === null && setMode.mutate("stopping")}
+    >
+      Abort softly
+    </Button>
+  );
+}
+
+interface PauseProps {
+  readonly task: Task;
+  readonly pause: ReturnType<typeof usePauseOrder>;
+}
+
+/** Between two runs of an order: within one the loop plays its program whole. */
+function PauseButton({ task, pause }: PauseProps) {
+  const { pause_wanted, phase } = task;
+  const waits = phase === "paused" ? "" : " It waits once this run is over.";
+  return (
+    <Button
+      variant={pause_wanted ? "light" : "default"}
+      aria-pressed={pause_wanted}
+      title={
+        pause_wanted
+          ? `The next run waits in pretension until you go on.${waits}`
+          : "Let the next run wait in pretension once this one is over."
+      }
+      loading={pause.isPending}
+      onClick={() => pause.mutate(!pause_wanted)}
+    >
+      {pause_wanted ? "Go on" : "Pause after this run"}
+    </Button>
   );
 }

@@ -7,7 +7,9 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
+import { useAngles } from "../../service/angles";
 import { useTouch } from "../../service/commands";
+import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -23,6 +25,7 @@ export function TouchCard() {
 
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
   const order = useTouch();
+  const angles = useAngles();
   const armed = touch.contact_N > 0;
   const sweeping = touch.sweep?.under_way ?? false;
   const [chosen, setChosen] = useState<number | null>(null);
@@ -44,6 +47,10 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             width={86}
             saidAt="refusal-of-touch"
             place="contact_N"
+            entry={fieldEntry("touch.contact_N", angles, {
+              minimum: limits.F_contact_min,
+              maximum: limits.F_contact_max,
+            })}
             onCommit={setChosen}
             onProblem={setProblem}
           />

@@ -11,7 +11,9 @@ import { UndoTuning } from "../../components/UndoTuning";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { notANumber } from "../../samples/number";
+import { useAngles } from "../../service/angles";
 import { useEndTrial, useSaveTuning, useSetTuning, useTryTuning, useUndo } from "../../service/commands";
+import { fieldEntry } from "../../service/fieldHelp";
 import { savedTuningQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import type { LambdaName, Staging } from "../../service/useStaged";
@@ -33,6 +35,7 @@ const DECIMALS_OF_MOTOR = 4;
 const TRIAL_S = 10;
 
 export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Staging }) {
+  const angles = useAngles();
   const trial = useLive((live) => live.state?.trial ?? null);
   const { data: saved, error: unread } = useQuery(savedTuningQuery(tuning.bank?.id ?? null));
   const set = useSetTuning();
@@ -142,6 +145,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
               </Button>
               <NumberField
                 aria-label="Length of the trial [s]"
+                entry={fieldEntry("tuning.duration_s", angles)}
                 place="duration_s"
                 saidAt="refusal-of-tuning"
                 size="xs"

@@ -10,6 +10,7 @@ import { fixed } from "../../samples/format";
 import { angleText, FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
 import { useSetWall } from "../../service/commands";
+import { fieldEntry } from "../../service/fieldHelp";
 import { RefusedFields } from "../../service/refusedFields";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
@@ -27,6 +28,8 @@ function WallControls({ limits }: { limits: Limits }) {
   const stands = useLive((live) => live.state?.wall ?? null);
   const order = useSetWall();
   const angles = useAngles();
+  const stiffness = { minimum: limits.k_wall_min, maximum: limits.k_wall_max };
+  const damping = { minimum: 0, maximum: limits.c_wall_max };
   const { unit } = readingOf("rad", angles);
   const decimals = angles === "deg" ? 1 : 1 + FINER;
   const [q_wall, setAngle] = useState(angles === "deg" ? 20 : 0.35);
@@ -58,6 +61,7 @@ function WallControls({ limits }: { limits: Limits }) {
             width={92}
             saidAt="refusal-of-wall"
             place="wall.q_wall"
+            entry={fieldEntry("wall.q_wall", angles)}
             onCommit={setAngle}
             onProblem={(found) => setProblems((before) => before.with(0, found))}
           />
@@ -70,6 +74,7 @@ function WallControls({ limits }: { limits: Limits }) {
             width={104}
             saidAt="refusal-of-wall"
             place="wall.k_wall"
+            entry={fieldEntry("wall.k_wall", angles, stiffness)}
             onCommit={setStiffness}
             onProblem={(found) => setProblems((before) => before.with(1, found))}
           />
@@ -82,6 +87,7 @@ function WallControls({ limits }: { limits: Limits }) {
             width={92}
             saidAt="refusal-of-wall"
             place="wall.c_wall"
+            entry={fieldEntry("wall.c_wall", angles, damping)}
             onCommit={setDamping}
             onProblem={(found) => setProblems((before) => before.with(2, found))}
           />
