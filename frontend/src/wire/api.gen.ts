@@ -5042,6 +5042,16 @@ export interface components {
              * @description the first-run tour was seen or dismissed
              */
             toured: boolean;
+            /**
+             * Notify
+             * @description notifications, while no tab is in sight, of runs that are over and of trips; each browser has to allow them besides
+             */
+            notify: boolean;
+            /**
+             * Sound
+             * @description a short sound for the same
+             */
+            sound: boolean;
             /** @description unit in which angles are read: on the page, in refusals and in reports */
             angles: components["schemas"]["Angles"];
         };
