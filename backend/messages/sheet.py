@@ -4,8 +4,8 @@ from pydantic import Field
 
 from backend.messages.base import Schema
 
-LONGEST_SHEET = 2_000_000
-"""Characters: that many signals of the finest lines as fit on a sheet."""
+LONGEST_SHEET = 2 * 1024 * 1024
+"""Characters, as many as a body may have: sixty curves of four thousand points each, as the page sends them."""
 
 
 class SheetToPrint(Schema):

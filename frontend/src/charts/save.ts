@@ -1,7 +1,8 @@
 /** Hands a file to the browser's downloads, and makes pictures of drawings. */
 
-import { answered, api } from "../wire/client";
+import { answered, api, RequestError } from "../wire/client";
 import { WIDTH_MM } from "./sheet";
+import { withShortPaths } from "./shortPaths";
 
 /** Vectors, the same with its letters for print, or dots at print size. */
 export type PictureKind = "svg" | "pdf" | "png";
@@ -29,6 +30,7 @@ export function stamp(when: Date): string {
 
 /** Dots to the inch in print. */
 const DPI = 300;
+const TOO_LARGE = "It has too many curves for a PDF: hide some signals, or save it as SVG.";
 const MM_PER_INCH = 25.4;
 
 /** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
@@ -57,9 +59,15 @@ export async function picture(svg: string, kind: PictureKind): Promise<Blob> {
   return kind === "svg" ? new Blob([plain], { type: "image/svg+xml" }) : await pngOf(plain, WIDTH_MM);
 }
 
-/** A drawing as a PDF of its size, which the service makes. Throws RequestError. */
-function pdfOf(svg: string): Promise<Blob> {
-  return answered(api.POST("/api/chart-sheet.pdf", { body: { svg }, parseAs: "blob" }));
+/** A drawing as a PDF of its size, which the service makes. Throws Error, with words that can be shown. */
+async function pdfOf(svg: string): Promise<Blob> {
+  const body = { svg: withShortPaths(svg) };
+  try {
+    return await answered(api.POST("/api/chart-sheet.pdf", { body, parseAs: "blob" }));
+  } catch (error) {
+    const tooLarge = error instanceof RequestError && error.status === 413;
+    throw tooLarge ? new Error(TOO_LARGE) : error;
+  }
 }
 
 /** A drawing whose colours every program knows: what only browsers reckon with, as they show it. */

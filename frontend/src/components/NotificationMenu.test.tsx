@@ -78,8 +78,16 @@ it("is not on in a browser that has not been asked, though it was switched on in
   await opened({ notify: true });
   expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
   expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
-    "has not been asked yet",
+    "has not allowed notifications of this page yet",
   );
+});
+
+it("says what to do where the browser's question was not answered", async () => {
+  useBrowser("default", "default");
+  await opened();
+  await press("Notifications");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain("and allow it");
+  expect(kept).toEqual([]);
 });
 
 it("says where a browser has none at all", async () => {

@@ -14,6 +14,7 @@ const WHEN =
 export function NotificationMenu() {
   const { preferences, change } = usePreferences();
   const [answer, setAnswer] = useState(allowed);
+  const [asked, setAsked] = useState(false);
   const on = preferences.notify && answer === "granted";
   const Icon = on || preferences.sound ? TbBell : TbBellOff;
 
@@ -24,6 +25,7 @@ export function NotificationMenu() {
     }
     const said = await askForPermission();
     setAnswer(said);
+    setAsked(true);
     if (said === "granted") change({ notify: true });
   }
 
@@ -32,7 +34,7 @@ export function NotificationMenu() {
     change({ sound: !preferences.sound });
   }
 
-  const refused = answer === "default" && !preferences.notify ? "" : whyNotTold(answer);
+  const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotTold(answer);
   return (
     <Menu position="bottom-end" width={300} closeOnItemClick={false} onOpen={() => setAnswer(allowed())}>
       <Menu.Target>
@@ -52,7 +54,7 @@ export function NotificationMenu() {
         <Menu.CheckboxItem checked={preferences.sound} onChange={toggleSound}>
           Sound
         </Menu.CheckboxItem>
-        <Menu.Label>{WHEN}</Menu.Label>
+        <p className={styles.told}>{WHEN}</p>
         {refused !== "" && (
           <output aria-label="Notifications here" className={styles.told}>
             {refused}

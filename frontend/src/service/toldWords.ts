@@ -31,7 +31,7 @@ export function wordsOfTrip({ fault, starts }: Trip, angles: Angles): Words {
 
 const WHY_NOT: Readonly<Record<Allowed, string>> = {
   granted: "",
-  default: "This browser has not been asked yet: switch on here, and allow it.",
+  default: "This browser has not allowed notifications of this page yet: switch on here, and allow it.",
   denied:
     "This browser refuses notifications of this page. Allow them in its settings for this site, beside the address, then switch on here again.",
   insecure:
