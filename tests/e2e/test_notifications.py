@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 
 import httpx
 import pytest
@@ -37,6 +38,7 @@ SHORT = '[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]'
 HEARD_MS = 1500
 """Longer than a tab takes to hear of what another one has heard of."""
 LOOK = "looked => { window.lookedAt = looked; document.dispatchEvent(new Event('visibilitychange')); }"
+ASKED = "path => performance.getEntriesByType('resource').some(({name}) => name.endsWith(path))"
 TOLD = "window.told.map(({title, options}) => [title, options.body, options.tag])"
 
 
@@ -79,16 +81,16 @@ def test_who_does_not_look_is_told_of_a_run_and_of_a_trip_once_and_led_there(
 
     with client_with(service, "token") as script:
         script.delete("/api/control")
-        first = played(script)
+        first = played(script, page, other)
         assert told(page, other) == []  # both are looked at
 
         page.evaluate(LOOK, False)
-        second = played(script)
+        second = played(script, page, other)
         page.wait_for_timeout(HEARD_MS)
         assert told(page, other) == []  # the other one is looked at
 
         other.evaluate(LOOK, False)
-        third = played(script)
+        third = played(script, page, other)
         until_told(page, other, count=1)
         run = script.get(f"/api/runs/{third}").json()
         assert first < second < third == run["id"]
@@ -110,17 +112,30 @@ def test_who_does_not_look_is_told_of_a_run_and_of_a_trip_once_and_led_there(
         assert fault["code"] == "stop_pressed"
         script.post("/api/reset").raise_for_status()
 
+        bring_to_run(service)
+        script.post("/api/faults/injection", json={"kind": "no_number", "sensor": "q"}).raise_for_status()
+        until_told(page, other, count=3)
+        tripped = script.get("/api/state").json()["fault"]
+        cause = tripped["code"].replace("_", " ")
+        assert tripped["code"] == "sensor_invalid"
+        [told_of] = [one for one in told(page, other) if one[2] == f"sinew-trip-{starts}-{tripped['tick']}"]
+        assert told_of[:2] == [f"Tripped: {cause}", f"{tripped['message']} {tripped['remedy']}"]
+        script.delete("/api/faults/injection").raise_for_status()
+        script.post("/api/reset").raise_for_status()
+
         leads(page, other, f"sinew-run-{third}", f"/#/runs/{third}")
         at_trip = leads(page, other, f"sinew-trip-{starts}-{fault['tick']}", "/#/flights/")
         [flight] = [one for one in script.get("/api/flights").json()["flights"] if one["tick"] == fault["tick"]]
         assert at_trip.url.endswith(f"/#/flights/{flight['id']}")
 
 
-def played(script: httpx.Client) -> int:
-    """Play something short to its end, result and all; returns the number of its run."""
+def played(script: httpx.Client, *pages: Page) -> int:
+    """Play something short until every page has heard of its end; returns the number of its run."""
     order = {"name": "sequence", "settings": {"segments": SHORT}}
     run = int(script.post("/api/experiments", json=order).raise_for_status().json()["id"])
     until_state(script, lambda told: told["task"] is None, f"run {run} does not end")
+    for page in pages:
+        until(partial(page.evaluate, ASKED, f"/api/runs/{run}"))
     return run
 
 

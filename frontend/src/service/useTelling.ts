@@ -4,7 +4,7 @@ import { useEffect, useEffectEvent } from "react";
 import { useLocation } from "wouter";
 import { useLiveStore } from "../live/react";
 import { answered, api } from "../wire/client";
-import type { State } from "../wire/types";
+import type { Flight, State } from "../wire/types";
 import { type Happening, Happenings, type Trip } from "./happenings";
 import { keepLookedAt, tell } from "./notifications";
 import { usePreferences } from "./preferences";
@@ -24,7 +24,11 @@ export function useTelling(): void {
   const wanted = notify || sound;
 
   const tellTrip = useEffectEvent((trip: Trip) => {
-    if (wanted) void tell({ ...wordsOfTrip(trip, angles), open: () => void openFlight(trip, go) }, ways);
+    if (!wanted) return;
+    // its own record is not there yet: by that it is told from one of an earlier loop, whose ticks were the same
+    const earlier = flightsNow().then((flights) => Math.max(0, ...flights.map(({ id }) => id)));
+    const open = () => void earlier.then((id) => openFlight(trip, id, go));
+    void tell({ ...wordsOfTrip(trip, angles), open }, ways);
   });
   /** Whether there is nothing more to be told of a run. */
   const tellRun = useEffectEvent(async (id: number): Promise<boolean> => {
@@ -69,10 +73,14 @@ export function useTelling(): void {
   }, [store]);
 }
 
-async function openFlight({ fault }: Trip, go: (path: string) => void): Promise<void> {
+async function flightsNow(): Promise<Flight[]> {
+  return (await answered(api.GET("/api/flights")).catch(() => ({ flights: [] }))).flights;
+}
+
+async function openFlight({ fault }: Trip, earlier: number, go: (path: string) => void): Promise<void> {
   for (let look = 0; look < LOOKS; look++) {
-    const { flights } = await answered(api.GET("/api/flights")).catch(() => ({ flights: [] }));
-    const flight = flightOf(flights, fault);
+    const later = (await flightsNow()).filter(({ id }) => id > earlier);
+    const flight = later.find((one) => flightOf([one], fault) !== undefined);
     if (flight !== undefined) {
       go(`/flights/${flight.id}`);
       return;
