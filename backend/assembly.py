@@ -152,7 +152,10 @@ def assemble(
     evaluations = Evaluations(database, processes.computing, lambda: present.task)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
     stored_runs = StoredRuns(
-        database, lambda: present.task, lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run)
+        database,
+        lambda: present.task,
+        lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
+        processes.reports,
     )
     banks = StoredBanks(database, processes.computing, lambda: present.tuning)
     station = Station(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)

@@ -8,6 +8,7 @@ from backend.api.errors import answer_to
 from backend.refusal import Because, RefusalError
 from backend.web_server.bodies import has_body, once_more, read_whole
 from backend.web_server.cookies import authentication_of, shown_by
+from backend.web_server.guard import most_bytes
 from backend.web_server.places import Place, Places
 from backend.web_server.protocols import ALL_PLACES, PLACE
 
@@ -20,7 +21,7 @@ CLOSED = ("/api/", "/scene", "/replay")
 class Admission:
     """ASGI middleware before the routes: nobody who is not signed in has a body or a websocket taken.
 
-    Whoever is signed in gets a place. A body is read here: refused are more than ``MAX_BODY_BYTES`` whatever its head
+    Whoever is signed in gets a place. A body is read here: refused are more than ``most_bytes`` whatever its head
     said, and JSON that holds what cannot be written down again, half a character or the one of code 0.
     """
 
@@ -36,7 +37,7 @@ class Admission:
         try:
             _show_in(connection)
             if has_body(connection):
-                receive = once_more(await read_whole(receive), receive)
+                receive = once_more(await read_whole(receive, most_bytes(scope["path"])), receive)
         except RefusalError as error:
             await answer_to(error)(scope, receive, send)
         except ClientDisconnect:

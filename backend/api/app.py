@@ -26,6 +26,7 @@ from backend.api.routes import (
     run_library,
     runs,
     session,
+    sheets,
     site,
     stream,
     studies,
@@ -91,6 +92,7 @@ def create_app(
         experiments,
         run_library,
         runs,
+        sheets,
         studies,
         system,
     ):

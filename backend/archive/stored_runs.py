@@ -11,12 +11,17 @@ from backend.messages.experiment import ExperimentView
 from backend.messages.flight import FlightList
 from backend.messages.run import Evaluation, RunList, RunView, SamplesView
 from backend.messages.state import TaskView
+from backend.offload import Offload
 from backend.recording.reader import Envelope, read_envelope
 from backend.refusal import Because, RefusalError
+from backend.sample import COMBINED_BY_NAME
 from backend.storage import Database, Session, flights, origins, recordings, results, run_search, runs, tags
 from backend.storage.recordings import Extent, Recording
 from backend.storage.run_query import All, Compare, Op, Query, QueryError, Value, Word, parse
 from backend.storage.runs import EndState, Run, RunKind
+
+AT_HAND_SAMPLES = 1_000_000
+"""So many at most are read one by one beside the live stream, where what is drawn asks for every one of them."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +66,18 @@ class StoredRuns:
     """Reads and writes the database in threads, so that the event loop never waits for the disk.
 
     ``task`` tells what the service is doing at present, ``is_evaluated`` whether a run's result is being computed.
+    What reads very many samples is done in the process ``offload``, where there is one.
     """
 
     def __init__(
-        self, database: Database, task: Callable[[], TaskView | None], is_evaluated: Callable[[int], bool]
+        self,
+        database: Database,
+        task: Callable[[], TaskView | None],
+        is_evaluated: Callable[[int], bool],
+        offload: Offload | None = None,
     ) -> None:
         self._database = database
+        self._offload = offload
         self._task = task
         self._is_evaluated = is_evaluated
 
@@ -89,11 +100,18 @@ class StoredRuns:
 
     async def samples(self, asked: Excerpt) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
-        return await asyncio.to_thread(self._samples, asked)
+        envelope, raw = await self._envelope(asked)
+        return await asyncio.to_thread(partial(views.samples_view, asked.run, envelope, raw=raw))
 
     async def packed_samples(self, asked: Excerpt) -> bytes:
         """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
-        return await asyncio.to_thread(self._packed_samples, asked)
+        envelope, raw = await self._envelope(asked)
+        return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
+
+    async def _envelope(self, asked: Excerpt) -> tuple[Envelope, bool]:
+        if self._offload is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
+            return await self._offload.run(envelope_of, self._database, asked)
+        return await asyncio.to_thread(envelope_of, self._database, asked)
 
     async def experiment(self, run_id: int) -> ExperimentView:
         """Return one experiment run with its result. Raises UnknownRecordError."""
@@ -123,22 +141,14 @@ class StoredRuns:
         with self._database.session() as session:
             runs.set_note(session, run_id, note)
 
-    def _samples(self, asked: Excerpt) -> SamplesView:
-        envelope, raw = self._envelope(asked)
-        return views.samples_view(asked.run, envelope, raw=raw)
-
-    def _packed_samples(self, asked: Excerpt) -> bytes:
-        envelope, raw = self._envelope(asked)
-        first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
-        extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
-        return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in asked.signals])
-
-    def _envelope(self, asked: Excerpt) -> tuple[Envelope, bool]:
-        """Return the envelope and whether its buckets are single samples."""
+    def _reads(self, asked: Excerpt) -> float:
+        """Return how many samples have to be read one by one: none where the stored summaries tell it."""
+        if not any(name in COMBINED_BY_NAME for name in asked.signals):
+            return 0.0
         with self._database.reading() as session:
-            period_s = recordings.get(session, asked.run).period_s
-            envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
-        return envelope, envelope.width_s <= 1.5 * period_s
+            recording, span = recordings.get(session, asked.run), recordings.span(session, asked.run)
+        length_s = (span.end_tick - span.first_tick) * recording.period_s
+        return (min(asked.to_s, length_s) - min(asked.from_s, length_s)) / recording.period_s
 
     def _experiment(self, run_id: int) -> ExperimentView:
         with self._database.reading() as session:
@@ -172,6 +182,20 @@ class StoredRuns:
         if task is None or task.run != run.id:
             return 1.0
         return min(0.99, task.elapsed_s / task.duration_s)
+
+
+def envelope_of(database: Database, asked: Excerpt) -> tuple[Envelope, bool]:
+    """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
+    with database.reading() as session:
+        period_s = recordings.get(session, asked.run).period_s
+        envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
+    return envelope, envelope.width_s <= 1.5 * period_s
+
+
+def _packed(envelope: Envelope, raw: bool, signals: Sequence[str]) -> bytes:
+    first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
+    extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
+    return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in signals])
 
 
 def _view(

@@ -36,6 +36,11 @@ class Preferences(Schema):
         max_length=20, pattern="^[A-Za-z]{1,20}$", description="name of the camera that the 3D view is seen from"
     )
     toured: bool = Field(description="the first-run tour was seen or dismissed")
+    notify: bool = Field(
+        description="notifications, while no tab is in sight, of runs that are over and of trips; "
+        "each browser has to allow them besides"
+    )
+    sound: bool = Field(description="a short sound for the same")
     angles: Angles = Field(description="unit in which angles are read: on the page, in refusals and in reports")
 
 
@@ -52,6 +57,8 @@ NEW_HERE = Preferences(
     solid_unaided=None,
     camera="Front",
     toured=False,
+    notify=False,
+    sound=False,
     angles=Angles.DEGREES,
 )
 """What somebody starts with who has chosen nothing yet."""

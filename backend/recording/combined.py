@@ -1,6 +1,7 @@
 """Envelopes of signals that are not stored: they follow from the columns, sample by sample."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +10,10 @@ from backend.documents.edge import UnreadableDocumentError
 from backend.recording.codec import Table, unpack_alike
 from backend.sample import Combined, Term
 from backend.storage import Session, recordings, runs
-from backend.storage.recordings import Recording
+from backend.storage.recordings import Chunk, Recording
 
-LONGEST_TICKS = 3_600_000
-"""The extremes of a sum are not those of its terms: every sample is read, and beyond an hour that takes too long."""
+_AT_ONCE = 64
+"""Chunks that are unpacked together: fewer take longer, more take more memory."""
 
 
 def combined_envelope(
@@ -25,29 +26,36 @@ def combined_envelope(
     """Return smallest and largest value per bucket, [buckets, wanted] each, over the ticks from .. up to ..
 
     ``buckets`` holds the first tick of each, and where the last one ends. nan where the recording lacks a column or
-    the run's parameters a length, and for stretches of more than LONGEST_TICKS.
+    the run's parameters a length. The extremes of a sum are not those of its terms: every sample is read, of an hour in
+    about a second.
     """
     count = len(buckets) - 1
     low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
-    if ticks[1] - ticks[0] > LONGEST_TICKS:
-        return low, high
     lengths = _lengths(session, recording.run_id, wanted)
     names = list(dict.fromkeys(term.column for one in wanted for term in one.terms))
     kept = [name for name in names if name in recording.fields]
     indices = [recording.fields.index(name) for name in kept]
-    for chunk in recordings.chunks(session, recording.run_id, *ticks):
-        (table,) = unpack_alike([chunk.samples], len(recording.fields), indices)
-        begin, end = max(ticks[0] - chunk.first_tick, 0), min(ticks[1] - chunk.first_tick, chunk.count)
-        columns = dict(zip(kept, table[begin:end].astype(np.float64).T, strict=True))
-        nothing = np.full(end - begin, np.nan)
+    for alike in _alike(recordings.chunks(session, recording.run_id, *ticks)):
+        at_ticks = np.array([chunk.first_tick for chunk in alike])[:, None] + np.arange(alike[0].count)
+        inside = (at_ticks >= ticks[0]) & (at_ticks < ticks[1])
+        table = unpack_alike([chunk.samples for chunk in alike], len(recording.fields), indices)[inside]
+        columns = dict(zip(kept, table.astype(np.float64).T, strict=True))
+        nothing = np.full(len(table), np.nan)
         values = np.column_stack(
             [sum_of(((columns.get(term.column, nothing), term) for term in one.terms), lengths) for one in wanted]
         ).astype(np.float32)
-        at = np.searchsorted(buckets, chunk.first_tick + np.arange(begin, end), side="right") - 1
+        at = np.searchsorted(buckets, at_ticks[inside], side="right") - 1
         starts = np.flatnonzero(np.diff(at, prepend=-1))
         low[at[starts]] = np.fmin(low[at[starts]], np.fmin.reduceat(values, starts, axis=0))
         high[at[starts]] = np.fmax(high[at[starts]], np.fmax.reduceat(values, starts, axis=0))
     return low, high
+
+
+def _alike(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
+    """Yield chunks that follow each other and are of one length together, some at once."""
+    for _, alike in groupby(chunks, key=lambda chunk: chunk.count):
+        while some := list(islice(alike, _AT_ONCE)):
+            yield some
 
 
 def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: dict[str, float]) -> NDArray[np.float64]:

@@ -8,7 +8,6 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.types import Message, Receive
 
 from backend.refusal import Because, RefusalError
-from backend.web_server.guard import MAX_BODY_BYTES
 
 _NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
 
@@ -18,16 +17,16 @@ def has_body(connection: HTTPConnection) -> bool:
     return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
 
 
-async def read_whole(receive: Receive) -> bytes:
-    """Return the whole body. Raises RefusalError, ClientDisconnect."""
+async def read_whole(receive: Receive, most: int) -> bytes:
+    """Return the whole body, of ``most`` bytes at most. Raises RefusalError, ClientDisconnect."""
     body = bytearray()
     while True:
         message = await receive()
         if message["type"] == "http.disconnect":
             raise ClientDisconnect
         body += message.get("body", b"")
-        if len(body) > MAX_BODY_BYTES:
-            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {MAX_BODY_BYTES} bytes")
+        if len(body) > most:
+            raise RefusalError(Because.TOO_LARGE, f"the body is larger than {most} bytes")
         if not message.get("more_body", False):
             break
     _require_writable(bytes(body))

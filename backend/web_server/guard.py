@@ -14,6 +14,9 @@ from starlette.websockets import WebSocket
 from backend.messages.base import Problem, Refusal
 
 MAX_BODY_BYTES = 256 * 1024
+SHEETS = "/api/chart-sheet.pdf"
+"""Where drawings are sent to, the only bodies that are large."""
+MAX_SHEET_BYTES = 2 * 1024 * 1024
 _READING = {"GET", "HEAD", "OPTIONS"}
 
 APP_POLICY = (
@@ -37,7 +40,7 @@ class Guard:
     """ASGI middleware in front of everything, websockets and the answers to failures included.
 
     Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
-    websockets and on everything that writes, and bodies larger than ``MAX_BODY_BYTES`` or of no certain length.
+    websockets and on everything that writes, and bodies larger than ``most_bytes`` or of no certain length.
     """
 
     def __init__(self, app: ASGIApp, allowed_hosts: Iterable[str] = ()) -> None:
@@ -67,7 +70,7 @@ class Guard:
             return _refuse(403, "foreign_origin", "requests from pages of another origin are refused")
         if b"\0" in unquote_to_bytes(scope.get("raw_path") or scope["path"]) + unquote_to_bytes(scope["query_string"]):
             return _refuse(400, "bad_character", "the address holds a character of code 0, which no text here may have")
-        return _refusal_of_length(headers)
+        return _refusal_of_length(headers, most_bytes(scope["path"]))
 
     def _is_known(self, host: str) -> bool:
         try:
@@ -83,7 +86,12 @@ class Guard:
         return True
 
 
-def _refusal_of_length(headers: Headers) -> Response | None:
+def most_bytes(path: str) -> int:
+    """Return how large the body of a request to an address may be."""
+    return MAX_SHEET_BYTES if path == SHEETS else MAX_BODY_BYTES
+
+
+def _refusal_of_length(headers: Headers, most: int) -> Response | None:
     if "transfer-encoding" in headers:
         if "content-length" in headers:
             return _refuse(400, "two_lengths", "send either a Content-Length or a Transfer-Encoding, not both")
@@ -91,8 +99,8 @@ def _refusal_of_length(headers: Headers) -> Response | None:
     length = headers.get("content-length", "0")
     if not (length.isascii() and length.isdigit()):
         return _refuse(400, "bad_length", "the Content-Length has to be a whole number")
-    if len(length) > 12 or int(length) > MAX_BODY_BYTES:
-        return _refuse(413, "too_large", f"the body is larger than {MAX_BODY_BYTES} bytes")
+    if len(length) > 12 or int(length) > most:
+        return _refuse(413, "too_large", f"the body is larger than {most} bytes")
     return None
 
 

@@ -25,6 +25,7 @@ import { usePreferences } from "./service/preferences";
 import { sessionQuery } from "./service/queries";
 import { StopProvider } from "./service/StopProvider";
 import { useFreshness } from "./service/useFreshness";
+import { useTelling } from "./service/useTelling";
 import { RequestError } from "./wire/client";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
@@ -82,6 +83,7 @@ function Shell() {
   const pages = usePages();
   useFreshness();
   useScheme();
+  useTelling();
   useHotkeys([
     ["?", toggle],
     ["c", setup.toggle],

@@ -25,8 +25,9 @@ def cells(heading: str, columns: int) -> list[list[str]]:
 
 def test_numbers_are_those_of_the_code() -> None:
     settings = Settings()
-    assert dict(cells("### Numbers\n", 2)[:15]) == {
+    assert dict(cells("### Numbers\n", 2)[:16]) == {
         "largest body of a request": f"{guard.MAX_BODY_BYTES // 1024} kB",
+        "largest sheet of charts to be made a PDF": f"{guard.MAX_SHEET_BYTES // 1024} kB",
         "connections of those who have not shown who they are": f"{places.GUESTS}",
         "connections in all, as far as descriptors allow": f"{places.MOST_PLACES}",
         "connections of one browser session": f"{places.BROWSER_PLACES}",

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 from playwright.sync_api import Page, expect
+from pypdf import PdfReader
 
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 
@@ -152,6 +153,25 @@ def test_a_replay_has_the_same_layout_and_reads_what_was_recorded(laid_out: Oper
     errors = [DEGREES * one for one in raw["q - q_ref"] if one is not None]
     read = [float(one.replace("\u2212", "-")) for one in re.findall(r"[\u2212\d.]+(?= …|$)", told)]
     assert read == pytest.approx([min(errors), max(errors)], abs=0.00051)
+    is_printed_as_drawn(page, drawing)
+
+
+def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
+    """The PDF of the same view has the size of the sheet, every word of it as letters, and no dots."""
+    page.get_by_role("button", name="Save picture", exact=True).click()
+    with page.expect_download() as download:
+        page.get_by_role("menuitem", name="PDF, 180 mm, vectors with fonts", exact=True).click()
+    assert download.value.suggested_filename.endswith(".pdf")
+    (printed,) = PdfReader(download.value.path()).pages
+    for side, points in (("width", printed.mediabox.width), ("height", printed.mediabox.height)):
+        assert float(points) * 25.4 / 72.0 == pytest.approx(float(str(drawing.get(side)).removesuffix("mm")), abs=0.1)
+    # but for the minute in which it was saved
+    drawn = [one.text or "" for one in drawing.iter(f"{SVG}text") if " · saved " not in (one.text or "")]
+    assert any(one.startswith("run ") for one in drawn)
+    assert any(re.fullmatch(r"\d+:\d\d(\.\d+)?", one) for one in drawn)  # the time along the axis
+    letters = "".join(printed.extract_text().split())  # how wide a gap is tells nothing of where words end
+    assert [one for one in drawn if "".join(one.split()) not in letters] == []
+    assert not printed.images
 
 
 def every_sample(operator: Operator, run: int, length: float, *names: str) -> dict[str, list[float]]:

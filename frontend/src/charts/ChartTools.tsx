@@ -3,9 +3,7 @@
 import { ActionIcon, Button, Menu, Tooltip } from "@mantine/core";
 import type { ReactNode } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
-
-/** Vectors, or dots at print size. */
-export type PictureKind = "svg" | "png";
+import type { PictureKind } from "./save";
 
 interface ChartToolsProps {
   readonly measuring: boolean;
@@ -48,6 +46,7 @@ export function ChartTools(props: ChartToolsProps) {
         </Menu.Target>
         <Menu.Dropdown>
           <Menu.Item onClick={() => onPicture("svg")}>SVG, vectors</Menu.Item>
+          <Menu.Item onClick={() => onPicture("pdf")}>PDF, 180 mm, vectors with fonts</Menu.Item>
           <Menu.Item onClick={() => onPicture("png")}>PNG, 180 mm at 300 dpi</Menu.Item>
         </Menu.Dropdown>
       </Menu>

@@ -8,7 +8,7 @@ import { type SampleTable, toCsv } from "../samples/table";
 import { usePreferences } from "../service/preferences";
 import { type Panel, unitOf } from "../theme/signals";
 import styles from "./Charts.module.css";
-import { ChartTools, type PictureKind } from "./ChartTools";
+import { ChartTools } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
 import { type GestureTarget, listen, steer } from "./gestures";
 import { LayoutTools } from "./LayoutTools";
@@ -21,8 +21,8 @@ import type { Playhead } from "./playhead";
 import { Readout } from "./readout";
 import { SpectrumDialog } from "./SpectrumDialog";
 import { StatisticsTable } from "./StatisticsTable";
-import { pngOf, save, stamp } from "./save";
-import { svgOf, WIDTH_MM } from "./sheet";
+import { type PictureKind, picture, save, stamp } from "./save";
+import { svgOf } from "./sheet";
 import type { PlotSource } from "./source";
 import { ChartStack } from "./stack";
 import { timeText } from "./timeAxis";
@@ -71,6 +71,7 @@ export function Charts(props: ChartsProps) {
   const planes = useMemo(() => panels.filter(isPlane), [panels]);
   const epoch = useEpoch(preferences.clock ? props.epoch_s : undefined);
   const [measuring, measure] = useDisclosure(false);
+  const [unsaved, setUnsaved] = useState<string | null>(null);
   const [spectrum, setSpectrum] = useState<SampleTable | null>(null);
   useHotkeys([["m", measure.toggle]]);
   const readout = useMemo(
@@ -173,8 +174,12 @@ export function Charts(props: ChartsProps) {
     const svg = svgOf(
       sheetNow({ ...drawn, seen: seen(), looked_s: looked(), epoch_s: epoch() }, props.origin),
     );
-    const content = kind === "svg" ? new Blob([svg], { type: "image/svg+xml" }) : await pngOf(svg, WIDTH_MM);
-    save(content, `${name}-${stamp(new Date())}.${kind}`);
+    try {
+      save(await picture(svg, kind), `${name}-${stamp(new Date())}.${kind}`);
+      setUnsaved(null);
+    } catch (error) {
+      setUnsaved(`The picture was not saved: ${(error as Error).message}`);
+    }
   }
 
   function saveData(): void {
@@ -265,7 +270,10 @@ export function Charts(props: ChartsProps) {
           onData={saveData}
         />
         <output className={styles.deltaTime} data-role="delta-t" hidden={!measuring} />
-        <span className={styles.toolbarEnd}>{wheelHint ? WHEEL_HINT : props.remark}</span>
+        <span className={styles.toolbarEnd}>
+          {unsaved !== null && <strong role="alert">{unsaved} </strong>}
+          {wheelHint ? WHEEL_HINT : props.remark}
+        </span>
       </div>
       <SpectrumDialog panels={panels} table={spectrum} onClose={() => setSpectrum(null)} />
     </section>

@@ -1,4 +1,11 @@
-/** Hands a file to the browser's downloads. */
+/** Hands a file to the browser's downloads, and makes pictures of drawings. */
+
+import { answered, api, RequestError } from "../wire/client";
+import { WIDTH_MM } from "./sheet";
+import { withShortPaths } from "./shortPaths";
+
+/** Vectors, the same with its letters for print, or dots at print size. */
+export type PictureKind = "svg" | "pdf" | "png";
 
 export function save(content: Blob, name: string): void {
   const link = document.createElement("a");
@@ -23,10 +30,11 @@ export function stamp(when: Date): string {
 
 /** Dots to the inch in print. */
 const DPI = 300;
+const TOO_LARGE = "It has too many curves for a PDF: hide some signals, or save it as SVG.";
 const MM_PER_INCH = 25.4;
 
 /** A drawing as a picture of so many millimetres in width. Rejects where the browser cannot draw it. */
-export async function pngOf(svg: string, width_mm: number): Promise<Blob> {
+async function pngOf(svg: string, width_mm: number): Promise<Blob> {
   const image = new Image();
   const address = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
   try {
@@ -42,4 +50,37 @@ export async function pngOf(svg: string, width_mm: number): Promise<Blob> {
   } finally {
     URL.revokeObjectURL(address);
   }
+}
+
+/** A drawing as a file. Rejects, with words that can be shown, where it cannot be made. */
+export async function picture(svg: string, kind: PictureKind): Promise<Blob> {
+  const plain = withPlainColours(svg);
+  if (kind === "pdf") return await pdfOf(plain);
+  return kind === "svg" ? new Blob([plain], { type: "image/svg+xml" }) : await pngOf(plain, WIDTH_MM);
+}
+
+/** A drawing as a PDF of its size, which the service makes. Throws Error, with words that can be shown. */
+async function pdfOf(svg: string): Promise<Blob> {
+  const body = { svg: withShortPaths(svg) };
+  try {
+    return await answered(api.POST("/api/chart-sheet.pdf", { body, parseAs: "blob" }));
+  } catch (error) {
+    const tooLarge = error instanceof RequestError && error.status === 413;
+    throw tooLarge ? new Error(TOO_LARGE) : error;
+  }
+}
+
+/** A drawing whose colours every program knows: what only browsers reckon with, as they show it. */
+function withPlainColours(svg: string): string {
+  return svg.replaceAll(/oklch\([^)]*\)/g, shown);
+}
+
+function shown(colour: string): string {
+  const canvas = document.createElement("canvas");
+  const context = canvas.getContext("2d");
+  if (context === null) return colour;
+  context.fillStyle = colour;
+  context.fillRect(0, 0, 1, 1);
+  const parts = [...context.getImageData(0, 0, 1, 1).data.subarray(0, 3)];
+  return `#${parts.map((part) => part.toString(16).padStart(2, "0")).join("")}`;
 }

@@ -15,6 +15,7 @@ import { Explained } from "./Explained";
 import styles from "./Header.module.css";
 import { LinkStatus } from "./LinkStatus";
 import { Metric } from "./Metric";
+import { NotificationMenu } from "./NotificationMenu";
 import { PlantBadge } from "./PlantBadge";
 import { StopButton } from "./StopButton";
 import { Terms } from "./Terms";
@@ -73,6 +74,7 @@ export function Header({ onShortcuts, onName, onForm }: HeaderProps) {
       <div className={styles.tools}>
         <ControlMenu onName={onName} onForm={onForm} />
         <AngleSwitch />
+        <NotificationMenu />
         <SchemeMenu />
         <Tooltip label="Keyboard shortcuts (?)">
           <ActionIcon variant="subtle" color="gray" aria-label="Keyboard shortcuts" onClick={onShortcuts}>

@@ -17,6 +17,8 @@ const DEFAULTS: Preferences = {
   solid_unaided: null,
   camera: "Front",
   toured: false,
+  notify: false,
+  sound: false,
   angles: "deg",
 };
 

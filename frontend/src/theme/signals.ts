@@ -41,6 +41,11 @@ export const DRAWN = [...FIELDS, ...COMBINED].map(({ name, unit, meaning }) => (
 const BY_NAME: ReadonlyMap<string, (typeof DRAWN)[number]> = new Map(DRAWN.map((one) => [one.name, one]));
 const SUMS: ReadonlySet<string> = new Set(COMBINED.map(({ name }) => name));
 
+/** Whether a signal is stored nowhere, but follows from others sample by sample. */
+export function isSum(name: string): boolean {
+  return SUMS.has(name);
+}
+
 export const HUES = {
   q: "#0072B2",
   S: "#E69F00",

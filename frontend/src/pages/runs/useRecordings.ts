@@ -1,15 +1,14 @@
 /** The samples of stored runs as sources of curves, in more detail where the view has come to rest. */
 
 import { useDebouncedValue } from "@mantine/hooks";
-import { useQueries } from "@tanstack/react-query";
 import { useEffect, useMemo } from "react";
 import { RecordedSource } from "../../charts/recordedSource";
 import { stretch, type Viewport } from "../../charts/viewport";
 import { significant } from "../../samples/format";
 import type { Stretch } from "../../samples/stretch";
-import { recordingQuery } from "../../service/queries";
 import { usePanels } from "../../theme/usePanels";
 import type { Excerpt } from "../../wire/curves";
+import { useExcerpts } from "./useExcerpts";
 
 /** What the drawing of the actuator and the foot of a picture need, whatever the charts show. */
 const ALWAYS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "lam_q", "lam_S", "bank_entry"];
@@ -45,11 +44,11 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
     return [...new Set([...drawn.map(({ name }) => name), ...ALWAYS])];
   }, [panels]);
   const sources = useMemo(() => runs.map(({ duration_s }) => new RecordedSource(duration_s)), [runs]);
-  const overviews = useQueries({
-    queries: runs.map(({ id, duration_s }) =>
-      recordingQuery(id, { from_s: 0, to_s: duration_s }, POINTS, signals),
-    ),
-  });
+  const overviews = useExcerpts(
+    runs.map(({ id, duration_s }) => ({ id, stretch: { from_s: 0, to_s: duration_s }, wanted: true })),
+    POINTS,
+    signals,
+  );
   const whole = covered(runs);
   const seen = stretch(view, whole.to_s);
   // the first turn of the wheel is followed at once, those after it when they have come to rest
@@ -62,27 +61,27 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   const zoomed = parts.map(
     ({ from_s, to_s }, index) => to_s - from_s < (runs[index] as Recorded).duration_s && to_s > from_s,
   );
-  const details = useQueries({
-    queries: runs.map(({ id }, index) => ({
-      ...recordingQuery(id, parts[index] as Stretch, 2 * POINTS, signals),
-      enabled: zoomed[index] === true,
+  const details = useExcerpts(
+    runs.map(({ id }, index) => ({
+      id,
+      stretch: parts[index] as Stretch,
+      wanted: zoomed[index] === true,
     })),
-  });
+    2 * POINTS,
+    signals,
+  );
 
-  const overviewsThere = overviews.map(({ data }) => data);
-  const detailsThere = details.map(({ data }) => data);
-  // biome-ignore lint/correctness/useExhaustiveDependencies: the data themselves decide, not the array around them
   useEffect(() => {
-    overviewsThere.forEach((data, index) => {
+    overviews.there.forEach((data, index) => {
       if (data) sources[index]?.setOverview(data);
     });
-  }, [...overviewsThere, sources]);
+  }, [overviews.there, sources]);
   // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
   useEffect(() => {
-    detailsThere.forEach((data, index) => {
+    details.there.forEach((data, index) => {
       if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as Stretch, data);
     });
-  }, [...detailsThere, sources]);
+  }, [details.there, sources]);
 
   const first = parts[0] as Stretch;
   const { duration_s, offset_s = 0 } = runs[0] as Recorded;
@@ -90,7 +89,8 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
     zoomed[0] &&
     first.from_s <= Math.max(0, seen.from_s - offset_s) &&
     first.to_s >= Math.min(seen.to_s - offset_s, duration_s);
-  return { sources, resolution: resolution(fits ? detailsThere[0] : overviewsThere[0]) };
+  const shown = fits ? details : overviews;
+  return { sources, resolution: [resolution(shown.there[0]), shown.lacking].filter(Boolean).join("; ") };
 }
 
 /** The same object as long as it says the same: a new one would begin the wait for rest anew. */

@@ -1,0 +1,17 @@
+"""What the charts show, for print."""
+
+from fastapi import APIRouter, Response
+
+from backend.api.auth import SignedIn
+from backend.api.routes.runs import PDF, download
+from backend.api.service import ServiceInUse
+from backend.messages.sheet import SheetToPrint
+from backend.web_server.guard import SHEETS
+
+router = APIRouter(tags=["runs"])
+
+
+@router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
+async def print_sheet(body: SheetToPrint, service: ServiceInUse, _person: SignedIn) -> Response:
+    """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
+    return download(await service.downloads.sheet(body.svg), PDF, "sinew-charts.pdf")

@@ -1,0 +1,170 @@
+"""A sheet of charts that the page has drawn, as PDF at its size: letters stay letters, lines stay lines.
+
+What comes is never handed on: it is read by a parser that takes no document type, so that no entity grows and nothing
+is fetched, and the few elements that a sheet is made of are written anew with what is known of their attributes.
+"""
+
+import re
+from dataclasses import dataclass, field
+from importlib import resources
+from xml.parsers import expat
+from xml.sax.saxutils import escape, quoteattr
+
+from backend.refusal import Because, RefusalError
+
+SVG = "http://www.w3.org/2000/svg"
+LONGEST_MM = 5000.0
+"""Of a side: no reader shows a page of more than 5080 mm."""
+MOST_ELEMENTS = 20_000
+DEEPEST = 8
+
+_NUMBER = r"-?\d{1,6}(?:\.\d{1,6})?"
+_NUMBERS = rf"{_NUMBER}(?:[ ,]{_NUMBER})*"
+_COLOUR = r"none|#[0-9A-Fa-f]{3,8}"
+_PLAIN: dict[str, str] = {
+    "x": _NUMBER,
+    "y": _NUMBER,
+    "width": _NUMBER,
+    "height": _NUMBER,
+    "font-size": _NUMBER,
+    "stroke-width": _NUMBER,
+    # shorter dashes would be more than can be drawn
+    "stroke-dasharray": r"[1-9]\d{0,2}(?:[ ,][1-9]\d{0,2}){0,11}",
+    "stroke-linejoin": "round",
+    "fill": _COLOUR,
+    "stroke": _COLOUR,
+    "font-weight": "normal|bold|[1-9]00",
+    "text-anchor": "start|middle|end",
+    "xml:space": "preserve",
+    "d": r"[MLHVZmlhvz\d ,.-]*",
+}
+"""What may stand in the attributes that are drawn."""
+_ROOT: dict[str, str] = {
+    "xmlns": re.escape(SVG),
+    "viewBox": _NUMBERS,
+    "width": rf"{_NUMBER}mm",
+    "height": rf"{_NUMBER}mm",
+    "font-size": _NUMBER,
+}
+_DRAWN = ("g", "rect", "path", "text")
+_UNDRAWN = ("title",)
+_IGNORED = re.compile(r"data-[a-z-]+|font-family")
+"""Data for programs, and fonts: those of the reports are the same everywhere."""
+_SAYS = 40
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet of so many millimetres, as it was written anew."""
+
+    svg: str
+    width_mm: float
+    height_mm: float
+    title: str
+
+
+def sheet_pdf(svg: str) -> bytes:
+    """Return the sheet as PDF of one page, as large as the drawing says. Raises RefusalError for what is no sheet."""
+    import typst  # takes its time to load
+
+    sheet = read_sheet(svg)
+    template = resources.files("backend.reports").joinpath("sheet.typ").read_bytes()
+    sizes = {"width": f"{sheet.width_mm}", "height": f"{sheet.height_mm}"}
+    pdf: bytes = typst.compile(
+        template,
+        font_paths=typst.Fonts(include_system_fonts=False),
+        sys_inputs={"svg": sheet.svg, "title": sheet.title, **sizes},
+    )
+    return pdf
+
+
+def read_sheet(svg: str) -> Sheet:
+    """Read a drawing that somebody sent. Raises RefusalError, which says what of it has no place on a sheet."""
+    reading = _Reading()
+    parser = expat.ParserCreate("utf-8")
+    parser.StartDoctypeDeclHandler = _refuse_document_type
+    parser.ProcessingInstructionHandler = _refuse_instruction
+    parser.StartElementHandler = reading.begin
+    parser.EndElementHandler = reading.end
+    parser.CharacterDataHandler = reading.letters
+    try:
+        parser.Parse(svg.encode("utf-8", "replace"), True)
+    except expat.ExpatError as error:
+        raise _refusal(f"it is not well-formed XML: {expat.errors.messages[error.code]}, line {error.lineno}") from None
+    return reading.sheet()
+
+
+@dataclass
+class _Reading:
+    """What was read so far, written anew."""
+
+    parts: list[str] = field(default_factory=list)
+    titles: list[str] = field(default_factory=list)
+    open: list[str] = field(default_factory=list)
+    elements: int = 0
+    width_mm: float = 0.0
+    height_mm: float = 0.0
+
+    def begin(self, name: str, attributes: dict[str, str]) -> None:
+        self.elements += 1
+        if self.elements > MOST_ELEMENTS or len(self.open) >= DEEPEST:
+            raise _refusal(f"it has more than {MOST_ELEMENTS} elements, or more than {DEEPEST} in each other")
+        if not self.open and name != "svg":
+            raise _refusal(f"it begins with <{_short(name)}> where <svg> has to stand")
+        if self.open and name not in (*_DRAWN, *_UNDRAWN):
+            allowed = ", ".join((*_DRAWN, *_UNDRAWN))
+            raise _refusal(f"it has an element <{_short(name)}>; allowed in a sheet are only {allowed}")
+        known = _PLAIN if self.open else _ROOT
+        kept = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
+        for key, value in kept.items():
+            if key not in known or not re.fullmatch(known[key], value):
+                raise _refusal(f'its <{name}> has {_short(key)}="{_short(value)}", which no sheet has')
+        if not self.open:
+            self._measure(kept)
+            kept["font-family"] = "Libertinus Serif"
+        self.open.append(name)
+        if name not in _UNDRAWN:
+            self.parts.append(f"<{name}{''.join(f' {key}={quoteattr(value)}' for key, value in kept.items())}>")
+
+    def end(self, name: str) -> None:
+        self.open.pop()
+        if name not in _UNDRAWN:
+            self.parts.append(f"</{name}>")
+
+    def letters(self, letters: str) -> None:
+        if self.open[-1] == "text":
+            self.parts.append(escape(letters))
+        elif self.open == ["svg", "title"]:
+            self.titles.append(letters)
+
+    def sheet(self) -> Sheet:
+        return Sheet("".join(self.parts), self.width_mm, self.height_mm, "".join(self.titles))
+
+    def _measure(self, attributes: dict[str, str]) -> None:
+        missing = [key for key in ("xmlns", "width", "height", "viewBox") if key not in attributes]
+        if missing:
+            raise _refusal(f"its <svg> has no {missing[0]}")
+        self.width_mm, self.height_mm = (float(attributes[key].removesuffix("mm")) for key in ("width", "height"))
+        for side, length in (("width", self.width_mm), ("height", self.height_mm)):
+            if not 10.0 <= length <= LONGEST_MM:
+                raise _refusal(f"its {side} of {length:g} mm is outside 10 to {LONGEST_MM:g} mm")
+
+
+def _refuse_document_type(*_declared: object) -> None:
+    raise _refusal("it has a document type (<!DOCTYPE>), which a sheet does not need: entities are not read")
+
+
+def _refuse_instruction(target: str, _data: str) -> None:
+    raise _refusal(f"it has a processing instruction <?{_short(target)}?>")
+
+
+def _refusal(why: str) -> RefusalError:
+    return RefusalError(
+        Because.BAD_VALUE,
+        f"this is no sheet of charts: {why}. Send the SVG as the charts save it, or convert it with a drawing program",
+        code="not_a_sheet",
+    )
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= _SAYS else f"{words[:_SAYS]}…"

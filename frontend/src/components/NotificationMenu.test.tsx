@@ -1,0 +1,109 @@
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, expect, it, vi } from "vitest";
+import { look, shown, tones, useBrowser } from "../service/browser.fixture";
+import { preferencesQuery } from "../service/preferences";
+import type { Preferences } from "../wire/types";
+import { NotificationMenu } from "./NotificationMenu";
+
+const kept: Partial<Preferences>[] = [];
+
+afterEach(() => {
+  cleanup();
+  kept.length = 0;
+  vi.restoreAllMocks();
+  vi.unstubAllGlobals();
+});
+
+async function opened(before: Partial<Preferences> = {}) {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  vi.stubGlobal("fetch", async (request: Request) => {
+    const body = await request.json();
+    kept.push(body);
+    return Response.json(body);
+  });
+  const queries = new QueryClient();
+  queries.setQueryData(preferencesQuery.queryKey, { notify: false, sound: false, ...before } as Preferences);
+  render(
+    <QueryClientProvider client={queries}>
+      <MantineProvider env="test">
+        <NotificationMenu />
+      </MantineProvider>
+    </QueryClientProvider>,
+  );
+  await act(async () => fireEvent.click(screen.getByRole("button", { name: "Notifications" })));
+}
+
+const item = (name: string) => screen.getByRole("menuitemcheckbox", { name });
+const press = (name: string) => act(async () => fireEvent.click(item(name)));
+
+it("is off until somebody switches it on, and asks the browser by that click only", async () => {
+  const { asked } = useBrowser("default", "granted");
+  await opened();
+  expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
+  expect(item("Sound").getAttribute("aria-checked")).toBe("false");
+  expect(asked).not.toHaveBeenCalled();
+  expect(screen.queryByRole("status", { name: "Notifications here" })).toBeNull();
+  await press("Notifications");
+  expect(asked).toHaveBeenCalledTimes(1);
+  await waitFor(() => expect(kept.map(({ notify, sound }) => [notify, sound])).toEqual([[true, false]]));
+  expect(item("Notifications").getAttribute("aria-checked")).toBe("true");
+  await press("Notifications");
+  await waitFor(() => expect(kept.map(({ notify }) => notify)).toEqual([true, false]));
+  expect([asked.mock.calls.length, shown.length]).toEqual([1, 0]);
+});
+
+it("says what to do where the person or the browser refuses, and stays off", async () => {
+  useBrowser("default", "denied");
+  await opened();
+  await press("Notifications");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
+    "Allow them in its settings for this site",
+  );
+  expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
+  expect(kept).toEqual([]);
+});
+
+it("is not on in a browser that has not been asked, though it was switched on in another one", async () => {
+  useBrowser("default", "granted");
+  await opened({ notify: true });
+  expect(item("Notifications").getAttribute("aria-checked")).toBe("false");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain(
+    "has not allowed notifications of this page yet",
+  );
+});
+
+it("says what to do where the browser's question was not answered", async () => {
+  useBrowser("default", "default");
+  await opened();
+  await press("Notifications");
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain("and allow it");
+  expect(kept).toEqual([]);
+});
+
+it("says where a browser has none at all", async () => {
+  useBrowser("granted");
+  vi.stubGlobal("isSecureContext", false);
+  await opened();
+  expect(screen.getByRole("status", { name: "Notifications here" }).textContent).toContain("over HTTPS");
+});
+
+it("has a sound of its own, which is heard when it is switched on", async () => {
+  const { asked } = useBrowser("default");
+  look(true);
+  await opened();
+  await press("Sound");
+  expect(tones).toHaveLength(1);
+  await waitFor(() => expect(kept.map(({ notify, sound }) => [notify, sound])).toEqual([[false, true]]));
+  await press("Sound");
+  expect([tones.length, asked.mock.calls.length]).toEqual([1, 0]);
+});

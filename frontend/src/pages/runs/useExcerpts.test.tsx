@@ -1,0 +1,81 @@
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, renderHook, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { LONG_S, together, useExcerpts } from "./useExcerpts";
+
+const SIGNALS = ["q", "q - q_ref", "S"];
+
+/** What was asked for, and how it is answered. */
+const asked = new Map<string, (answer: Response) => void>();
+
+beforeEach(() => {
+  vi.stubGlobal("fetch", (request: Request) => {
+    const signals = new URL(request.url).searchParams.get("signals") as string;
+    return new Promise<Response>((answer) => asked.set(signals, answer));
+  });
+});
+
+afterEach(() => {
+  asked.clear();
+  vi.unstubAllGlobals();
+});
+
+/** One bucket of so many signals, each with its place as smallest value and 10 more as largest. */
+function curves(count: number): Response {
+  const message = new ArrayBuffer(24 + 8 * count);
+  const view = new DataView(message);
+  view.setFloat64(0, 1, true);
+  view.setUint32(16, 1, true);
+  view.setUint32(20, 2, true);
+  for (let n = 0; n < count; n++) {
+    view.setFloat32(24 + 8 * n, n, true);
+    view.setFloat32(28 + 8 * n, 10 + n, true);
+  }
+  return new Response(message, { headers: { "Content-Type": "application/octet-stream" } });
+}
+
+function used(to_s: number) {
+  const one = { id: 7, stretch: { from_s: 0, to_s }, wanted: true };
+  const client = new QueryClient({ defaultOptions: { queries: { retry: false } } });
+  return renderHook(() => useExcerpts([one], 100, SIGNALS), {
+    wrapper: ({ children }) => <QueryClientProvider client={client}>{children}</QueryClientProvider>,
+  }).result;
+}
+
+it("asks for all of a short stretch at once", async () => {
+  const result = used(LONG_S);
+  await waitFor(() => expect([...asked.keys()]).toEqual([SIGNALS.join(",")]));
+  await act(async () => asked.get(SIGNALS.join(","))?.(curves(3)));
+  await waitFor(() => expect(Object.keys(result.current.there[0]?.signals ?? {})).toEqual(SIGNALS));
+  expect(result.current.lacking).toBe("");
+});
+
+it("shows what is summarised of a long one before what follows from every sample, and says that it comes", async () => {
+  const result = used(LONG_S + 1);
+  await waitFor(() => expect([...asked.keys()].sort()).toEqual(["q - q_ref", "q,S"]));
+  await act(async () => asked.get("q,S")?.(curves(2)));
+  await waitFor(() => expect(Object.keys(result.current.there[0]?.signals ?? {})).toEqual(["q", "S"]));
+  expect(result.current.lacking).toBe("q − q_ref: being computed from every sample");
+  await act(async () => asked.get("q - q_ref")?.(curves(1)));
+  await waitFor(() => expect(result.current.lacking).toBe(""));
+  const { signals } = result.current.there[0] as NonNullable<(typeof result.current.there)[0]>;
+  expect([signals.q?.maximum[0], signals.S?.maximum[0], signals["q - q_ref"]?.maximum[0]]).toEqual([
+    10, 11, 10,
+  ]);
+});
+
+it("says why what follows from every sample could not be had", async () => {
+  const result = used(LONG_S + 1);
+  await waitFor(() => expect(asked.size).toBe(2));
+  const died = { code: "unavailable", message: "the process that computes this died over it twice" };
+  await act(async () => asked.get("q - q_ref")?.(Response.json({ error: died }, { status: 503 })));
+  await waitFor(() => expect(result.current.lacking).toContain("q − q_ref not computed: "));
+  expect(result.current.lacking).toContain(died.message);
+});
+
+it("leaves out a part over other buckets", () => {
+  const excerpt = (times: number[]) => ({ raw: false, width_s: 1, t: Float64Array.from(times), signals: {} });
+  const first = excerpt([0, 1]);
+  expect(together(first, excerpt([0, 1, 2]))).toBe(first);
+  expect(together(first, excerpt([0, 1]))).not.toBe(first);
+});

@@ -1,0 +1,72 @@
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { look, shown, tones, useBrowser } from "./browser.fixture";
+import { keepLookedAt, type Told, tell } from "./notifications";
+
+const BOTH = { notification: true, sound: true };
+
+function told(tag = "sinew-run-3", open = () => undefined): Told {
+  return { tag, title: "Tracking, run 3: completed", body: "Steps", open };
+}
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  look(false);
+});
+
+afterEach(() => {
+  vi.useRealTimers();
+  vi.restoreAllMocks();
+  vi.unstubAllGlobals();
+});
+
+it("tells whoever does not look, with the words and the tag, and leads to the place on a click", async () => {
+  useBrowser("granted");
+  const focused = vi.spyOn(window, "focus").mockReturnValue();
+  const open = vi.fn();
+  await tell(told("sinew-run-3", open), { notification: true, sound: false });
+  expect(shown.map(({ title, options }) => [title, options.body, options.tag])).toEqual([
+    ["Tracking, run 3: completed", "Steps", "sinew-run-3"],
+  ]);
+  expect(tones).toEqual([]);
+  expect(open).not.toHaveBeenCalled();
+  shown[0]?.onclick?.();
+  expect(
+    [focused, open, shown[0]?.close].map((one) => vi.mocked(one as () => void).mock.calls.length),
+  ).toEqual([1, 1, 1]);
+});
+
+it("tells nothing to whoever looks", async () => {
+  useBrowser("granted");
+  look(true);
+  await tell(told(), BOTH);
+  expect([shown, tones]).toEqual([[], []]);
+});
+
+it("tells nothing while another tab is looked at, and again when that is not", async () => {
+  useBrowser("granted");
+  look(true);
+  const end = keepLookedAt(); // of the other tab
+  vi.spyOn(document, "visibilityState", "get").mockReturnValue("hidden"); // what this one has
+  await tell(told(), BOTH);
+  expect(shown).toEqual([]);
+  end();
+  await vi.advanceTimersByTimeAsync(1);
+  await tell(told(), BOTH);
+  expect(shown).toHaveLength(1);
+});
+
+it("tells one thing once, however many tabs hear of it, and another one too", async () => {
+  useBrowser("granted");
+  await Promise.all([tell(told(), BOTH), tell(told(), BOTH), tell(told(), BOTH)]);
+  expect([shown.length, tones.length]).toEqual([1, 1]);
+  await tell(told("sinew-run-4"), BOTH);
+  expect(shown.map(({ options }) => options.tag)).toEqual(["sinew-run-3", "sinew-run-4"]);
+});
+
+it("has a sound without notifications, and neither where they are not allowed and it is off", async () => {
+  useBrowser("denied");
+  await tell(told("sinew-run-3"), BOTH);
+  expect([shown.length, tones.length]).toEqual([0, 1]);
+  await tell(told("sinew-run-4"), { notification: true, sound: false });
+  expect([shown.length, tones.length]).toEqual([0, 1]);
+});

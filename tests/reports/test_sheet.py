@@ -1,0 +1,144 @@
+"""A sheet of charts as PDF: as large as it says, of letters and lines; and what is no sheet is refused in words."""
+
+import io
+from typing import Any
+
+import pytest
+from pypdf import PdfReader
+
+from backend.refusal import RefusalError
+from backend.reports.sheet import DEEPEST, LONGEST_MM, MOST_ELEMENTS, read_sheet, sheet_pdf
+
+MM_PER_POINT = 25.4 / 72.0
+WIDTH_MM, HEIGHT_MM = 180.0, 123.46
+FOOT = "run 12 · SIM (simulator) · λ_q 0.5 s · λ_S 0.8 s · gains from geometry"
+SPAN = "0:00.000 to 0:12.500 since the start · saved 1 March 2026"
+TICKS = ("−20", "−10", "0", "10", "0:05")
+HEADING = "Joint position [deg]"
+LINE = "q − q_ref′  −0.123 … 4.567"
+HATS = "F̂_ext & q̂ < θ_A"
+
+
+def svg(inside: str = "", root: str = f'width="{WIDTH_MM}mm" height="{HEIGHT_MM}mm"', before: str = "") -> str:
+    box = 'viewBox="0 0 900 617.3"' if "viewBox" not in root else ""
+    return f'{before}<svg xmlns="http://www.w3.org/2000/svg" {root} {box} font-size="13">{inside}</svg>\n'
+
+
+def escaped(words: str) -> str:
+    return words.replace("&", "&amp;").replace("<", "&lt;")
+
+
+def drawing() -> str:
+    """A sheet as the page writes it, with data for programs in it."""
+    letters = [f'<text x="70" y="20" fill="#1b1f24" font-weight="600">{HEADING}</text>']
+    for row, words in enumerate((*TICKS, LINE, HATS, FOOT, SPAN)):
+        more = f'xml:space="preserve" data-role="foot" text-anchor="{("start", "middle", "end")[row % 3]}"'
+        letters.append(f'<text x="450" y="{40 + 15 * row}" fill="#59616b" {more}>{escaped(words)}</text>')
+    curve = '<path data-curve="q" data-x="0 1" d="M70 26L700.5 120.25M710 30h20v-4.5" fill="none" stroke="#0072B2" '
+    dashed = 'stroke-width="1.4" stroke-linejoin="round" stroke-dasharray="6,4"/>'
+    page = f'<title>{FOOT}</title><rect width="900" height="617.3" fill="#ffffff"/>'
+    return svg(f'{page}<g data-panel="Joint">{curve}{dashed}<title>a mark</title></g>{"".join(letters)}')
+
+
+@pytest.fixture(scope="module")
+def printed() -> PdfReader:
+    return PdfReader(io.BytesIO(sheet_pdf(drawing())))
+
+
+def test_the_page_is_the_sheet(printed: PdfReader) -> None:
+    (page,) = printed.pages
+    size = [float(side) * MM_PER_POINT for side in (page.mediabox.width, page.mediabox.height)]
+    assert size == pytest.approx([WIDTH_MM, HEIGHT_MM], abs=0.1)
+    assert printed.metadata is not None
+    assert printed.metadata.title == FOOT
+
+
+def test_its_letters_are_letters_of_fonts_that_it_carries(printed: PdfReader) -> None:
+    (page,) = printed.pages
+    text = page.extract_text()
+    for words in (HEADING, *TICKS, FOOT, SPAN, "q − q_ref′", "−0.123 … 4.567", "& ", "< θ_A"):
+        assert words in text, words
+    resources: Any = page["/Resources"]
+    fonts = resources["/Font"]
+    for font in fonts.values():
+        (below,) = font.get_object()["/DescendantFonts"]
+        described = below.get_object()["/FontDescriptor"]
+        assert {"/FontFile2", "/FontFile3"} & set(described)
+    assert any("Libertinus" in str(font.get_object()["/BaseFont"]) for font in fonts.values())
+
+
+def test_it_is_drawn_in_lines_and_not_in_dots(printed: PdfReader) -> None:
+    (page,) = printed.pages
+    kinds = []
+
+    def gather(resources: Any) -> None:
+        for one in resources.get("/XObject", {}).values():
+            drawn = one.get_object()
+            kinds.append(drawn["/Subtype"])
+            if "/Resources" in drawn:
+                gather(drawn["/Resources"])
+
+    gather(page["/Resources"])
+    assert "/Image" not in kinds
+    contents = page.get_contents()
+    assert contents is not None
+    assert b"BI " not in contents.get_data()
+
+
+def test_what_is_read_is_written_anew_without_what_is_not_drawn() -> None:
+    sheet = read_sheet(drawing())
+    assert (sheet.width_mm, sheet.height_mm, sheet.title) == (WIDTH_MM, HEIGHT_MM, FOOT)
+    assert "data-" not in sheet.svg
+    assert "<title" not in sheet.svg
+    assert sheet.svg.count("<path") == 1
+    assert escaped(HATS) in sheet.svg
+
+
+BOMB = f'<!DOCTYPE svg [<!ENTITY a "ha"><!ENTITY b "{"&a;" * 1000}"><!ENTITY c "{"&b;" * 1000}">]>'
+FILE = '<!DOCTYPE svg [<!ENTITY a SYSTEM "file:///etc/passwd">]>'
+LINK = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
+
+
+@pytest.mark.parametrize(
+    ("hostile", "said"),
+    [
+        (svg("<text>&c;</text>", before=BOMB), "it has a document type (<!DOCTYPE>)"),
+        (svg("<text>&a;</text>", before=FILE), "it has a document type (<!DOCTYPE>)"),
+        (svg("<script>alert(1)</script>"), "it has an element <script>"),
+        (svg('<rect onload="alert(1)"/>'), 'its <rect> has onload="alert(1)"'),
+        (svg('<image href="http://elsewhere.example/a.png"/>'), "it has an element <image>"),
+        (svg(f'<a {LINK} xlink:href="http://elsewhere.example"><rect/></a>'), "it has an element <a>"),
+        (svg('<use href="#a"/>'), "it has an element <use>"),
+        (svg("<foreignObject/>"), "it has an element <foreignObject>"),
+        (svg("<style>@import url(http://elsewhere.example)</style>"), "it has an element <style>"),
+        (svg('<rect style="fill: url(http://elsewhere.example/#a)"/>'), "its <rect> has style="),
+        (svg('<rect fill="url(#a)"/>'), 'its <rect> has fill="url(#a)"'),
+        (svg('<path d="M0 0L1e309 0"/>'), "its <path> has d="),
+        (svg('<path d="M0 0" stroke-dasharray="0.0001"/>'), "its <path> has stroke-dasharray="),
+        (svg('<s:svg xmlns:s="http://www.w3.org/2000/svg"/>'), "it has an element <s:svg>"),
+        (
+            svg(before='<?xml-stylesheet href="http://elsewhere.example"?>'),
+            "a processing instruction <?xml-stylesheet?>",
+        ),
+        (svg("<g>" * DEEPEST + "</g>" * DEEPEST), f"more than {DEEPEST} in each other"),
+        (svg("<g/>" * MOST_ELEMENTS), f"it has more than {MOST_ELEMENTS} elements"),
+        (svg("<text>unclosed"), "it is not well-formed XML: mismatched tag, line 1"),
+        (svg("<text>&nothing;</text>"), "it is not well-formed XML: undefined entity, line 1"),
+        ("", "it is not well-formed XML: no element found, line 1"),
+        ("{}", "it is not well-formed XML: not well-formed (invalid token), line 1"),
+        ("<html/>", "it begins with <html> where <svg> has to stand"),
+        ('<svg width="1mm"/>', "its <svg> has no xmlns"),
+        (svg(root='width="180" height="90mm"'), 'its <svg> has width="180"'),
+        (svg(root='width="1mm" height="90mm"'), f"its width of 1 mm is outside 10 to {LONGEST_MM:g} mm"),
+        (svg(root='width="180mm" height="6000mm"'), f"its height of 6000 mm is outside 10 to {LONGEST_MM:g} mm"),
+        (svg(f"<{'x' * 5000}/>"), f"it has an element <{'x' * 40}…>"),
+    ],
+)
+def test_what_is_no_sheet_is_refused_with_what_is_wrong_and_what_to_do(hostile: str, said: str) -> None:
+    with pytest.raises(RefusalError) as refused:
+        read_sheet(hostile)
+    message = str(refused.value)
+    assert said in message
+    assert message.startswith("this is no sheet of charts: ")
+    assert message.endswith("Send the SVG as the charts save it, or convert it with a drawing program")
+    assert len(message) < 400
