@@ -1,0 +1,56 @@
+"""What is broken at the terminals: one place of the wiring differs, by what is said, and nothing else does."""
+
+import pytest
+
+from plant.breakage import Breakage, Broken, Sensor
+from plant.card_faults import miswired
+from plant.wiring import SECTIONS, Wiring, load_wiring
+
+SAID = load_wiring("pcie-6323")
+
+
+def differing(wiring: Wiring) -> list[str]:
+    """Return the entries in which a wiring is not what its file says, as section.entry."""
+    return [
+        f"{section}.{entry}"
+        for section in SECTIONS
+        for entry, value in vars(getattr(SAID, section)).items()
+        if repr(vars(getattr(wiring, section))[entry]) != repr(value)  # a place that is not known is no number
+    ]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in Breakage if not kind.startswith("swapped")])
+def test_only_what_happens_at_a_terminal_is_another_wiring(kind: Breakage) -> None:
+    expected = {
+        Breakage.LOST_COUNTS: ["encoder_A.counts_per_rev"],
+        Breakage.SATURATION: ["load_cell_B.slope", "load_cell_B.offset"],
+    }
+    sensor = Sensor.F_B if kind is Breakage.SATURATION else Sensor.THETA_A
+    assert differing(miswired(SAID, Broken(kind, sensor))) == expected.get(kind, [])
+    assert miswired(SAID, None) == SAID
+
+
+def test_three_of_ten_counts_are_lost_and_a_saturated_cell_stands_beyond_the_range() -> None:
+    lost = miswired(SAID, Broken(Breakage.LOST_COUNTS, Sensor.Q)).encoder_q
+    assert lost.counts_per_rev == pytest.approx(0.7 * SAID.encoder_q.counts_per_rev, rel=1e-12)
+    cell = miswired(SAID, Broken(Breakage.SATURATION, Sensor.F_A)).load_cell_A
+    assert (cell.slope, cell.offset, cell.table) == (1.0, 20.0, ())
+
+
+@pytest.mark.parametrize(
+    ("kind", "pair", "terminal"),
+    [
+        (Breakage.SWAPPED_LOAD_CELLS, ("load_cell_A", "load_cell_B"), "channel"),
+        (Breakage.SWAPPED_ENCODERS, ("encoder_A", "encoder_B"), "counter"),
+        (Breakage.SWAPPED_MOTORS, ("motor_A", "motor_B"), "channel"),
+    ],
+)
+def test_swapped_wires_change_places_and_twice_swapped_are_right(
+    kind: Breakage, pair: tuple[str, str], terminal: str
+) -> None:
+    swapped = miswired(SAID, Broken(kind))
+    assert differing(swapped) == [f"{section}.{terminal}" for section in pair]
+    assert [getattr(getattr(swapped, section), terminal) for section in pair] == [
+        getattr(getattr(SAID, section), terminal) for section in reversed(pair)
+    ]
+    assert miswired(swapped, Broken(kind)) == SAID
