@@ -16,16 +16,18 @@ import { useSetReferences } from "../../service/commands";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
+import { whyNoReferences } from "./allowed";
 import styles from "./Operate.module.css";
 
 export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
   const limits = useLive((live) => live.state?.limits);
   const open = useLive((live) => live.state?.mode === "compliance");
+  const locked = useLive((live) => whyNoReferences(live.state));
   return (
     <Card title="References">
       {references && limits ? (
-        <ReferenceControls references={references} limits={limits} open={open} />
+        <ReferenceControls references={references} limits={limits} open={open} locked={locked} />
       ) : (
         <div className={styles.reserve} />
       )}
@@ -38,14 +40,17 @@ interface ControlsProps {
   readonly limits: Limits;
   /** Whether the joint loop is open. */
   readonly open: boolean;
+  /** Why they cannot be set now; null where they can. */
+  readonly locked: string | null;
 }
 
-function ReferenceControls({ references, limits, open }: ControlsProps) {
+function ReferenceControls({ references, limits, open, locked }: ControlsProps) {
   const send = useSetReferences();
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
   const measured = in_force ? null : "measured, no reference";
+  const remark = (more: string | null) => [measured ?? more, locked].filter((one) => one !== null).join("; ");
   return (
     <>
       <ReferenceControl
@@ -57,7 +62,8 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
-        remark={measured ?? (open ? "joint loop open, by geometry" : null)}
+        remark={remark(open ? "joint loop open, by geometry" : null)}
+        disabled={locked !== null}
         send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
       />
       <ReferenceControl
@@ -68,7 +74,8 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.S_max}
         step={0.1}
         decimals={2}
-        remark={measured}
+        remark={remark(null)}
+        disabled={locked !== null}
         send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
       />
     </>
@@ -84,12 +91,13 @@ interface ReferenceControlProps {
   readonly step: number;
   readonly decimals: number;
   /** What the value means now, beside its range. */
-  readonly remark: string | null;
+  readonly remark: string;
+  readonly disabled: boolean;
   send(value: number): Promise<unknown>;
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, inForce, min, max, step, decimals, remark, send } = props;
+  const { name, unit, inForce, min, max, step, decimals, remark, disabled, send } = props;
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
@@ -128,6 +136,7 @@ function ReferenceControl(props: ReferenceControlProps) {
               thumbLabel={name}
               thumbValueText={(value) => `${value} ${unit}${proposed ? ", not sent yet" : ""}`}
               size="sm"
+              disabled={disabled}
               min={min}
               max={max}
               step={step}
@@ -149,6 +158,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           decimals={decimals}
           step={step}
           width={124}
+          disabled={disabled}
           onCommit={sent.commit}
           onProblem={setProblem}
           saidAt={`refusal-of-${name}`}
@@ -160,7 +170,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         error={refusal}
         about={inForce}
         text={problem ?? target}
-        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === null ? "" : `; ${remark}`}`}
+        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === "" ? "" : `; ${remark}`}`}
       />
     </div>
   );
