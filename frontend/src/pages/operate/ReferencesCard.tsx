@@ -12,7 +12,7 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
-import { useSetReferences } from "../../service/commands";
+import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
@@ -45,12 +45,12 @@ interface ControlsProps {
 }
 
 function ReferenceControls({ references, limits, open, locked }: ControlsProps) {
-  const send = useSetReferences();
+  const send = useReferenceOrders(references);
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
   const measured = in_force ? null : "measured, no reference";
-  const remark = (more: string | null) => [measured ?? more, locked].filter((one) => one !== null).join("; ");
+  const remark = (more: string | null) => measured ?? locked ?? more;
   return (
     <>
       <ReferenceControl
@@ -64,7 +64,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
         decimals={angles === "deg" ? 1 : 1 + FINER}
         remark={remark(open ? "joint loop open, by geometry" : null)}
         disabled={locked !== null}
-        send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
+        send={(value) => send({ q_ref: toSI(value, "rad", angles) })}
       />
       <ReferenceControl
         name="S_ref"
@@ -76,7 +76,7 @@ function ReferenceControls({ references, limits, open, locked }: ControlsProps) 
         decimals={2}
         remark={remark(null)}
         disabled={locked !== null}
-        send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
+        send={(value) => send({ S_ref: value })}
       />
     </>
   );
@@ -91,7 +91,7 @@ interface ReferenceControlProps {
   readonly step: number;
   readonly decimals: number;
   /** What the value means now, beside its range. */
-  readonly remark: string;
+  readonly remark: string | null;
   readonly disabled: boolean;
   send(value: number): Promise<unknown>;
 }
@@ -134,7 +134,8 @@ function ReferenceControl(props: ReferenceControlProps) {
           >
             <Slider
               thumbLabel={name}
-              thumbValueText={(value) => `${value} ${unit}${proposed ? ", not sent yet" : ""}`}
+              // the value itself: what is only measured may lie beside the scale, where the thumb ends
+              thumbValueText={`${fixed(sent.value, decimals)} ${unit}${proposed ? ", not sent yet" : ""}`}
               size="sm"
               disabled={disabled}
               min={min}
@@ -170,7 +171,7 @@ function ReferenceControl(props: ReferenceControlProps) {
         error={refusal}
         about={inForce}
         text={problem ?? target}
-        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === "" ? "" : `; ${remark}`}`}
+        hint={`${fixed(min, unit === "rad" ? FINER : 0)} … ${fixed(max, unit === "rad" ? FINER : 0)} ${unit}${remark === null ? "" : `; ${remark}`}`}
       />
     </div>
   );

@@ -152,6 +152,25 @@ it.each([
   expect(screen.queryAllByText(/measured, no reference/).length).toBe(in_force ? 0 : 2);
 });
 
+it("sends one reference with the other one as it was ordered last, though the state does not tell it yet", async () => {
+  open(<ReferencesCard />);
+  for (const [label, text] of [
+    ["q_ref value [deg]", "30"],
+    ["S_ref value [N·m/rad]", "12"],
+    ["q_ref value [deg]", "20"],
+  ] as const) {
+    const box = screen.getByLabelText(label);
+    fireEvent.change(box, { target: { value: text } });
+    fireEvent.keyDown(box, { key: "Enter" });
+  }
+  await waitFor(async () => expect((await commanded()).length).toBe(3));
+  expect(await commanded()).toEqual([
+    { q_ref: 30 / DEGREES, S_ref: 10 },
+    { q_ref: 30 / DEGREES, S_ref: 12 },
+    { q_ref: 20 / DEGREES, S_ref: 12 },
+  ]);
+});
+
 it.each([
   ["off", "set in run and compliance"],
   ["experiment", "set in run and compliance"],
