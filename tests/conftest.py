@@ -57,6 +57,12 @@ SESSION_LONG = {"api", "fuzz"}
 """Their one service stays up until the end: so they come last, and it is in nobody's way."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--truth-seed", type=int, help="of the robot at the page (tests/e2e/truth); drawn afresh if left out"
+    )
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """Leave alone what a lane has nothing of: to import it takes seconds."""
     if collection_path.parent != TESTS:

@@ -76,7 +76,7 @@ def test_stop_is_in_reach_while_a_dialog_is_open(same_operator: Operator) -> Non
 
 def test_the_keyboard_reaches_everything_and_its_focus_is_seen(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
-    operator.go("Operate")
+    operator.be_in_run()  # references are offered in run
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     reached: set[str] = set()
     ends = presses = 0

@@ -23,6 +23,7 @@ export const STATE = {
   task: null,
   trial: null,
   fault: null,
+  touch: { contact_N: 0, learned: [], felt: null },
   link: { alive: true, starts: 1 },
 } as unknown as State;
 const SEGMENTS = JSON.stringify([{ duration_s: 4, q_ref: 0, S_ref: 10 }]);

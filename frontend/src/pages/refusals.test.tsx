@@ -112,7 +112,7 @@ const field = (name: string | RegExp) => () => screen.getByLabelText(name);
 it.each<Case>([
   [
     "length of a trial",
-    <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} />,
+    <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />,
     [press("Try for")],
     "/api/tuning/trial",
     ["duration_s"],
@@ -281,7 +281,7 @@ it("does not take the typing away to what a forecast blames", async () => {
 
 it("says how long a trial may not be where it is no number", async () => {
   refusal = { path: "" };
-  open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} />);
+  open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />);
   await type("Length of the trial [s]", "ten")();
   const box = screen.getByLabelText("Length of the trial [s]");
   expect(box.getAttribute("aria-invalid")).toBe("true");

@@ -4,14 +4,17 @@ import { Button, Table } from "@mantine/core";
 import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/OperatorsOnly";
 import { Refusal } from "../../components/Refusal";
+import { useLive } from "../../live/react";
 import { dateTime } from "../../samples/format";
 import { useActivateBank } from "../../service/commands";
 import type { Bank } from "../../wire/types";
+import { whyNoRetuning } from "../operate/allowed";
 import page from "../Page.module.css";
 import { entryName } from "./difference";
 
 export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
   const activate = useActivateBank();
+  const locked = useLive((live) => whyNoRetuning(live.state));
   if (banks.length === 0) {
     return (
       <p className={page.empty}>
@@ -54,6 +57,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
                         size="compact-xs"
                         variant="default"
                         aria-label={`Activate ${nameOf(bank)}`}
+                        disabled={locked !== null}
                         loading={activate.isPending && activate.variables === bank.id}
                         onClick={() => activate.mutate(bank.id)}
                       >
@@ -76,7 +80,7 @@ export function BankTable({ banks, selected }: { banks: readonly Bank[]; selecte
           </Table.Tbody>
         </Table>
       </div>
-      <Refusal error={activate.error} />
+      <Refusal error={activate.error} text={locked} />
     </>
   );
 }

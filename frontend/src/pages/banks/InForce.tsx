@@ -9,6 +9,7 @@ import { useGeometry, useUndo } from "../../service/commands";
 import { tuningInWords } from "../../service/tuningWords";
 import type { Bank } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
+import { whyNoRetuning } from "../operate/allowed";
 import page from "../Page.module.css";
 
 export function InForce({ banks }: { banks: readonly Bank[] }) {
@@ -18,6 +19,7 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
   if (state === null) return null;
   const { bank, entry_name } = state.tuning;
   const own = tuningOf(state);
+  const locked = whyNoRetuning(state);
   return (
     <div className={page.fields} style={{ padding: "4px 4px 8px" }}>
       <output aria-label="In force">
@@ -28,8 +30,12 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
         <div className={page.actions}>
           <Button
             variant="default"
-            disabled={own.bank === 0}
-            title={own.bank === 0 ? "The gains come from geometry already" : "Gains from geometry, no bank"}
+            disabled={own.bank === 0 || locked !== null}
+            title={
+              own.bank === 0
+                ? "The gains come from geometry already"
+                : (locked ?? "Gains from geometry, no bank")
+            }
             loading={geometry.isPending}
             onClick={() => geometry.mutate()}
           >

@@ -18,7 +18,7 @@ import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import { tuningInWords } from "../../service/tuningWords";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { ExperimentKind } from "../../wire/types";
-import { whyNot } from "../operate/ModeCard";
+import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
 import { bankChoices, isOfTheLoop, orderOf, type Shown, shownSettings, type Values } from "./order";
 import { SegmentsEditor } from "./SegmentsEditor";
@@ -45,8 +45,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
   const order = problem === null ? asked.order : null;
   const beyond = kind.why_not === "" ? null : `${capital(kind.why_not)}.`;
-  const reason =
-    problem ?? beyond ?? (state?.task != null ? "Another task is running." : whyNot(state, "experiment"));
+  const reason = problem ?? beyond ?? whyNoStart(state, "experiment");
   const attempts = dryRun.variables?.name === kind.name ? [start, queue, dryRun] : [start, queue];
   const failure = problem === null ? lastRefusal(...attempts) : null;
 

@@ -10,7 +10,7 @@ import { useLive } from "../../live/react";
 import { useQueueCommand } from "../../service/commands";
 import { queueQuery } from "../../service/queries";
 import type { ExperimentKind } from "../../wire/types";
-import { whyNot } from "../operate/ModeCard";
+import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
 import { OrderWords } from "./OrderWords";
 
@@ -19,7 +19,7 @@ export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const command = useQueueCommand();
   const state = useLive((live) => live.state);
   const items = queue?.items ?? [];
-  const reason = state?.task != null ? "Another task is running." : whyNot(state, "experiment");
+  const reason = whyNoStart(state, "experiment");
   const startable = items.length > 0 && reason === null;
   const title = (name: string) => kinds.find((kind) => kind.name === name)?.title ?? name;
   return (

@@ -21,7 +21,7 @@ import { tuningInWords } from "../../service/tuningWords";
 import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, Setting } from "../../wire/types";
 import { tuningOf } from "../experiments/order";
-import { whyNot } from "../operate/ModeCard";
+import { whyNoStart } from "../operate/allowed";
 import page from "../Page.module.css";
 import styles from "./Identify.module.css";
 import { type Kind, labelOf, originOf, requestOf, type Values, valuesOf } from "./order";
@@ -79,10 +79,9 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
   const [request] = useDebouncedValue(asked.request, 300);
   const [from] = useDebouncedValue(useWhereabouts(), 300);
   const prediction = useQuery(predictionQuery(request, from));
-  const busy = state?.task != null;
   const leaves =
     prediction.data?.within_range === false ? "The run would leave the range, see the forecast." : null;
-  const reason = asked.problem ?? (busy ? "Another task is running." : (whyNot(state, "identify") ?? leaves));
+  const reason = asked.problem ?? whyNoStart(state, "identify") ?? leaves;
 
   const problem = asked.problem ?? prediction.error?.message;
   useEffect(

@@ -39,7 +39,7 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
           <Table aria-label="Identification runs" highlightOnHover>
             <Table.Thead>
               <Table.Tr>
-                <Table.Th>Bank</Table.Th>
+                <Table.Th>{may === false ? "" : "Bank"}</Table.Th>
                 <Table.Th>Run</Table.Th>
                 <Table.Th>Of</Table.Th>
                 <Table.Th>When</Table.Th>
@@ -64,13 +64,15 @@ export function IdentificationList({ identifications, selected, chosen, onChoose
               {identifications.map((row) => (
                 <Table.Tr key={row.id} bg={row.id === selected ? "var(--accent-soft)" : undefined}>
                   <Table.Td>
-                    <Checkbox
-                      size="xs"
-                      aria-label={`Use run ${row.id}`}
-                      checked={chosen.has(row.id)}
-                      disabled={may === false || row.kind !== "actuator" || !row.usable}
-                      onChange={() => onChoose(row.id)}
-                    />
+                    {may !== false && (
+                      <Checkbox
+                        size="xs"
+                        aria-label={`Use run ${row.id}`}
+                        checked={chosen.has(row.id)}
+                        disabled={row.kind !== "actuator" || !row.usable}
+                        onChange={() => onChoose(row.id)}
+                      />
+                    )}
                   </Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>
                     <Link href={`/identify/${row.id}`}>Run {row.id}</Link>

@@ -38,13 +38,28 @@ interface LambdaControlProps {
   /** Of what is in force. */
   readonly present: LoopPreview | undefined;
   readonly compare: boolean;
+  /** A run has the tuning: nothing of it is taken. */
+  readonly disabled: boolean;
   onDraft(value: number | undefined): void;
   /** Sends the value, or stages it. */
   onCommit(value: number): Promise<unknown>;
 }
 
 export function LambdaControl(props: LambdaControlProps) {
-  const { name, symbol, hue, tuning, value, preview, missing, present, compare, onDraft, onCommit } = props;
+  const {
+    name,
+    symbol,
+    hue,
+    tuning,
+    value,
+    preview,
+    missing,
+    present,
+    compare,
+    disabled,
+    onDraft,
+    onCommit,
+  } = props;
   const sent = useSentValue(value, onCommit);
   const min = tuning[`${name}_min`];
   const max = tuning[`${name}_max`];
@@ -72,7 +87,7 @@ export function LambdaControl(props: LambdaControlProps) {
           <SignalName name={symbol} />
         </span>
         <span className={styles.bounds} />
-        <Small name={`Decrease ${symbol}`} onClick={() => nudge(-STEP_S)}>
+        <Small name={`Decrease ${symbol}`} disabled={disabled} onClick={() => nudge(-STEP_S)}>
           <TbMinus size={14} />
         </Small>
         <ValueBox
@@ -82,17 +97,19 @@ export function LambdaControl(props: LambdaControlProps) {
           decimals={DECIMALS}
           step={STEP_S}
           width={84}
+          disabled={disabled}
           onCommit={sent.commit}
           onProblem={setProblem}
           saidAt={`refusal-of-${name}`}
           entry={fieldEntry(`tuning.${name}`, angles, { minimum: min, maximum: max })}
           refused={refused}
         />
-        <Small name={`Increase ${symbol}`} onClick={() => nudge(STEP_S)}>
+        <Small name={`Increase ${symbol}`} disabled={disabled} onClick={() => nudge(STEP_S)}>
           <TbPlus size={14} />
         </Small>
         <Small
           name={`Reset ${symbol}`}
+          disabled={disabled}
           title={`Back to the default, ${LAMBDAS[name]} s`}
           onClick={() => sent.commit(Math.max(LAMBDAS[name], min))}
         >
@@ -124,6 +141,7 @@ export function LambdaControl(props: LambdaControlProps) {
               thumbLabel={symbol}
               thumbValueText={(position) => `${fixed(position, DECIMALS)} s`}
               size="sm"
+              disabled={disabled}
               domain={[Math.log(SCALE_FROM_S), Math.log(max)]}
               min={Math.log(min)}
               max={Math.log(max)}
@@ -162,13 +180,21 @@ export function LambdaControl(props: LambdaControlProps) {
 interface SmallProps {
   readonly name: string;
   readonly title?: string;
+  readonly disabled: boolean;
   readonly children: ReactNode;
   onClick(): void;
 }
 
-function Small({ name, title, children, onClick }: SmallProps) {
+function Small({ name, title, disabled, children, onClick }: SmallProps) {
   return (
-    <ActionIcon variant="default" size={30} aria-label={name} title={title ?? name} onClick={onClick}>
+    <ActionIcon
+      variant="default"
+      size={30}
+      aria-label={name}
+      title={title ?? name}
+      disabled={disabled}
+      onClick={onClick}
+    >
       {children}
     </ActionIcon>
   );

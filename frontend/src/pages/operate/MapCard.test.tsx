@@ -22,6 +22,7 @@ import { MapCard } from "./MapCard";
 
 const STATE = {
   mode: "run",
+  touch: { felt: null },
   references: { q_ref: 0, S_ref: 10, in_force: true },
   limits: { q_min: -1.4, q_max: 1.4, q_trip: 1.57, S_min: 8, S_max: 15, tensions: [] },
   tuning: { bank: null },

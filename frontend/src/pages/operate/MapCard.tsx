@@ -12,6 +12,7 @@ import { useAngles } from "../../service/angles";
 import { useSetReferences } from "../../service/commands";
 import { useMayCommand } from "../../service/useMayCommand";
 import type { References } from "../../wire/types";
+import { whyNoReferences } from "./allowed";
 import styles from "./MapCard.module.css";
 import { type PlaneEntry, paintPlane } from "./paintPlane";
 import { planeOver, pointAt } from "./planeScale";
@@ -43,6 +44,7 @@ export function MapCard() {
   const canvas = useCanvas(drawing);
   const old_s = useSampleAge();
   const may = useMayCommand();
+  const locked = useLive((live) => whyNoReferences(live.state));
 
   function aim(event: MouseEvent<HTMLCanvasElement>): void {
     const limits = store.snapshot().state?.limits;
@@ -94,7 +96,7 @@ export function MapCard() {
           <output>
             {angleText(target.q_ref, 1, angles)} {angles}, {fixed(target.S_ref, 2)} N·m/rad, not sent yet
           </output>
-          <Button size="compact-xs" onClick={command}>
+          <Button size="compact-xs" disabled={locked !== null} title={locked ?? undefined} onClick={command}>
             Send target
           </Button>
           <Button size="compact-xs" variant="default" onClick={() => setTarget(null)}>

@@ -18,7 +18,7 @@ function open(u_plan: number) {
   render(
     <MantineProvider>
       <LiveProvider store={new LiveStore(0)}>
-        <PlanControl tuning={tuning} onDraft={drafted} onCommit={sent} />
+        <PlanControl tuning={tuning} disabled={false} onDraft={drafted} onCommit={sent} />
       </LiveProvider>
     </MantineProvider>,
   );

@@ -17,12 +17,14 @@ const DECIMALS = 1;
 
 interface PlanControlProps {
   readonly tuning: Tuning;
+  /** A run has the tuning: nothing of it is taken. */
+  readonly disabled: boolean;
   /** What is in hand and not in force yet, for the forecast. */
   onDraft(u_plan: number | undefined): void;
   onCommit(u_plan: number): Promise<unknown>;
 }
 
-export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
+export function PlanControl({ tuning, disabled, onDraft, onCommit }: PlanControlProps) {
   const { u_plan, u_plan_min, u_plan_max, u_plan_usual } = tuning;
   const sent = useSentValue(u_plan, onCommit);
   const [problem, setProblem] = useState<string | null>(null);
@@ -43,6 +45,7 @@ export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
           size="xs"
           label="Follow a plan"
           checked={planned}
+          disabled={disabled}
           onChange={(event) => sent.commit(event.currentTarget.checked ? u_plan_usual : 0)}
         />
         <span className={styles.bounds}>
@@ -58,6 +61,7 @@ export function PlanControl({ tuning, onDraft, onCommit }: PlanControlProps) {
             decimals={DECIMALS}
             step={STEP_V}
             width={84}
+            disabled={disabled}
             onDraft={setTyped}
             onCommit={sent.commit}
             onProblem={setProblem}

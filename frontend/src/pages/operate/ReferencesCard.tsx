@@ -12,22 +12,24 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { FINER, readingOf, toSI } from "../../samples/quantity";
 import { useAngles } from "../../service/angles";
-import { useSetReferences } from "../../service/commands";
 import { fieldEntry } from "../../service/fieldHelp";
 import type { Entry } from "../../service/glossary";
+import { useReferenceOrders } from "../../service/useReferenceOrders";
 import { useSentValue } from "../../service/useSentValue";
 import { useStanding } from "../../service/useStanding";
 import type { Limits, State } from "../../wire/types";
+import { whyNoReferences } from "./allowed";
 import styles from "./Operate.module.css";
 
 export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
   const limits = useLive((live) => live.state?.limits);
   const open = useLive((live) => live.state?.mode === "compliance");
+  const locked = useLive((live) => whyNoReferences(live.state));
   return (
     <Card title="References">
       {references && limits ? (
-        <ReferenceControls references={references} limits={limits} open={open} />
+        <ReferenceControls references={references} limits={limits} open={open} locked={locked} />
       ) : (
         <div className={styles.reserve} />
       )}
@@ -40,14 +42,17 @@ interface ControlsProps {
   readonly limits: Limits;
   /** Whether the joint loop is open. */
   readonly open: boolean;
+  /** Why they cannot be set now; null where they can. */
+  readonly locked: string | null;
 }
 
-function ReferenceControls({ references, limits, open }: ControlsProps) {
-  const send = useSetReferences();
+function ReferenceControls({ references, limits, open, locked }: ControlsProps) {
+  const send = useReferenceOrders(references);
   const angles = useAngles();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
   const measured = in_force ? null : "measured, no reference";
+  const remark = (more: string | null) => measured ?? locked ?? more;
   return (
     <>
       <ReferenceControl
@@ -60,8 +65,9 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.q_max * factor}
         step={angles === "deg" ? 1 : 0.02}
         decimals={angles === "deg" ? 1 : 1 + FINER}
-        remark={measured ?? (open ? "joint loop open, by geometry" : null)}
-        send={(value) => send.mutateAsync({ q_ref: toSI(value, "rad", angles), S_ref })}
+        remark={remark(open ? "joint loop open, by geometry" : null)}
+        disabled={locked !== null}
+        send={(value) => send({ q_ref: toSI(value, "rad", angles) })}
       />
       <ReferenceControl
         name="S_ref"
@@ -72,8 +78,9 @@ function ReferenceControls({ references, limits, open }: ControlsProps) {
         max={limits.S_max}
         step={0.1}
         decimals={2}
-        remark={measured}
-        send={(value) => send.mutateAsync({ q_ref, S_ref: value })}
+        remark={remark(null)}
+        disabled={locked !== null}
+        send={(value) => send({ S_ref: value })}
       />
     </>
   );
@@ -91,11 +98,12 @@ interface ReferenceControlProps {
   readonly decimals: number;
   /** What the value means now, beside its range. */
   readonly remark: string | null;
+  readonly disabled: boolean;
   send(value: number): Promise<unknown>;
 }
 
 function ReferenceControl(props: ReferenceControlProps) {
-  const { name, unit, entry, inForce, min, max, step, decimals, remark, send } = props;
+  const { name, unit, entry, inForce, min, max, step, decimals, remark, disabled, send } = props;
   const sent = useSentValue(inForce, send);
   const [problem, setProblem] = useState<string | null>(null);
   const [proposed, setProposed] = useState(false);
@@ -132,8 +140,10 @@ function ReferenceControl(props: ReferenceControlProps) {
           >
             <Slider
               thumbLabel={name}
-              thumbValueText={(value) => `${value} ${unit}${proposed ? ", not sent yet" : ""}`}
+              // the value itself: what is only measured may lie beside the scale, where the thumb ends
+              thumbValueText={`${fixed(sent.value, decimals)} ${unit}${proposed ? ", not sent yet" : ""}`}
               size="sm"
+              disabled={disabled}
               min={min}
               max={max}
               step={step}
@@ -155,6 +165,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           decimals={decimals}
           step={step}
           width={124}
+          disabled={disabled}
           onCommit={sent.commit}
           onProblem={setProblem}
           saidAt={`refusal-of-${name}`}

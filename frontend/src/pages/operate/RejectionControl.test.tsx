@@ -28,6 +28,7 @@ function open(k_ext: number, learned: boolean, rejected: Pushed["rejected"] = nu
           tuning={{ k_ext } as Tuning}
           forecast={forecast}
           missing="being computed"
+          disabled={false}
           onDraft={drafted}
           onCommit={sent}
         />

@@ -27,12 +27,15 @@ interface RejectionControlProps {
   readonly forecast: Pushed | undefined;
   /** Why there is no forecast where there is none. */
   readonly missing: string;
+  /** A run has the tuning: nothing of it is taken. */
+  readonly disabled: boolean;
   /** What is in hand and not in force yet, for the forecast. */
   onDraft(k_ext: number | undefined): void;
   onCommit(k_ext: number): Promise<unknown>;
 }
 
-export function RejectionControl({ tuning, forecast, missing, onDraft, onCommit }: RejectionControlProps) {
+export function RejectionControl(props: RejectionControlProps) {
+  const { tuning, forecast, missing, disabled, onDraft, onCommit } = props;
   const { k_ext } = tuning;
   const learned = useLive((live) => (live.state?.touch.learned.length ?? 0) > 0);
   const sent = useSentValue(k_ext, onCommit);
@@ -54,7 +57,7 @@ export function RejectionControl({ tuning, forecast, missing, onDraft, onCommit 
           size="xs"
           label="Reject pushes"
           checked={rejects}
-          disabled={!(learned || rejects)}
+          disabled={disabled || !(learned || rejects)}
           onChange={(event) => sent.commit(event.currentTarget.checked ? USUAL : 0)}
         />
         <span className={styles.bounds}>{hint(rejects, learned)}</span>
@@ -66,6 +69,7 @@ export function RejectionControl({ tuning, forecast, missing, onDraft, onCommit 
             decimals={DECIMALS}
             step={STEP}
             width={84}
+            disabled={disabled}
             onDraft={setTyped}
             onCommit={sent.commit}
             onProblem={setProblem}

@@ -16,6 +16,7 @@ import styles from "./Operate.module.css";
 
 const LOOK_MS = 100;
 const USUAL_N = 2;
+const NOT_IN_RUN = "Learned in run, where the joint is held";
 
 export function TouchCard() {
   const touch = useLive((live) => live.state?.touch);
@@ -26,6 +27,8 @@ export function TouchCard() {
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
   const order = useTouch();
   const angles = useAngles();
+  const running = useLive((live) => live.state?.mode === "run");
+  const rejects = useLive((live) => (live.state?.tuning.k_ext ?? 0) > 0);
   const armed = touch.contact_N > 0;
   const sweeping = touch.sweep?.under_way ?? false;
   const [chosen, setChosen] = useState<number | null>(null);
@@ -73,7 +76,8 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={sweeping}
+            disabled={sweeping || !running}
+            title={running ? "At rest, with nothing touching the joint" : NOT_IN_RUN}
             onClick={() => order.mutate({ learn: true })}
           >
             Learn here
@@ -81,7 +85,8 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={armed}
+            disabled={armed || !(running || sweeping)}
+            title={running || sweeping ? "At five stiffnesses, one after the other" : NOT_IN_RUN}
             onClick={() => order.mutate({ sweep: sweeping ? "stop" : "begin" })}
           >
             {sweeping ? "Stop learning" : "Learn over S"}
@@ -89,7 +94,8 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
           <Button
             size="compact-sm"
             variant="default"
-            disabled={touch.learned.length === 0 || armed || sweeping}
+            disabled={touch.learned.length === 0 || armed || sweeping || rejects}
+            title={rejects ? "Pushes are rejected by what was learned: turn that off first" : undefined}
             onClick={() => order.mutate({ forget: true })}
           >
             Forget

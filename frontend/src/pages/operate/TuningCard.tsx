@@ -17,6 +17,7 @@ import { previewQuery, tuningKey } from "../../service/queries";
 import { type LambdaName, useStaged } from "../../service/useStaged";
 import { HUES } from "../../theme/signals";
 import type { Tuning, TuningPreview } from "../../wire/types";
+import { whyNoRetuning } from "./allowed";
 import { LambdaControl } from "./LambdaControl";
 import styles from "./Operate.module.css";
 import { PlanControl } from "./PlanControl";
@@ -43,6 +44,7 @@ export function TuningCard() {
 
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const setTuning = useSetTuning();
+  const locked = useLive((live) => whyNoRetuning(live.state));
   const staged = useStaged();
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
@@ -72,6 +74,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
           missing={missing}
           present={present.data?.[loop]}
           compare={compare}
+          disabled={locked !== null}
           onDraft={(value) => setDrafts((before) => ({ ...before, [name]: value }))}
           onCommit={async (value) => {
             if (staged.staging) staged.stage(name, value);
@@ -81,6 +84,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
       ))}
       <PlanControl
         tuning={tuning}
+        disabled={locked !== null}
         onDraft={setPlanDraft}
         onCommit={(u_plan) => setTuning.mutateAsync({ u_plan })}
       />
@@ -93,6 +97,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         tuning={tuning}
         forecast={forecast.error ? undefined : forecast.data?.pushed}
         missing={forecast.error?.message ?? "being computed"}
+        disabled={locked !== null}
         onDraft={setShareDraft}
         onCommit={(k_ext) => setTuning.mutateAsync({ k_ext })}
       />
@@ -103,7 +108,7 @@ function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
         checked={compare}
         onChange={(event) => setCompare(event.currentTarget.checked)}
       />
-      <TuningChanges tuning={tuning} staged={staged} />
+      <TuningChanges tuning={tuning} staged={staged} locked={locked} />
     </>
   );
 }

@@ -26,7 +26,7 @@ function open(tuning: typeof SAVED): void {
     <MantineProvider>
       <QueryClientProvider client={new QueryClient()}>
         <LiveProvider store={new LiveStore(0)}>
-          <TuningChanges tuning={{ ...tuning, bank: null } as Tuning} staged={NOTHING} />
+          <TuningChanges tuning={{ ...tuning, bank: null } as Tuning} staged={NOTHING} locked={null} />
         </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,

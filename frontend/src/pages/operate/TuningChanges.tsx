@@ -18,6 +18,7 @@ import { savedTuningQuery } from "../../service/queries";
 import { lastRefusal, RefusedFields } from "../../service/refusedFields";
 import type { LambdaName, Staging } from "../../service/useStaged";
 import type { SavedTuning, Trial, Tuning } from "../../wire/types";
+import { whyNoRejection } from "./allowed";
 import styles from "./TuningChanges.module.css";
 
 /** Every part of a tuning but the bank, for which it is saved: what differs in one of them is another tuning. */
@@ -34,7 +35,14 @@ const DECIMALS = 3;
 const DECIMALS_OF_MOTOR = 4;
 const TRIAL_S = 10;
 
-export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Staging }) {
+interface TuningChangesProps {
+  readonly tuning: Tuning;
+  readonly staged: Staging;
+  /** Why nothing of the tuning can be changed now; null where it can. */
+  readonly locked: string | null;
+}
+
+export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
   const angles = useAngles();
   const trial = useLive((live) => live.state?.trial ?? null);
   const { data: saved, error: unread } = useQuery(savedTuningQuery(tuning.bank?.id ?? null));
@@ -44,6 +52,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
   const end = useEndTrial();
   const undo = useUndo();
   const [seconds, setSeconds] = useState<number | string>(TRIAL_S);
+  const unlearned = useLive((live) => whyNoRejection(live.state, saved?.k_ext));
   const changed = saved !== undefined && PARTS.some(([name]) => saved[name] !== tuning[name]);
   const something = Object.keys(staged.values).length > 0;
   const failure = lastRefusal(set, save, tryOut, end, undo);
@@ -97,8 +106,8 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
               <Button
                 variant="default"
                 size="compact-xs"
-                disabled={!changed || busy}
-                title={origin(saved)}
+                disabled={!changed || busy || locked !== null || unlearned !== null}
+                title={unlearned ?? origin(saved)}
                 onClick={() =>
                   saved && set.mutate(Object.fromEntries(PARTS.map(([name]) => [name, saved[name]])))
                 }
@@ -128,7 +137,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
             <div className={styles.actions}>
               <Button
                 size="compact-xs"
-                disabled={!something || busy}
+                disabled={!something || busy || locked !== null}
                 onClick={() => set.mutate(staged.values, { onSuccess: staged.discard })}
               >
                 Apply
@@ -136,7 +145,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
               <Button
                 variant="default"
                 size="compact-xs"
-                disabled={!something || busy || typeof seconds !== "number"}
+                disabled={!something || busy || locked !== null || typeof seconds !== "number"}
                 onClick={() =>
                   typeof seconds === "number" && tryOut.mutate({ ...staged.values, duration_s: seconds })
                 }
@@ -164,7 +173,7 @@ export function TuningChanges({ tuning, staged }: { tuning: Tuning; staged: Stag
             id="refusal-of-tuning"
             error={odd === null ? failure : null}
             about={about}
-            text={odd}
+            text={odd ?? locked}
             forFields
           />
         </div>

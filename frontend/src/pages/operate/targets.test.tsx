@@ -31,6 +31,8 @@ const LIMITS = {
   ],
 };
 const STATE = {
+  mode: "run",
+  touch: { felt: null },
   references: { q_ref: 10 / DEGREES, S_ref: 10, in_force: true },
   limits: LIMITS,
   tuning: { bank: null },
@@ -148,4 +150,44 @@ it.each([
   );
   expect(screen.getByText(hint)).toBeTruthy();
   expect(screen.queryAllByText(/measured, no reference/).length).toBe(in_force ? 0 : 2);
+});
+
+it("sends one reference with the other one as it was ordered last, though the state does not tell it yet", async () => {
+  open(<ReferencesCard />);
+  for (const [label, text] of [
+    ["q_ref value [deg]", "30"],
+    ["S_ref value [N·m/rad]", "12"],
+    ["q_ref value [deg]", "20"],
+  ] as const) {
+    const box = screen.getByLabelText(label);
+    fireEvent.change(box, { target: { value: text } });
+    fireEvent.keyDown(box, { key: "Enter" });
+  }
+  await waitFor(async () => expect((await commanded()).length).toBe(3));
+  expect(await commanded()).toEqual([
+    { q_ref: 30 / DEGREES, S_ref: 10 },
+    { q_ref: 30 / DEGREES, S_ref: 12 },
+    { q_ref: 20 / DEGREES, S_ref: 12 },
+  ]);
+});
+
+it.each([
+  ["off", "set in run and compliance"],
+  ["experiment", "set in run and compliance"],
+  ["compliance", null],
+] as const)("offers references in the modes that follow the operator's (%s)", (mode, why) => {
+  open(<ReferencesCard />, { ...STATE, mode });
+  const box = screen.getByLabelText<HTMLInputElement>("S_ref value [N·m/rad]");
+  expect(box.disabled).toBe(why !== null);
+  expect(screen.getByRole("slider", { name: "S_ref" }).getAttribute("aria-disabled")).toBe(
+    String(why !== null),
+  );
+  expect(screen.queryAllByText(/set in run and compliance/).length).toBe(why === null ? 0 : 2);
+});
+
+it("offers no reference while the joint gives way to a contact", () => {
+  const felt = { F_ext_hat: 3, contact_N: 2, tick: 1 };
+  open(<ReferencesCard />, { ...STATE, mode: "compliance", touch: { felt } } as unknown as State);
+  expect(screen.getByLabelText<HTMLInputElement>("q_ref value [deg]").disabled).toBe(true);
+  expect(screen.getAllByText(/gives way to a contact: choose a mode first/).length).toBe(2);
 });

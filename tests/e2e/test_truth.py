@@ -1,0 +1,90 @@
+"""The page tells the truth: whatever a robot does, all that is shown is what the service says and would take."""
+
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from tests.e2e.browser import DESKTOP
+from tests.e2e.service import Service
+from tests.e2e.sharing import sign_in_at
+from tests.e2e.truth.checked import lasting, settled
+from tests.e2e.truth.moment import Around
+from tests.e2e.truth.robot import fresh_seed, robot_at_work
+
+DEEDS = 25
+LOOKS = 4
+
+
+@pytest.fixture(scope="module")
+def service(fresh_service: Service) -> Service:
+    return fresh_service
+
+
+@pytest.fixture(scope="module")
+def around(browser: Browser, service: Service) -> Iterator[Around]:
+    context = browser.new_context(viewport=DESKTOP)
+    page = context.new_page()
+    sign_in_at(page, service, "operate")
+    with closing(Around(page, service)) as both:
+        yield both
+    context.close()
+
+
+HELD = """([selector, attribute, value]) => {
+    const say = one => {
+        if (attribute === null) { if (one.textContent !== value) one.textContent = value; }
+        else if (one.getAttribute(attribute) !== value) one.setAttribute(attribute, value);
+    };
+    window.lying = new MutationObserver(() => document.querySelectorAll(selector).forEach(say));
+    document.querySelectorAll(selector).forEach(say);
+    window.lying.observe(document.body, { subtree: true, childList: true, characterData: true, attributes: true });
+}"""
+"""Makes an element say something else, however often the page writes it anew."""
+
+MODE = "[role=status][aria-label=Mode] dfn"
+RUN = "[aria-label='Change mode'] button:nth-of-type(2)"
+LIES = {
+    "a mode that is another": (MODE, None, "run", "mode"),
+    "a simulator that is a rig": ("header [role=img]", None, "RIG", "badge of the plant"),
+    "a holder of control": (
+        "header button[aria-label^='Control: ']",
+        "aria-label",
+        "Control: Ana",
+        "holder of control",
+    ),
+    "a control that is offered": (RUN, "aria-disabled", "false", "whether 'Run' in 'Mode' can be pressed"),
+    "a digit that is rounded wrongly": ("[data-role=value-u_A]", None, "0.01", "u_A [V] in Motor voltage"),
+    "a proof of no stop": ("output[aria-label='Stop result']", None, "Zero volts in 2 ticks", "proof of a stop"),
+    "a margin": ("output[aria-label='Motor loop']", None, "Motor loop at λ_motor 0.0854 s: M_s 1.2", "margins of the"),
+}
+
+
+@pytest.mark.parametrize("lie", LIES)
+def test_a_lie_is_found(around: Around, lie: str) -> None:
+    """In off, where all that is true stands still: what is found is the lie, and nothing beside it."""
+    selector, attribute, value, name = LIES[lie]
+    around.page.bring_to_front()
+    truth = settled(around)
+    assert truth == []
+    around.page.evaluate(HELD, [selector, attribute, value])
+    found = lasting(around, LOOKS)
+    around.page.evaluate("window.lying.disconnect()")
+    honest(around.page)
+    assert [one.partition(":")[0].startswith(name) for one in found] == [True], found
+
+
+def honest(page: Page) -> None:
+    """Have the page write everything anew."""
+    page.reload()
+    expect(page.get_by_role("banner")).to_be_visible()
+
+
+def test_after_each_deed_of_a_robot_all_that_is_shown_is_so(
+    browser: Browser, service: Service, pytestconfig: pytest.Config
+) -> None:
+    asked = pytestconfig.getoption("--truth-seed")
+    seed = fresh_seed() if asked is None else int(asked)
+    print(f"seed {seed}: pytest --truth-seed={seed} does the same deeds")
+    robot_at_work(browser, service, seed, DEEDS, print)

@@ -1,0 +1,64 @@
+"""One page against one service: what differs once the page has settled."""
+
+import time
+from collections.abc import Callable, Mapping
+
+from tests.e2e.operator import LOOK_MS
+from tests.e2e.truth import elsewhere
+from tests.e2e.truth.findings import Findings
+from tests.e2e.truth.frame import around_the_page
+from tests.e2e.truth.moment import Around, Moment
+from tests.e2e.truth.operate import operate
+
+SETTLED_S = 45.0
+"""By then a page on a busy machine shows what the service says, whatever was on its way."""
+
+PAGES: Mapping[str, Callable[[Moment], Findings]] = {
+    "operate": operate,
+    "experiments": elsewhere.experiments,
+    "identify": elsewhere.identify,
+    "banks": elsewhere.banks,
+    "runs": elsewhere.runs,
+    "log": elsewhere.log,
+    "system": elsewhere.system,
+}
+"""What is compared beside what stands around every page, by the page's address."""
+
+
+def differences(moment: Moment) -> Findings:
+    """What one reading of the page says otherwise than one state of the service."""
+    found = around_the_page(moment)
+    found += PAGES.get(moment.shown.place, elsewhere.nothing)(moment)
+    if moment.shown.is_busy:
+        found.append("something that was pressed is still on its way")
+    return found
+
+
+def looked_over(around: Around) -> Findings:
+    """What the page shows otherwise now than before and after it was read."""
+    before, after = around.look()
+    found = differences(before)
+    return found and differences(after)
+
+
+def settled(around: Around, within_s: float = SETTLED_S) -> Findings:
+    """Look until page and service agree in everything at one moment; what still differs at the end."""
+    deadline = time.monotonic() + within_s
+    while (found := looked_over(around)) and time.monotonic() < deadline:
+        around.page.wait_for_timeout(LOOK_MS)
+    return found
+
+
+def lasting(around: Around, looks: int) -> Findings:
+    """What differs in each of so many looks, one after the other: nothing that was only on its way."""
+    found = looked_over(around)
+    for _ in range(looks - 1):
+        around.page.wait_for_timeout(LOOK_MS)
+        again = looked_over(around)
+        kept = {_what(one) for one in again}
+        found = Findings(one for one in found if _what(one) in kept)
+    return found
+
+
+def _what(sentence: str) -> str:
+    return sentence.partition(":")[0]

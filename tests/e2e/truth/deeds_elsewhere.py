@@ -1,0 +1,132 @@
+"""What the robot does beside the page Operate: runs, banks, notes, control, STOP, and the ways of the page itself."""
+
+from collections.abc import Callable
+
+from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
+
+WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
+
+
+def always(_scene: Scene) -> bool:
+    return True
+
+
+def _fill(scene: Scene, form: str, values: dict[str, str]) -> None:
+    for name, value in values.items():
+        scene.main.locator(f"form[aria-label='{form}'] [name={name}]").fill(value)
+
+
+def _offers_queue(scene: Scene) -> bool:
+    return scene.shown.offers("Add to queue") and len(scene.shown.all["lists"].get("Queue", [])) < 3
+
+
+def _short(scene: Scene) -> None:
+    _fill(scene, "Tracking of position and stiffness", {"q_duration_s": "2", "S_duration_s": "2"})
+
+
+def _experiment(scene: Scene) -> None:
+    _short(scene)
+    name = next(one.name for one in scene.shown.buttons if one.name.startswith("Start tracking"))
+    scene.press(name)
+
+
+def _queue(scene: Scene) -> None:
+    _short(scene)
+    scene.press("Add to queue")
+
+
+def _unqueue(scene: Scene) -> None:
+    names = [one.name for one in scene.shown.buttons if one.name.startswith("Remove experiment ")]
+    scene.press(scene.chance.choice(names))
+
+
+def _motors(scene: Scene) -> None:
+    scene.say("motors, two short steps")
+    scene.main.get_by_role("radiogroup", name="What to identify").get_by_text("Motors", exact=True).click()
+    _fill(scene, "New identification", {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
+    start = scene.button("Start identification")
+    scene.page.wait_for_timeout(600)  # until the forecast of what now stands in the form is there
+    if start.get_attribute("aria-disabled") != "true":
+        start.click()
+
+
+def _activate(scene: Scene) -> None:
+    names = [one.name for one in scene.shown.buttons if one.name.startswith("Activate ") and one.enabled]
+    scene.press(scene.chance.choice(names))
+
+
+def _note(scene: Scene) -> None:
+    pencils = scene.main.get_by_role("button", name="Say something of: ")
+    words = f"seen {scene.chance.randrange(1000)}"
+    scene.say(f"note {words!r}")
+    pencils.nth(scene.chance.randrange(min(5, pencils.count()))).click()
+    scene.page.get_by_role("textbox", name="Note of the event").fill(words)
+    scene.page.get_by_role("textbox", name="Tags of the event").press("Enter")
+
+
+def _go(scene: Scene) -> None:
+    name = scene.chance.choice(WAYS)
+    scene.say(name)
+    scene.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
+
+
+def _stop(scene: Scene) -> None:
+    if scene.chance.random() < 0.5:
+        scene.say("by key")
+        scene.page.keyboard.press("Control+Shift+E")
+    else:
+        scene.press("STOP")
+
+
+def _control(scene: Scene) -> None:
+    scene.page.get_by_role("button", name="Control: ").click()
+    items = scene.page.get_by_role("menuitem")
+    items.first.wait_for()
+    wanted = [one for one in items.all_inner_texts() if one.startswith(("Take", "Give up"))]
+    scene.say(wanted[0])
+    scene.page.get_by_role("menuitem", name=wanted[0]).click()
+
+
+def _reload(scene: Scene) -> None:
+    scene.page.reload()
+    scene.page.get_by_role("banner").wait_for()
+
+
+def _scheme(scene: Scene) -> None:
+    scene.page.get_by_role("button", name="Colour scheme").click()
+    name = scene.chance.choice(("Light", "Dark", "System"))
+    scene.say(name)
+    scene.page.get_by_role("menuitem", name=name).click()
+
+
+def _angles(scene: Scene) -> None:
+    scene.page.get_by_role("button", name="Angles in ").click()
+
+
+def _offers(start: str) -> Callable[[Scene], bool]:
+    """Whether a button whose name begins so can be pressed."""
+    return lambda scene: any(one.name.startswith(start) and one.enabled for one in scene.shown.buttons)
+
+
+ELSEWHERE = (
+    Deed("start a short experiment", "experiments", 4, _offers("Start tracking"), _experiment, Value),
+    Deed("queue a short experiment", "experiments", 1.5, _offers_queue, _queue),
+    Deed("take one out of the queue", "experiments", 0.7, _offers("Remove experiment "), _unqueue),
+    pressing("Start queue", "experiments", 1.5),
+    pressing("Start queue again", "experiments", 1.5),
+    pressing("Pause after this run", "experiments", 0.7),
+    pressing("Abort softly", "experiments", 3),
+    pressing("Abort softly", "identify", 1),
+    Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
+    Deed("activate a bank", "banks", 3, _offers("Activate "), _activate),
+    pressing("Back to geometry", "banks", 1),
+    pressing("Undo change", "banks", 1),
+    Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
+    Deed("go", None, 6, always, _go),
+    Deed("STOP", None, 2.5, always, _stop),
+    pressing("Reset", None, 12),
+    Deed("control", None, 2, always, _control),
+    Deed("reload", None, 2, always, _reload),
+    Deed("colour scheme", None, 1, always, _scheme),
+    Deed("unit of angles", None, 1.5, always, _angles),
+)

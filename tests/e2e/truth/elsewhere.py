@@ -1,0 +1,170 @@
+"""The other pages beside the service: what runs, the queue, identifications, banks, runs, the log, the chain."""
+
+from datetime import datetime
+
+from tests.e2e.truth.findings import Findings
+from tests.e2e.truth.frame import title_of
+from tests.e2e.truth.legality import compared, legal_modes, may_retune, may_start, may_undo
+from tests.e2e.truth.moment import Moment
+
+
+def running(moment: Moment) -> Findings:
+    """The card of what runs: which run it is, its part, the time left, and whether it can be aborted."""
+    found, shown, state = Findings(), moment.shown, moment.state
+    task = state["task"]
+    found.same("whether something is said to run", "What runs now" in shown.told, task is not None)
+    if task is None or "What runs now" not in shown.told:
+        return found
+    part = task["part"]
+    if part is None:
+        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
+    elif part["of"] > 1:
+        words = f"{title_of(task)}: part {part['number']} of {part['of']}, {part['title']}, {{d}} left"
+        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
+    else:
+        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {part['title']}")
+    left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get("Time left")
+    if task["phase"] == "evaluation":
+        found.same("time left", left, "computing the result")
+    elif left is not None and left.endswith("longer than expected"):
+        found.sentence("time left", left, "{d} longer than expected", moment.counting(-left_s))
+    else:
+        whole = task["duration_s"]
+        found.sentence(
+            "time left", left, "{d} left of {d}", moment.counting(left_s, down=True), (whole - 0.1, whole + 0.1)
+        )
+    compared(found, moment, {("Running now", "Abort softly"): "stopping" in legal_modes(state)})
+    return found
+
+
+def experiments(moment: Moment) -> Findings:
+    found, shown, state = running(moment), moment.shown, moment.state
+    queue = moment.get("/api/experiments/queue")
+    waiting = shown.all["lists"].get("Queue", [])
+    found.same("number of experiments that wait", len(waiting), len(queue["items"]))
+    for line, item in zip(waiting, queue["items"], strict=False):
+        found.holds("who queued an experiment", line, f"by {item['who']}")
+    aside = shown.all["asides"].get("Queue", "").strip()
+    found.same("whether the queue goes on", aside, "goes on by itself" if queue["running"] else "waits for a start")
+    free = may_start(state, "experiment")
+    if not queue["running"]:
+        name = "Start queue again" if queue["problem"] else "Start queue"
+        compared(found, moment, {("Queue", name): bool(queue["items"]) and free})
+    else:
+        compared(found, moment, {("Queue", "Pause after this run"): True})
+    for place, item in enumerate(queue["items"]):
+        compared(found, moment, {
+            ("Queue", f"Move experiment {item['id']} ahead"): place > 0,
+            ("Queue", f"Remove experiment {item['id']} from the queue"): True,
+        })  # fmt: skip
+    start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != "Queue"), None)
+    found.same("whether an experiment can be started", start and start.enabled, free)
+    return found
+
+
+def identify(moment: Moment) -> Findings:
+    found, shown, state = running(moment), moment.shown, moment.state
+    told = moment.get("/api/identifications")["identifications"]
+    rows = shown.tables.get("Identification runs", [])
+    found.same("identifications", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
+    found.same("ends of identifications", [row[-1] for row in rows], [_end(one["status"]) for one in told])
+    for one in told:
+        box = shown.box(f"Use run {one['id']}")
+        may = one["kind"] == "actuator" and one["usable"]
+        found.same(f"whether run {one['id']} can be used for a bank", bool(box and box.enabled), may)
+    start = shown.button("Start identification")
+    leaves = "would leave the range" in " ".join(shown.told.values())  # as the forecast of what stands in the form says
+    if not leaves:
+        found.same("whether an identification can be started", start and start.enabled, may_start(state, "identify"))
+    return found
+
+
+def banks(moment: Moment) -> Findings:
+    found, shown, state = Findings(), moment.shown, moment.state
+    told, own = moment.get("/api/banks")["banks"], state["own_tuning"] or state["tuning"]
+    rows = shown.tables.get("Banks", [])
+    names = [f"{one['name']} v{one['version']}" for one in told]
+    found.same("banks", [row[0] for row in rows], names)
+    found.same("entries of banks", [row[3] for row in rows], [str(len(one["entries"])) for one in told])
+    found.same("active banks", [row[5] == "active" for row in rows], [one["active"] for one in told])
+    said = shown.told.get("In force", "")
+    found.same("of when the tuning is", said.startswith("In force again after the run"), not may_retune(state))
+    bank = own["bank"]
+    words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
+    found.holds("bank in force", said, words)
+    template = f"λ_q {own['lam_q']:.12g} s, λ_S {own['lam_S']:.12g} s"
+    found.holds("λ in force", said, template)
+    free = may_retune(state)
+    offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
+               for region in ("Banks",) if not one["active"]}  # fmt: skip
+    offered |= {("Banks", "Back to geometry"): bank is not None and free, ("Banks", "Undo change"): may_undo(state)}
+    compared(found, moment, offered)
+    return found
+
+
+def runs(moment: Moment) -> Findings:
+    found = Findings()
+    told = moment.get("/api/runs?limit=50&offset=0")["runs"]
+    rows = moment.shown.tables.get("Runs", [])
+    found.same("runs", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
+    for row, one in zip(rows, told, strict=False):
+        found.same(f"kind of run {one['id']}", row[2], one["title"])
+        found.same(f"who made run {one['id']}", row[5], one["who"])
+        found.holds(f"end of run {one['id']}", row[7], _end(one["end_state"]))
+        found.figure(f"samples missing in run {one['id']}", row[8], one["missing_samples"])
+    return found
+
+
+def log(moment: Moment) -> Findings:
+    """Lines with words of angles are compared by their times, whom and where they lead to: those are read otherwise."""
+    found = Findings()
+    told = moment.get("/api/log?limit=100")
+    rows = moment.shown.tables.get("Log", [])
+    found.same("number of lines of the log", len(rows), len(told["entries"]))
+    for row, entry in zip(rows, told["entries"], strict=False):
+        moment_ms = datetime.fromisoformat(entry["at"]).microsecond // 1000
+        found.same(f"time of {entry['text']!r}", row[0].rpartition(".")[2], f"{moment_ms:03d}")
+        if " rad" not in entry["text"]:
+            found.same("text of a line", row[2], " ".join(entry["text"].split()))
+        found.same(f"who did {entry['text']!r}", row[3], entry["who"] or "by itself")
+        if entry["event"] is not None:
+            found.holds(f"note of {entry['text']!r}", row[5], entry["note"])
+    older = moment.shown.button("Older")
+    found.same("whether there is more of the log", older and older.enabled, bool(told["more_before"]))
+    return found
+
+
+def system(moment: Moment) -> Findings:
+    """The safety chain, watchdog included, and the loop's figures."""
+    found, facts, state = Findings(), moment.shown.all["facts"], moment.state
+    names = {
+        "page": "Page in control",
+        "service": "Service",
+        "loop": "Loop process",
+        "watchdog": "Watchdog, drive-enable",
+        "safety_module": "Safety module",
+    }
+    for link in state["chain"]:
+        said = facts.get(names[link["name"]])
+        if link["silent_s"] is None:
+            found.same(f"{link['name']} in the safety chain", said, link["says"])
+        else:
+            found.sentence(f"{link['name']} in the safety chain", said, f"{link['says']}, {{n}} s ago", (0.0, 2.5))
+    found.same("process of the loop", facts.get("Process"), "alive" if state["link"]["alive"] else "not running")
+    starts = state["link"]["starts"]
+    found.same(
+        "starts of the loop", facts.get("Started"), f"{'once' if starts == 1 else f'{starts} times'} by this service"
+    )
+    found.same("holder of control", facts.get("Control held by"), (state["holder"] or {"name": "nobody"})["name"])
+    found.figure("deadlines missed", facts.get("Deadlines missed"), moment.timing("overruns"))
+    return found
+
+
+def _end(state: str) -> str:
+    words = state.replace("_", " ")
+    return words[0].upper() + words[1:]
+
+
+def nothing(_moment: Moment) -> Findings:
+    """A page of which nothing hangs on the state."""
+    return Findings()

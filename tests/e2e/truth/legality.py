@@ -1,0 +1,111 @@
+"""Which controls may be offered: the moves, orders and changes that the service would accept in the state it tells."""
+
+from collections.abc import Mapping
+
+from backend.loop.hand_push import PUSHED_IN
+from backend.loop.mode import LEGAL, Mode
+from backend.operating.retuning import DEVIATIONS
+from backend.tuning.gains import UNSEEN_F
+from tests.e2e.truth.findings import Findings
+from tests.e2e.truth.moment import Moment, State
+
+MOVES = {"Pretension": "pretension", "Run": "run", "Compliance": "compliance", "Soft stop": "stopping", "Off": "off"}
+
+
+def legal_modes(state: State) -> list[str]:
+    """Where the loop's own table lets an operator go from here."""
+    mode = Mode(state["mode"])
+    if not state["link"]["alive"] or (mode is Mode.OFF and state["unready"]):
+        return []
+    if mode is Mode.PRETENSION and not state["pretension_done"]:
+        return ["stopping", "off"]
+    return [str(one) for one in LEGAL[mode]]
+
+
+def may_start(state: State, mode: str) -> bool:
+    """Whether an experiment or an identification may be started: ``OrderedRuns._require_free`` and the table."""
+    return mode in legal_modes(state) and state["task"] is None and state["trial"] is None
+
+
+def may_retune(state: State) -> bool:
+    """Whether the operator may change the tuning: ``Retuning._require_own``."""
+    return state["own_tuning"] is None
+
+
+def may_move(state: State) -> bool:
+    """Whether references may be set: ``ModeMachine.set_references``."""
+    return state["mode"] in PUSHED_IN and state["touch"]["felt"] is None
+
+
+def may_reject(state: State) -> bool:
+    """Whether pushes may be fed forward: ``Retuning._require_felt``."""
+    points = state["touch"]["learned"]
+    return bool(points) and max(point["std_N"] for point in points) <= UNSEEN_F / DEVIATIONS
+
+
+def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
+    """What the buttons of Operate should be, by region and name: whether they may be pressed."""
+    state, saved = moment.state, moment.get("/api/tuning/saved")
+    touch, trial, tuning = state["touch"], state["trial"], state["tuning"]
+    sweeping = bool(touch["sweep"] and touch["sweep"]["under_way"])
+    learned, armed = bool(touch["learned"]), touch["contact_N"] > 0.0
+    run, own = state["mode"] == "run", may_retune(state)
+    parts = ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan", "k_ext")
+    differs = any(saved[name] != tuning[name] for name in parts)
+    changes = "Changes of the tuning"
+    offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
+    offered |= {
+        ("Push", "Push"): state["mode"] in PUSHED_IN,
+        ("Push", "Let go"): True,
+        ("Wall", "Put up"): True,
+        ("Wall", "Take away"): True,
+        ("Touch", "Change" if armed else "Give way"): learned and not sweeping,
+        ("Touch", "Hold on"): armed,
+        ("Touch", "Learn here"): run and not sweeping,
+        ("Touch", "Stop learning" if sweeping else "Learn over S"): sweeping
+        or (run and not armed and state["task"] is None),
+        ("Touch", "Forget"): learned and not armed and not sweeping and tuning["k_ext"] == 0.0,
+    }
+    if trial is None:
+        brought_back = saved["k_ext"] == 0.0 or may_reject(state)
+        offered[changes, "Revert to saved"] = differs and own and brought_back
+        offered[changes, "Save"] = differs
+        offered[changes, "Undo change"] = may_undo(state)
+    else:
+        offered |= {(changes, "Keep"): True, (changes, "Revert now"): True}
+    for symbol in ("λ_q", "λ_S"):
+        offered |= {("Tuning", f"{verb} {symbol}"): own for verb in ("Decrease", "Increase", "Reset")}
+    return offered
+
+
+def may_undo(state: State) -> bool:
+    """Whether the last change may be taken back: ``Retuning.undo``."""
+    earlier = state["earlier"]
+    free = earlier is not None and state["trial"] is None and may_retune(state)
+    return bool(free and (earlier["k_ext"] == 0.0 or may_reject(state)))
+
+
+def boxes_on_operate(state: State) -> dict[str, bool]:
+    """What the boxes, sliders and switches of Operate should be, by the beginning of their names."""
+    own = may_retune(state)
+    rejects = state["tuning"]["k_ext"] > 0.0
+    return {
+        "q_ref": may_move(state),
+        "S_ref": may_move(state),
+        "λ_q": own,
+        "λ_S": own,
+        "Follow a plan": own,
+        "Budget of the plan": own,
+        "Reject pushes": own and (rejects or may_reject(state)),
+        "Share of pushes": own,
+    }
+
+
+def compared(found: Findings, moment: Moment, offered: Mapping[tuple[str, str], bool]) -> None:
+    """Find each of these buttons, in the state in which it should be."""
+    for (region, name), should_be in offered.items():
+        button = moment.shown.button(name, region)
+        if button is None:
+            found.append(f"button {name!r} in {region!r}: it is not there, the service would take it: {should_be}")
+        else:
+            found.same(f"whether {name!r} in {region!r} can be pressed", button.enabled, should_be)

@@ -1,0 +1,108 @@
+"""What the service says around the moment in which a page was read: its state before and after, the samples between."""
+
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from playwright.sync_api import Page
+
+from backend.sample import COMBINED_BY_NAME, INDEX
+from tests.api.conftest import client_with
+from tests.e2e.service import Service
+from tests.e2e.truth.figures import Range
+from tests.e2e.truth.shown import Shown, read
+from tests.soak.live_service import Loop
+
+LATE_S = 1.5
+"""What the page shows may be so old [s]: the state is told twice a second, a legend written ten times."""
+
+_TIMING_S = 2.5
+
+State = dict[str, Any]
+
+
+class Moment:
+    """A page as it was read, and the service around it; ``state`` is one of the two that were told."""
+
+    def __init__(self, shown: Shown, state: State, around: "Around", rows: NDArray[np.float64], took_s: float) -> None:
+        self.shown, self.state, self._around, self._rows, self._took_s = shown, state, around, rows, took_s
+        self._asked: dict[str, Any] = around.asked
+
+    def get(self, path: str) -> Any:
+        """What the service answers to a GET, asked once for each reading of the page."""
+        if path not in self._asked:
+            answer = self._around.script.get(path)
+            answer.raise_for_status()
+            self._asked[path] = answer.json()
+        return self._asked[path]
+
+    def of(self, signal: str, factor: float = 1.0) -> tuple[Range | None, bool]:
+        """Between which values a signal was [SI times ``factor``], None for none; whether it was not there at times."""
+        column = self._column(signal) * factor
+        finite = column[np.isfinite(column)]
+        return (float(finite.min()), float(finite.max())) if finite.size else None, finite.size < column.size
+
+    def _column(self, signal: str) -> NDArray[np.float64]:
+        if signal in INDEX:
+            return self._rows[:, INDEX[signal]]
+        plant = self.state["plant"]
+        lengths = {"": 1.0, "r_m": plant["r_m"], "r_j": plant["r_j"]}
+        one, other = COMBINED_BY_NAME[signal].terms
+        summed: NDArray[np.float64] = (
+            one.sign * lengths[one.length] * self._rows[:, INDEX[one.column]]
+            + other.sign * lengths[other.length] * self._rows[:, INDEX[other.column]]
+        )
+        return summed
+
+    def counting(self, told_s: float, *, down: bool = False) -> Range:
+        """Between which values what counts the time up, or down, may be shown, told now as ``told_s``."""
+        late = LATE_S + self._took_s
+        return (max(0.0, told_s - self._took_s), told_s + late) if down else (max(0.0, told_s - late), told_s + late)
+
+    def timing(self, name: str, factor: float = 1.0) -> Range:
+        """Between which values a figure of the loop's timing was told of late."""
+        values = [factor * told[name] for _, told in self._around.timings]
+        return min(values), max(values)
+
+
+class Around:
+    """One page and one service, read together."""
+
+    def __init__(self, page: Page, service: Service) -> None:
+        self.page, self.service = page, service
+        self.script = client_with(service, "token")
+        self.timings: deque[tuple[float, dict[str, Any]]] = deque()
+        self.asked: dict[str, Any] = {}
+        self._loop = Loop(service.pid)
+        self._starts = 0
+
+    def close(self) -> None:
+        self._loop.close()
+        self.script.close()
+
+    def state(self) -> State:
+        """What the service tells of the actuator now."""
+        told: State = self.script.get("/api/state").raise_for_status().json()
+        now = time.monotonic()
+        self.timings.append((now, told["timing"]))
+        while now - self.timings[0][0] > _TIMING_S:
+            self.timings.popleft()
+        if told["link"]["starts"] != self._starts and self._starts:  # another process has another ring
+            self._loop.close()
+            self._loop = Loop(self.service.pid)
+        self._starts = told["link"]["starts"]
+        return told
+
+    def look(self) -> tuple[Moment, Moment]:
+        """Read the page between two looks at the service; the moment as it was before, and as it was after."""
+        self.asked = {}
+        begun = time.monotonic()
+        before, ring = self.state(), self._loop.ring
+        since = ring.count
+        shown = read(self.page)
+        _, rows, _ = ring.read(max(0, since - round(1000 * LATE_S)), ring.count)
+        after = self.state()
+        took_s = time.monotonic() - begun
+        return Moment(shown, before, self, rows, took_s), Moment(shown, after, self, rows, took_s)

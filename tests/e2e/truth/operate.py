@@ -1,0 +1,215 @@
+"""The page Operate beside the service: curves, references, tuning, wall, push, touch, and what is offered."""
+
+import math
+
+from backend.sample import UNIT_OF
+from tests.e2e.truth.findings import Findings
+from tests.e2e.truth.legality import boxes_on_operate, compared, may_move, offered_on_operate
+from tests.e2e.truth.moment import Moment, State
+
+_TO_SHOWN = {("rad", "deg"): 180.0 / math.pi, ("rad/s", "deg/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
+_ROWS = ("λq", "λS", "λmotor", "b", "entries", "Uplan", "kext")
+_PARTS = ("lam_q", "lam_S", "lam_motor", "b", "interpolate", "u_plan", "k_ext")
+
+
+def operate(moment: Moment) -> Findings:
+    """Compare all that Operate shows."""
+    found = Findings()
+    _curves(found, moment)
+    _references(found, moment)
+    _tuning(found, moment)
+    _previews(found, moment)
+    _changes(found, moment)
+    _outside(found, moment)
+    compared(found, moment, offered_on_operate(moment))
+    _boxes(found, moment)
+    return found
+
+
+def _curves(found: Findings, moment: Moment) -> None:
+    """The legends tell the newest sample; it may be one of those since the page was last written."""
+    figures = moment.shown.all["figures"]
+    found.same("whether there are charts", bool(figures), True)
+    for title, figure in figures.items():
+        for signal, text in figure["values"].items():
+            factor = _TO_SHOWN.get((UNIT_OF[signal], figure["unit"]), 1.0)
+            found.same(f"unit of {title}", factor != 1.0 or UNIT_OF[signal] == figure["unit"], True)
+            values, absent = moment.of(signal, factor)
+            if text is None:
+                found.same(f"{signal} in {title} is not there", absent, True)
+            elif values is None:
+                found.append(f"{signal} in {title}: shown {text!r}, the samples have none")
+            else:
+                found.figure(f"{signal} [{figure['unit']}] in {title}", text, values)
+
+
+def _references(found: Findings, moment: Moment) -> None:
+    state, shown, angles = moment.state, moment.shown, angles_of(moment)
+    factor = 180.0 / math.pi if angles == "deg" else 1.0
+    references = state["references"]
+    for name, unit, scale, column in (("q_ref", angles, factor, "q"), ("S_ref", "N·m/rad", 1.0, "S")):
+        told = references[name] * scale
+        values, _ = moment.of(column, scale)
+        among = (
+            (told, told) if references["in_force"] or values is None else (min(told, values[0]), max(told, values[1]))
+        )
+        box, slider = shown.box(f"{name} value [{unit}]"), shown.slider(name)
+        found.figure(f"box of {name} [{unit}]", box.value if box else None, among)
+        found.same(f"whether {name} has a slider", slider is not None, True)
+        if slider is not None and slider.value is not None:
+            said = slider.value.removesuffix(f" {unit}")
+            found.figure(f"slider of {name} [{unit}]", said if "e" not in said else f"{float(said):.6f}", among)
+        hint = shown.all["refusals"].get(f"refusal-of-{name}", "")
+        if "…" in hint:
+            found.same(f"whether {name} is said to be only measured", "measured" in hint, not references["in_force"])
+
+
+def _tuning(found: Findings, moment: Moment) -> None:
+    shown, tuning, angles = moment.shown, moment.state["tuning"], angles_of(moment)
+    bank = tuning["bank"]
+    told = "gains from geometry" if bank is None else f"{bank['name']} v{bank['version']}, {tuning['entry_name']}"
+    found.same("bank", shown.all["asides"].get("Tuning", "").strip(), told)
+    margins = moment.get(f"/api/tuning/motor?lam_motor={tuning['lam_motor']!r}")
+    words, values = motor_loop(tuning["lam_motor"], margins)
+    found.sentence("margins of the motor loop", shown.told.get("Motor loop"), words, *values)
+    plan, budget = shown.box("Follow a plan"), shown.box("Budget of the plan [V]")
+    found.same("whether a plan is followed", plan and plan.value, str(tuning["u_plan"] > 0.0).lower())
+    found.same("whether there is a budget", budget is not None, tuning["u_plan"] > 0.0)
+    if budget is not None:
+        found.figure("budget of the plan [V]", budget.value, tuning["u_plan"])
+    rejects, share = shown.box("Reject pushes"), shown.box("Share of pushes that is fed forward")
+    found.same("whether pushes are rejected", rejects and rejects.value, str(tuning["k_ext"] > 0.0).lower())
+    found.same("whether there is a share", share is not None, tuning["k_ext"] > 0.0)
+    if share is not None:
+        found.figure("share of pushes", share.value, tuning["k_ext"])
+    asked = moment.get(_preview_of(moment))
+    step = "60°" if angles == "deg" else "1.0472 rad"
+    words = f"{step} step: peak {{n}} of {{n}} V, tension ≥ {{n}} N, 90 % after {'{n}' if asked['rise_s'] else '–'} s"
+    values = [asked["u_peak_V"], moment.state["limits"]["u_max"], asked["F_min_N"]]
+    values += [asked["rise_s"]] if asked["rise_s"] else []
+    found.sentence("forecast of a step", shown.told.get("Forecast of a 60° step"), words, *values)
+
+
+def motor_loop(lam_motor: float, told: State) -> tuple[str, list[float]]:
+    """The margins of the motor loop as a sentence with its values."""
+    up, down, phase = told["gain_margin"], told["gain_reduction_margin"], told["phase_margin_deg"]
+    rising = "any" if up is None else "×{n}"
+    gain = f"up to {rising}" if down is None else f"×{{n}} to {rising}"
+    margins = f"gain {gain}, phase margin {'any' if phase is None else '{n}°'}"
+    values = [lam_motor, told["M_s"], *(value for value in (down, up, phase) if value is not None)]
+    return f"Motor loop at λ_motor {{n}} s: M_s {{n}}, {margins}", values
+
+
+def _preview_of(moment: Moment) -> str:
+    """What is previewed: what is in force, with the λ that are staged in place of theirs."""
+    wanted = {name: moment.state["tuning"][name] for name in ("lam_q", "lam_S", "u_plan", "k_ext")} | _staged(moment)
+    return "/api/tuning/preview?" + "&".join(f"{name}={value!r}" for name, value in wanted.items())
+
+
+def _staged(moment: Moment) -> dict[str, float]:
+    """The λ that are staged, which the page alone knows; one at the end of its range is that end, not what it reads."""
+    tuning, staged = moment.state["tuning"], dict[str, float]()
+    for row, name in zip(moment.shown.tables.get("Saved, in force and staged", []), _PARTS, strict=False):
+        if row[3] != "–":
+            ends = [tuning[f"{name}_min"], tuning[f"{name}_max"]]
+            staged[name] = next((end for end in ends if f"{end:.3f}" == row[3]), float(row[3]))
+    return staged
+
+
+def _previews(found: Findings, moment: Moment) -> None:
+    asked = moment.get(_preview_of(moment))
+    for symbol, loop in (("λ_q", "position"), ("λ_S", "stiffness")):
+        told, said = asked[loop], moment.shown.told.get(f"group Preview of {symbol}", "")
+        if told["M_s"] is not None:
+            words = said.partition("maximum of the sensitivity")[2].split()
+            found.figure(f"M_s of {symbol}", words[0] if words else None, told["M_s"])
+
+
+def _changes(found: Findings, moment: Moment) -> None:
+    """Boxes of λ, and the table of what is saved, in force and staged."""
+    shown, state = moment.shown, moment.state
+    tuning, saved, trial = state["tuning"], moment.get("/api/tuning/saved"), state["trial"]
+    table = shown.tables.get("Saved, in force and staged", [])
+    found.same("names of the table of the tuning", [row[0] for row in table], list(_ROWS))
+    for row, name in zip(table, _PARTS, strict=False):
+        for column, told in ((1, saved), (2, tuning)):
+            _part(found, f"{name} {'saved' if column == 1 else 'in force'}", row[column], name, told[name])
+    staged = {name: row[3] for row, name in zip(table, _PARTS, strict=False) if row[3] != "–"}
+    for symbol, name in (("λ_q", "lam_q"), ("λ_S", "lam_S")):
+        box, slider = shown.box(f"{symbol} value [s]"), shown.slider(symbol)
+        texts = {"box": box.value if box else None, "slider": slider.value if slider else None}
+        for what, text in ((what, (said or "").removesuffix(" s")) for what, said in texts.items()):
+            if name in staged:
+                found.same(f"{what} of {symbol}, staged", text, staged[name])
+            else:
+                found.figure(f"{what} of {symbol} [s]", text, tuning[name])
+    found.same("whether a trial is told", "Trial" in shown.told, trial is not None)
+    if trial is not None and "Trial" in shown.told:
+        left = moment.counting(trial["remaining_s"] + 0.5, down=True)
+        words = shown.told["Trial"].rsplit(" in ", 1)
+        found.sentence("time of the trial [s]", words[-1], "{n} s", (left[0] - 0.5, left[1] + 0.5))
+        found.sentence(
+            "what comes back", words[0].split(" s", 1)[0], "On trial: back to {n}, {n}", trial["lam_q"], trial["lam_S"]
+        )
+
+
+def _part(found: Findings, what: str, text: str, name: str, told: float | bool) -> None:
+    if name == "interpolate":
+        found.same(what, text, "interpolating" if told else "switching")
+    elif name == "u_plan":
+        found.sentence(what, text, "governor" if told == 0 else "{n} V", *([] if told == 0 else [told]))
+    elif name == "k_ext" and told == 0:
+        found.same(what, text, "none")
+    else:
+        found.figure(what, text, float(told))
+
+
+def _outside(found: Findings, moment: Moment) -> None:
+    """What acts on the joint from outside, as its cards tell it."""
+    state, said, angles = moment.state, moment.shown.all["refusals"], angles_of(moment)
+    wall, touch = state["wall"], state["touch"]
+    told = said.get("refusal-of-wall", "")
+    found.same("whether a wall is said to stand", told.startswith("A wall stands"), wall is not None)
+    if wall is not None:
+        angle = wall["q_wall"] * (180.0 / math.pi if angles == "deg" else 1.0)
+        found.sentence("wall", told, f"A wall stands {wall['side']} {{n}}.", angle)
+    pushed, _ = moment.of("F_push")
+    told = said.get("refusal-of-push", "")
+    if pushed is not None and pushed[0] == pushed[1] == 0.0:
+        found.same("whether a push is told", told.startswith("Pushed with"), False)
+    if told.startswith("Pushed with") and pushed is not None:
+        found.sentence("push", told, "Pushed with {n} N.", pushed)
+    told, sweep = said.get("refusal-of-touch", ""), touch["sweep"]
+    if touch["felt"]:
+        found.sentence(
+            "contact", told, "Contact: {n} N. The joint gives way; choose a mode to go on.", touch["felt"]["F_ext_hat"]
+        )
+    elif touch["contact_N"] > 0.0:
+        found.sentence("threshold of contacts", told, "Gives way to contacts from {n} N on.", touch["contact_N"])
+    elif sweep and sweep["under_way"]:
+        found.sentence(
+            "learning over S", told, "Learning over S, {n} of {n}: {n} N·m/rad. Keep away from the joint.",
+            sweep["point"], sweep["points"], sweep["S_ref"],
+        )  # fmt: skip
+    rows = moment.shown.tables.get("Learned of the outside force", [])
+    found.same("number of points that were learned", len(rows), len(touch["learned"]))
+    for row, point in zip(rows, touch["learned"], strict=False):
+        for text, name in zip(row, ("S", "F", "std_N"), strict=True):
+            found.figure(f"{name} that was learned", text, point[name])
+
+
+def _boxes(found: Findings, moment: Moment) -> None:
+    wanted = boxes_on_operate(moment.state)
+    controls = [*moment.shown.boxes, *moment.shown.sliders]
+    for start, should_be in wanted.items():
+        for one in controls:
+            if one.name == start or one.name.startswith(f"{start} "):
+                found.same(f"whether {one.name!r} can be used", one.enabled, should_be)
+    send = moment.shown.button("Send target")
+    if send is not None:
+        found.same("whether a target can be sent", send.enabled, may_move(moment.state))
+
+
+def angles_of(moment: Moment) -> str:
+    """The unit in which the signed-in person reads angles, as the service keeps it."""
+    return str(moment.get("/api/preferences")["angles"])

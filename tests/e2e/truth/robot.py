@@ -1,0 +1,171 @@
+"""A robot operator: random deeds that the page offers, and after each of them the page is held against the service.
+
+The seed tells all of its choices; what the machine makes of them in time it does not tell, so that a run of the same
+seed does the same deeds as long as page and loop come to the same states.
+"""
+
+import json
+import random
+import secrets
+from collections.abc import Callable
+from contextlib import closing
+
+from playwright.sync_api import Browser, Error, Response, expect
+
+from tests.e2e.browser import DESKTOP, Watched
+from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.service import Service
+from tests.e2e.sharing import sign_in_at
+from tests.e2e.truth.checked import settled
+from tests.e2e.truth.deeds import ON_OPERATE, Deed, Scene
+from tests.e2e.truth.deeds_elsewhere import ELSEWHERE
+from tests.e2e.truth.moment import Around, State
+
+DEEDS = (*ON_OPERATE, *ELSEWHERE)
+_NAMES = {"operate": "Operate", "experiments": "Experiments", "identify": "Identify", "banks": "Banks", "log": "Log"}
+_ENTRY = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
+_CAUSES = ("mode", "task", "trial", "own_tuning", "pretension_done", "fault", "holder", "touch", "earlier")
+"""Where one of these has changed by itself, what was offered before may rightly be refused."""
+
+_BETWEEN_DEEDS_MS = 300
+
+
+class UntrueError(AssertionError):
+    """The page says something otherwise than the service, or offers what is refused."""
+
+
+class Robot:
+    """One robot at one page; ``say`` is told of each deed."""
+
+    def __init__(self, browser: Browser, service: Service, seed: int, say: Callable[[str], None]) -> None:
+        self.seed, self.say = seed, say
+        self._chance = random.Random(seed)
+        self._watched = Watched(browser.new_context(viewport=DESKTOP, accept_downloads=True).new_page())
+        self.page = self._watched.page
+        self.page.set_default_timeout(MOTION_TIMEOUT_MS)
+        sign_in_at(self.page, service, "operate")
+        self.around = Around(self.page, service)
+        self._trail: list[str] = []
+        self._refused: list[Response] = []
+        self.page.on("response", self._hear)
+
+    def close(self) -> None:
+        self.around.close()
+        self.page.context.close()
+
+    def work(self, count: int) -> None:
+        """Do so many deeds. Raises UntrueError."""
+        _give_banks(self.around)
+        self._check("beginning")
+        for number in range(1, count + 1):
+            self._step(number)
+        odd = [one for one in self._watched.complaints if "the server responded with a status of 4" not in one]
+        if odd:
+            raise UntrueError(self._told(f"the console complained: {odd}"))
+
+    def _step(self, number: int) -> None:
+        before, _ = self.around.look()
+        scene = Scene(self.page, before.shown, before.state, self._chance)
+        deed = self._chosen(scene)
+        if deed.place is not None and deed.place != scene.shown.place:
+            self._go(deed.place)
+            before, _ = self.around.look()
+            scene = Scene(self.page, before.shown, before.state, self._chance)
+            if not deed.offered(scene):  # what was trusted in is not offered there now: something else is done
+                deed = self._chosen(scene, elsewhere=False)
+        self._refused.clear()
+        words = f"{number}. {deed.name}"
+        self.say(f"{words} (mode {scene.state['mode']})")
+        try:
+            deed.do(scene)
+        except Error as error:  # something went out of sight by itself while it was reached for
+            scene.say(f"not done: {error.message.splitlines()[0]}")
+            self.page.keyboard.press("Escape")
+        self.page.wait_for_timeout(_BETWEEN_DEEDS_MS)
+        said = f"{words} on {scene.shown.place}: {', '.join(scene.said)}"
+        self._trail.append(f"{said} (mode {scene.state['mode']})")
+        self._check(said)
+        self._look_at_refusals(deed, scene.state)
+
+    def _chosen(self, scene: Scene, *, elsewhere: bool = True) -> Deed:
+        """One of the deeds: those of the open page if the page offers them, those of other pages on trust."""
+        here = scene.shown.place
+        possible = [one for one in DEEDS if _there(one, here) and one.offered(scene)]
+        possible += [one for one in DEEDS if elsewhere and not _there(one, here)]
+        return self._chance.choices(possible, [one.weight * _ease(one, here) for one in possible])[0]
+
+    def _go(self, place: str) -> None:
+        name = _NAMES[place]
+        self.page.get_by_role("navigation", name="Main").get_by_role("link", name=name, exact=True).click()
+        expect(self.page.get_by_role("heading", level=1, name=name)).to_be_attached()
+        self._check(f"going to {name}")
+
+    def _check(self, after: str) -> None:
+        found = settled(self.around)
+        if found:
+            raise UntrueError(self._told(f"after {after}:\n" + "\n".join(f"  {one}" for one in found)))
+
+    def _look_at_refusals(self, deed: Deed, before: State) -> None:
+        after = self.around.state()
+        moved = [name for name in _CAUSES if _still(before, name) != _still(after, name)]
+        for response in self._refused:
+            if response.status in deed.refused or moved:
+                continue
+            raise UntrueError(self._told(f"{deed.name} was offered, and refused: {_body(response)}"))
+
+    def _hear(self, response: Response) -> None:
+        if response.status >= 400 and response.request.method != "GET":
+            self._refused.append(response)
+
+    def _told(self, what: str) -> str:
+        state = json.dumps(self.around.state(), ensure_ascii=False)
+        trail = "\n".join(self._trail[-15:])
+        return f"seed {self.seed}, deed {len(self._trail)}: {what}\nbefore that:\n{trail}\nstate: {state}"
+
+
+def _still(state: State, name: str) -> object:
+    told = state[name]
+    if name == "holder":
+        return told and told["epoch"]
+    if name == "task":
+        return told and (told["run"], told["phase"])
+    if name == "trial":
+        return told is None
+    return told
+
+
+def _ease(deed: Deed, here: str) -> float:
+    """A page that is open is worked at: going to another one for each deed would be all that is done."""
+    return 1.0 if _there(deed, here) else 0.25
+
+
+def _there(deed: Deed, here: str) -> bool:
+    return deed.place in (None, here)
+
+
+def _body(response: Response) -> str:
+    request = response.request
+    try:
+        return f"{request.method} {request.url} {request.post_data}: {response.status} {response.text()}"
+    except Error as error:
+        return f"{request.method} {request.url}: {response.status}, its words are gone ({error.message})"
+
+
+def _give_banks(around: Around) -> None:
+    """Two banks to choose between: of two entries, and of one."""
+    tensions = {"wide": ((10.55, 20.0), (12.43, 30.0)), "narrow": ((10.55, 20.0),)}
+    for name, points in tensions.items():
+        entries = [{"S_nominal": S, "tension_N": F, **_ENTRY} for S, F in points]
+        bank = {"format": "sinew-bank", "version": 1, "name": name, "entries": entries}
+        around.script.post("/api/banks/file", json=bank).raise_for_status()
+
+
+def fresh_seed() -> int:
+    """A seed that nobody has chosen."""
+    return secrets.randbelow(1_000_000)
+
+
+def robot_at_work(browser: Browser, service: Service, seed: int, count: int, say: Callable[[str], None]) -> None:
+    """Let a robot do ``count`` deeds. Raises UntrueError, which tells the seed."""
+    with closing(Robot(browser, service, seed, say)) as robot:
+        robot.work(count)

@@ -1,0 +1,117 @@
+"""All that a page shows at one moment, as text, by the names that assistive devices read out.
+
+It is read in one turn of the page: nothing in it is of another moment than the rest.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from playwright.sync_api import Page
+
+_READ = """() => {
+    const seen = one => one.getClientRects().length > 0 && getComputedStyle(one).visibility !== "hidden";
+    const all = selector => [...document.querySelectorAll(selector)].filter(seen);
+    const words = one => (one.innerText ?? "").replace(/\\s+/g, " ").trim();
+    const label = one => one.getAttribute("aria-label");
+    const nameOf = one => label(one) ?? (one.labels?.length ? words(one.labels[0]) : words(one));
+    const around = "section[aria-label], form[aria-label], [role=alert][aria-label], header, nav, main";
+    const common = one => {
+        const region = one.closest(around), enabled = !one.disabled && one.getAttribute("aria-disabled") !== "true";
+        return { name: nameOf(one), region: region && (label(region) ?? region.tagName.toLowerCase()), enabled };
+    };
+    const valueOf = one => ["checkbox", "radio"].includes(one.type) ? String(one.checked) :
+        one.tagName === "SELECT" ? one.selectedOptions[0]?.text ?? "" : one.value;
+    const byLabel = (selector, of, before = "") => {
+        const found = {};
+        for (const one of all(selector)) found[before + label(one)] ??= of(one);
+        return found;
+    };
+    const figure = one => ({
+        unit: /\\[(.*?)\\]/.exec(words(one.querySelector("figcaption")))?.[1] ?? "1",
+        values: Object.fromEntries([...one.querySelectorAll("[data-role^='value-']")].map(value =>
+            [value.dataset.role.slice(6), value.getAttribute("role") === "img" ? null : words(value)])),
+    });
+    const aside = one => {
+        const head = one.querySelector("h2");
+        return head === null ? "" : words(head.parentElement).slice(words(head).length).trim();
+    };
+    const badge = document.querySelector("header [role=img]");
+    return {
+        hash: location.hash,
+        buttons: all("button").map(one => ({
+            ...common(one), value: one.getAttribute("aria-pressed"), busy: one.dataset.loading !== undefined })),
+        boxes: all("input:not([type=file]), select").map(one => ({ ...common(one), value: valueOf(one) })),
+        sliders: all("[role=slider]").map(one => ({ ...common(one), value: one.getAttribute("aria-valuetext") ?? "" })),
+        told: {
+            ...byLabel("output[aria-label], [role=status][aria-label], [role=alert][aria-label]", words),
+            ...byLabel("[role=group][aria-label]", words, "group "),
+        },
+        tables: byLabel("table[aria-label]", one => [...one.tBodies[0].rows].map(row => [...row.cells].map(words))),
+        figures: byLabel("main figure[data-panel]", figure),
+        asides: byLabel("main section[aria-label]", aside),
+        lists: byLabel("ol[aria-label], ul[aria-label]", one => [...one.children].map(words)),
+        refusals: Object.fromEntries(all("output[id]").map(one => [one.id, words(one)])),
+        facts: Object.fromEntries(all("main dl").flatMap(one => [...one.querySelectorAll("dt")].map(
+            term => [words(term), words(term.nextElementSibling)]))),
+        metrics: [...document.querySelectorAll("header [aria-label='Loop timing'] > span")].map(words),
+        badge: badge === null ? null : [words(badge), label(badge)],
+        images: all("header [role=img]").map(nameOf),
+        link: document.querySelector("[role=status][aria-label=Link]")?.dataset.health ?? null,
+        stale: document.querySelector("[role=status][aria-label=Mode]")?.dataset.stale ?? null,
+    };
+}"""
+
+
+@dataclass(frozen=True)
+class Control:
+    """A button, box or slider as it is seen; ``value`` is its text, of a button whether it is pressed."""
+
+    name: str
+    region: str | None
+    enabled: bool
+    value: str | None
+    busy: bool = False
+
+
+class Shown:
+    """What was read of a page; ``all`` has it by kind."""
+
+    def __init__(self, read: dict[str, Any]) -> None:
+        self.all = read
+        self.place: str = read["hash"].removeprefix("#/").split("/")[0] or "operate"
+        self.told: dict[str, str] = read["told"]
+        self.tables: dict[str, list[list[str]]] = read["tables"]
+        self.buttons, self.boxes, self.sliders = (
+            [Control(**one) for one in read[kind]] for kind in ("buttons", "boxes", "sliders")
+        )
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something that was pressed is still on its way."""
+        return any(one.busy for one in self.buttons)
+
+    def button(self, name: str, region: str | None = None) -> Control | None:
+        """The first button of this name, None where there is none."""
+        return _first(self.buttons, name, region)
+
+    def box(self, name: str, region: str | None = None) -> Control | None:
+        """The first box, switch or choice of this name."""
+        return _first(self.boxes, name, region)
+
+    def slider(self, name: str) -> Control | None:
+        """The first slider of this name."""
+        return _first(self.sliders, name, None)
+
+    def offers(self, name: str, region: str | None = None) -> bool:
+        """Whether a button, box or slider of this name can be used now."""
+        found = [one for one in (*self.buttons, *self.boxes, *self.sliders) if one.name == name]
+        return any(one.enabled and not one.busy and region in (None, one.region) for one in found)
+
+
+def read(page: Page) -> Shown:
+    """Read a page as it is now."""
+    return Shown(page.evaluate(_READ))
+
+
+def _first(controls: list[Control], name: str, region: str | None) -> Control | None:
+    return next((one for one in controls if one.name == name and region in (None, one.region)), None)
