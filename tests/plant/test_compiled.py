@@ -63,6 +63,21 @@ def test_where_a_float_is_declared_whole_numbers_and_floats_are_both_right(like:
         assert called(*given) == weighted.py_func(*given)  # type: ignore[attr-defined]  # of numba
 
 
+@compiled
+def summed(parts: tuple[float, ...]) -> float:
+    """Return the sum of as many floats as there are."""
+    total = 0.0
+    for part in parts:
+        total += part
+    return total
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
+    called = Specialised(summed, tuple(range(count)))
+    assert called(tuple(part + 0.5 for part in range(count))) == sum(range(count)) + 0.5 * count
+
+
 @pytest.mark.parametrize(
     "given",
     [
