@@ -4,6 +4,9 @@ import { MINUS } from "../samples/format";
 import { symbolEntries } from "../service/glossary";
 import { Explained } from "./Explained";
 
+/** Letters that a column's name has to spell out. */
+const GREEK: Record<string, string> = { theta: "θ", lam: "λ" };
+
 /** The name alone, where something around it explains it, or is a control; of a difference those of both. */
 export function Written({ name }: { name: string }) {
   const [of, taken] = name.split(" - ");
@@ -16,10 +19,10 @@ export function Written({ name }: { name: string }) {
 }
 
 function Single({ name }: { name: string }) {
-  const [letter, ...index] = name.split("_");
+  const [letter = "", ...index] = name.split("_");
   return (
     <span className="symbol">
-      <i>{letter}</i>
+      <i>{GREEK[letter] ?? letter}</i>
       {index.length > 0 && <sub>{index.join(",")}</sub>}
     </span>
   );
