@@ -229,7 +229,7 @@ def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
     assert answer.ok, answer.text()
     opened.value.close()
     file.write_bytes(answer.body())
-    words = [sys.executable, "-m", "backend", "report", "verify", str(file)]
+    words = [sys.executable, "-m", "backend", "report", "verify", str(file), "--data", str(operator.service.data)]
     verified = subprocess.run(words, check=False, capture_output=True, text=True, timeout=CLI_S)
     assert verified.returncode == 0, verified.stdout + verified.stderr
     keys.shortcut("r", "Runs")

@@ -143,3 +143,12 @@ def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
 def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:
     assert polynomial(ideal.identified_spring("A"), 0.0) == pytest.approx(K[0])
     assert load_parameters("lab").dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
+
+
+def test_a_table_with_uneven_steps_is_that_of_scipy_too() -> None:
+    x = np.array([0.0, 0.004, 0.006, 0.02, 0.023, 0.05, 0.062])
+    F = np.array([0.0, 1.0, 2.5, 9.0, 12.0, 40.0, 60.0])
+    spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
+    for value in np.linspace(1e-6, 0.06, 211):
+        assert tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
+        assert tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)

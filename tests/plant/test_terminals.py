@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plant.breakage import Breakage, Broken
 from plant.dynamics import PlantState
+from plant.interface import ZERO_VOLTS, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
-from plant.terminals import Cell, volts_of
-from plant.virtual_rig import VirtualRig
+from plant.terminals import Cell, converted, volts_of
+from plant.virtual_rig import WATCHDOG_S, VirtualRig
 from plant.wiring import load_wiring
 
 PARAMETERS = load_parameters("lab")
@@ -37,4 +39,27 @@ def test_the_end_switch_is_read_whichever_level_it_holds(active: str, q: float) 
     rig.open()
     rig.read()
     assert rig.at_end is (q > 1.0)
+    rig.close()
+
+
+def test_a_converter_ends_at_its_first_and_last_code() -> None:
+    step = 20.0 / 2**16
+    assert (converted(25.0), converted(-25.0)) == (10.0 - step, -10.0)
+    assert (converted(10.0), converted(10.0 - step)) == (10.0 - step, 10.0 - step)
+    assert converted(1.2345) == pytest.approx(1.2345, abs=step / 2)
+    assert math.isnan(converted(math.nan))
+
+
+def test_a_card_in_stepped_time_that_is_gone_goes_on_with_its_last_volts_until_its_watchdog_expires() -> None:
+    rig = VirtualRig(WIRING, Simulator(PARAMETERS, 0))
+    rig.open()
+    rig.read()
+    rig.write(MotorCommand(2.0, 0.0))
+    rig.inject(Broken(Breakage.DEVICE_GONE))
+    driven = 0
+    while rig.card_state().drive_enabled and driven < 1000:
+        with pytest.raises(PlantError):
+            rig.write(ZERO_VOLTS)
+        driven += 1
+    assert driven * T_s == pytest.approx(WATCHDOG_S, abs=1.5 * T_s)
     rig.close()
