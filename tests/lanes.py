@@ -23,6 +23,8 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+from tests.tiers import renamed
+
 ROOT = Path(__file__).parents[1]
 LANES = {
     "page": ("-m", "page", "-p", "no:xdist", "-p", "no:schemathesis"),
@@ -106,10 +108,13 @@ def main() -> int:
     astray = [] if broken else not_run_once(lanes)
     for test in astray:
         console.print(f"not run once: {test}")
+    unknown = renamed({test for lane in lanes for test in lane.there}) if "--thorough" in sys.argv else []
+    for test in unknown:
+        console.print(f"named in thorough.toml, but no longer there: {test}")
     failed = sum(lane.failed for lane in lanes)
     ran = sum(len(lane.outcomes) for lane in lanes)
     console.print(f"{ran - failed} passed, {failed} failed")
-    return int(bool(broken or astray or failed or any(lane.code for lane in lanes)))
+    return int(bool(broken or astray or unknown or failed or any(lane.code for lane in lanes)))
 
 
 def _lines(path: Path) -> list[str]:

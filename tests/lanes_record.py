@@ -1,6 +1,6 @@
 """A plugin of pytest for `tests.lanes`: writes down which tests there are and how each that was run came out.
 
-Without ``--thorough`` there are not those that `tests/thorough.toml` names.
+Without ``--thorough`` there are not those that `tests/thorough.toml` names, unless a file or a test of it is asked for.
 """
 
 from pathlib import Path
@@ -21,7 +21,14 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Leave files alone of which no test is run: to import them takes time."""
     if config.getoption("--thorough") or not collection_path.is_relative_to(ROOT):
         return None
-    return str(collection_path.relative_to(ROOT)) in whole_files() or None
+    name = str(collection_path.relative_to(ROOT))
+    return (name in whole_files() and not asked_for(name, config)) or None
+
+
+def asked_for(test: str, config: pytest.Config) -> bool:
+    """Return whether a file of tests, or one of its tests, was named on the command line."""
+    names = (arg.partition("::")[0] for arg in config.args if arg.partition("::")[0].endswith(".py"))
+    return any((config.invocation_params.dir / name).resolve() == ROOT / test.partition("::")[0] for name in names)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -37,9 +44,11 @@ class Record:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
-        if not self._thorough and (left := [item for item in items if is_thorough(item.nodeid)]):
-            config.hook.pytest_deselected(items=left)
-            items[:] = [item for item in items if not is_thorough(item.nodeid)]
+        if not self._thorough:
+            left = [item for item in items if is_thorough(item.nodeid) and not asked_for(item.nodeid, config)]
+            if left:
+                config.hook.pytest_deselected(items=left)
+                items[:] = [item for item in items if item not in set(left)]
         (self._folder / "there").write_text("".join(f"{item.nodeid}\n" for item in items), encoding="utf-8")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:

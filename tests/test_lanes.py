@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from tests.lanes import BESIDE, IN_TURN, LANES, Ended, not_run_once
-from tests.tiers import Left, left_out, whole_files
+from tests.tiers import Left, left_out, renamed, whole_files
 
 ROOT = Path(__file__).parents[1]
 
@@ -76,8 +76,16 @@ def test_a_test_is_left_by_its_file_its_function_or_its_whole_name() -> None:
     assert not any(left.names(test) for test in kept)
 
 
+def test_a_case_that_has_another_name_now_is_told() -> None:
+    names = {name for left in left_out() for name in (*left.tests, *left.but) if "[" in name}
+    assert renamed(names) == []
+    one = sorted(names)[0]
+    assert renamed({*names, f"{one.partition('[')[0]}[new]"} - {one}) == [one]
+
+
 def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
     some = next(name for name in sorted(whole_files()) if name.startswith("tests/plant/"))
+    folder = str(Path(some).parent)
     command = [
         sys.executable,
         "-m",
@@ -89,9 +97,9 @@ def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
         "-q",
     ]
     counts = []
-    for more in ((), ("--thorough",)):
-        subprocess.run([*command, *more, some, "tests/test_refusal.py"], cwd=ROOT, capture_output=True, check=True)
+    for asked in ((folder,), (folder, "--thorough"), (some,)):
+        subprocess.run([*command, *asked, "tests/test_refusal.py"], cwd=ROOT, capture_output=True, check=True)
         there = (tmp_path / "there").read_text(encoding="utf-8").splitlines()
         counts.append(sum(test.startswith(f"{some}::") for test in there))
         assert any(test.startswith("tests/test_refusal.py::") for test in there)
-    assert counts[0] == 0 < counts[1]
+    assert counts[0] == 0 < counts[1] == counts[2]

@@ -46,5 +46,12 @@ def whole_files() -> set[str]:
     }
 
 
+def renamed(there: set[str]) -> list[str]:
+    """Return names with parameters that a whole run did not find, though it has others of the same function."""
+    functions = {test.partition("[")[0] for test in there}
+    named = {name for left in left_out() for name in (*left.tests, *left.but) if "[" in name}
+    return sorted(name for name in named - there if name.partition("[")[0] in functions)
+
+
 def _among(test: str, names: tuple[str, ...]) -> bool:
     return any(test == name or test.startswith((f"{name}::", f"{name}[")) for name in names)

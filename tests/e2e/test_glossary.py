@@ -153,7 +153,9 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
                 expect(tooltip(page)).to_contain_text(f"{setting['minimum']:g} … {setting['maximum']:g}")
     page.keyboard.press("Escape")
     expect(tooltip(page)).to_have_count(0)
+    bring_to_run(operator.service)
     operator.go("Operate")
+    expect(page.get_by_role("textbox", name="S_ref value [N·m/rad]", exact=True)).to_be_enabled()
     for label, name, ends in (
         ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} … {limits['F_push_max']:g} N"),
         ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} … {limits['F_contact_max']:g} N"),

@@ -74,8 +74,9 @@ def summed(parts: tuple[float, ...]) -> float:
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_of_a_tuple_of_any_length_each_part_is_a_float(count: int) -> None:
-    called = Specialised(summed, tuple(range(count)))
-    assert called(tuple(part + 0.5 for part in range(count))) == sum(range(count)) + 0.5 * count
+    whole: tuple[float, ...] = tuple(range(count))
+    called = Specialised(summed, whole)
+    assert called(tuple(part + 0.5 for part in whole)) == sum(range(count)) + 0.5 * count
 
 
 @pytest.mark.parametrize(

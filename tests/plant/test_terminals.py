@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from plant.breakage import Breakage, Broken
+from plant.card import WATCHDOG_S
 from plant.dynamics import PlantState
 from plant.interface import ZERO_VOLTS, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.terminals import Cell, converted, volts_of
-from plant.virtual_rig import WATCHDOG_S, VirtualRig
+from plant.virtual_rig import VirtualRig
 from plant.wiring import load_wiring
 
 PARAMETERS = load_parameters("lab")
