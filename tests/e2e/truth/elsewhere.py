@@ -18,20 +18,29 @@ def running(moment: Moment) -> Findings:
     part = task["part"]
     if part is None:
         found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
+    elif part["doing"] is not None:
+        words = f"{title_of(task)}: {part['number']} of {part['of']}: {part['title']}, {part['doing']}, {{d}} left"
+        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
     elif part["of"] > 1:
         words = f"{title_of(task)}: part {part['number']} of {part['of']}, {part['title']}, {{d}} left"
         found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
     else:
         found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {part['title']}")
     left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get("Time left")
+    following = task["following"]
+    more = f", then {following} more run{'s' if following > 1 else ''}" if following else ""
     if task["phase"] == "evaluation":
         found.same("time left", left, "computing the result")
-    elif left is not None and left.endswith("longer than expected"):
-        found.sentence("time left", left, "{d} longer than expected", moment.counting(-left_s))
+    elif left is not None and "longer than expected" in left:
+        found.sentence("time left", left, f"{{d}} longer than expected{more}", moment.counting(-left_s))
     else:
         whole = task["duration_s"]
         found.sentence(
-            "time left", left, "{d} left of {d}", moment.counting(left_s, down=True), (whole - 0.1, whole + 0.1)
+            "time left",
+            left,
+            f"{{d}} left of {{d}}{more}",
+            moment.counting(left_s, down=True),
+            (whole - 0.1, whole + 0.1),
         )
     compared(found, moment, {("Running now", "Abort softly"): "stopping" in legal_modes(state)})
     return found

@@ -103,5 +103,6 @@ def _stop(found: Findings, moment: Moment) -> None:
 def title_of(task: State) -> str:
     """Which run it is, as a person reads it."""
     kind, number, following = task["kind"].replace("_", " "), task["number"], task["following"]
-    place = f", {number} of {number + following}" if following or number > 1 else ""
+    several = (following or number > 1) and (task["part"] is None or task["part"]["doing"] is None)
+    place = f", {number} of {number + following}" if several else ""
     return f"{kind[0].upper()}{kind[1:]}, run {task['run']}{place}"
