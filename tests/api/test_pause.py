@@ -189,7 +189,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
 def test_what_ends_an_order_between_two_runs_is_no_fault_of_the_first_and_brakes_nothing(
     dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (said, _without_result), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
+    (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)
+    assert mode is Mode.PRETENSION
     why = "the loop process was killed" if dies else OutOfRangeError("q", 1.2, -1.0, 1.0, "rad")
     assert said == f"The order ended after run 1: {why}; 2 runs were not begun. Order them anew."
-    assert mode is Mode.PRETENSION
